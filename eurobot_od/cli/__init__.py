@@ -1,0 +1,72 @@
+"""The command `eurobot-od`: finds the module of a sub-command, runs it, and turns errors into one line.
+
+Rule of this package: one module a command, with `add_arguments(parser)` and `run(arguments) -> exit status`; it parses,
+calls a plain function of a lower layer, and prints. A module is imported when its command is called and not before.
+Exit status 0 fine, 1 findings or failed checks, 2 wrong usage or input, 3 bus or file trouble, 130 interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from eurobot_od.errors import BusError, EurobotError, RemoteError
+
+COMMANDS = {
+    "match": "play a match of the three nodes, in simulated or real time",
+    "show": "show the messages as the EDS files map them, or one message's bits",
+    "node": "run one node on a CAN bus",
+    "send": "send a message, and wait for an answer if asked to",
+}
+
+EXIT_STATUS: tuple[tuple[type[BaseException], int], ...] = (
+    (RemoteError, 1),
+    (BusError, 3),
+    (EurobotError, 2),
+    (OSError, 3),
+)
+"""The first entry that fits an error gives the exit status."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        return _run(words)
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left; nothing more to say
+        return 0
+    except (EurobotError, OSError) as error:
+        print(f"eurobot-od: {error}", file=sys.stderr)
+        return next(status for kind, status in EXIT_STATUS if isinstance(error, kind))
+
+
+def _run(words: list[str]) -> int:
+    command = words[0] if words and words[0] in COMMANDS else None
+    if command is None:
+        _overview().parse_args(words or ["--help"])
+        return 2
+    module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
+    parser = argparse.ArgumentParser(f"eurobot-od {command}", description=module.__doc__.splitlines()[0])
+    module.add_arguments(parser)
+    status: int = module.run(parser.parse_args(words[1:]))
+    sys.stdout.flush()
+    return status
+
+
+def _overview() -> argparse.ArgumentParser:
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
+    parser = argparse.ArgumentParser(
+        "eurobot-od",
+        description="The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.",
+        epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
+    return parser

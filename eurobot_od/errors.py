@@ -1,0 +1,97 @@
+"""The one error tree: every error says in one line what is wrong and where.
+
+Rule of this file: an error tells whose fault it is. Local errors are a caller's mistake, dictionary errors a
+file's, remote errors a peer's; an exception outside this tree is a bug of ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class EurobotError(Exception):
+    """Base of all errors of this package; `str()` of it is one line for a person."""
+
+
+# A caller's mistakes
+
+
+class LocalError(EurobotError):
+    """What the caller asked for cannot be done; nothing was sent."""
+
+
+class UnknownName(LocalError):
+    """A name that is not in its list: a message, a field, a dialect, a barrier."""
+
+    def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        choices = ", ".join(str(each) for each in self.known)
+        super().__init__(f"unknown {kind} {name!r}" + (f"; known: {choices}" if choices else ""))
+
+
+class FieldError(LocalError):
+    """A field value that cannot be sent: `message`, `field`, `value` and what is `allowed`."""
+
+    def __init__(self, message: str, field: str, value: object, allowed: str) -> None:
+        self.message, self.field, self.value, self.allowed = message, field, value, allowed
+        super().__init__(f"{message}: {field} = {value!r} is not allowed; allowed: {allowed}")
+
+
+class ListenerError(LocalError):
+    """A listener that cannot be registered; the text names it."""
+
+
+class StateError(LocalError):
+    """A call that does not fit the node's state, such as a goto after an emergency shutdown."""
+
+
+# A file's mistakes
+
+
+class DictionaryError(EurobotError):
+    """An EDS or DCF that cannot be used: `file`, `index` (object dictionary index or None) and what is wrong."""
+
+    def __init__(self, file: str | Path, index: int | None, what: str) -> None:
+        self.file, self.index = str(file), index
+        where = self.file if index is None else f"{self.file}: 0x{index:04X}"
+        super().__init__(f"{where}: {what}")
+
+
+class MappingError(DictionaryError):
+    """A PDO mapping that does not hold: object missing, over 64 bits, identifier used twice, wrong fields."""
+
+
+# A peer's mistakes, and the wire's
+
+
+class RemoteError(EurobotError):
+    """What came from the bus is not what the protocol says."""
+
+
+class UnknownIdentifier(RemoteError):
+    """A frame whose COB-ID no PDO of the loaded dictionaries has."""
+
+    def __init__(self, cob_id: int) -> None:
+        self.cob_id = cob_id
+        super().__init__(f"no message has the identifier 0x{cob_id:03X}")
+
+
+class FrameLengthError(RemoteError):
+    """A frame too short for its mapping; it is refused whole (CiA 301, EMCY 0x8210)."""
+
+    def __init__(self, message: str, cob_id: int, length: int, expected: str) -> None:
+        self.message, self.cob_id, self.length, self.expected = message, cob_id, length, expected
+        super().__init__(f"{message} (0x{cob_id:03X}): {length} bytes of data, expected {expected}")
+
+
+class NoAnswer(RemoteError):
+    """A peer did not answer in its time: `request`, `answer` and how often was asked."""
+
+    def __init__(self, request: str, answer: str, attempts: int, waited: float) -> None:
+        self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
+        super().__init__(f"no {answer} after {attempts} x {request} ({waited * 1000:.0f} ms each)")
+
+
+class BusError(EurobotError):
+    """The CAN bus, its driver or its configuration failed."""

@@ -1,0 +1,98 @@
+"""Transmit side of a CAN controller: a few mailboxes, and an ordered queue in front of them (document section 6).
+
+Rule of this file: nothing waits and nothing is polled. A frame is submitted, loaded when a mailbox is free, and done
+when the controller says transmit-complete. The lowest COB-ID leaves first, equal ones in the order submitted. Not
+thread-safe: whoever owns the bus calls it.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from typing import NamedTuple
+
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper.reports import Event, Report, Reporter
+
+MAILBOXES = 3
+"""Transmit mailboxes of the 2014 robot's controller (document section 6)."""
+
+MAILBOX_WAIT = 0.050
+"""Seconds that a frame may wait for a mailbox (document section 6)."""
+
+
+class Waiting(NamedTuple):
+    """A frame on its way; tuples compare from the left, so they sort as they leave."""
+
+    cob_id: int
+    sequence: int
+    submitted: float
+    frame: Frame
+
+
+class TransmitStatistics(NamedTuple):
+    """Frames submitted, and what became of them: submitted = completed + dropped + waiting + loaded."""
+
+    submitted: int
+    completed: int
+    dropped: int
+    waiting: int
+    loaded: int
+
+
+class Mailboxes:
+    """`count` mailboxes; a frame that has waited `wait` seconds for one since its own submission is dropped."""
+
+    def __init__(self, report: Reporter, count: int = MAILBOXES, wait: float = MAILBOX_WAIT) -> None:
+        self.count, self.wait = count, wait
+        self._report = report
+        self._submitted = self._completed = self._dropped = 0
+        self._waiting: list[Waiting] = []
+        self._loaded: list[Waiting] = []
+
+    def submit(self, frame: Frame, now: float) -> None:
+        """Put a frame in its place among those that wait for a mailbox."""
+        insort(self._waiting, Waiting(frame.cob_id, self._submitted, now, frame))
+        self._submitted += 1
+
+    def load(self, now: float) -> list[Frame]:
+        """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
+        self.expire(now)
+        free = self.count - len(self._loaded)
+        loaded, self._waiting = self._waiting[:free], self._waiting[free:]
+        self._loaded = sorted(self._loaded + loaded)
+        return [each.frame for each in loaded]
+
+    def urgent(self) -> Frame | None:
+        """Return the loaded frame that the controller sends first, None without one."""
+        return self._loaded[0].frame if self._loaded else None
+
+    def complete(self, frame: Frame) -> bool:
+        """Free the mailbox of a frame that was sent (transmit-complete); False if no mailbox holds it."""
+        place = next((place for place, each in enumerate(self._loaded) if each.frame == frame), None)
+        if place is None:
+            return False
+        del self._loaded[place]
+        self._completed += 1
+        return True
+
+    @property
+    def next_expiry(self) -> float | None:
+        """When the first of the waiting frames will have waited too long, in seconds; None if none waits."""
+        return min((each.submitted + self.wait for each in self._waiting), default=None)
+
+    def expire(self, now: float) -> None:
+        """Drop the frames that have waited too long; those in a mailbox are the controller's and stay."""
+        expired = [each for each in self._waiting if each.submitted + self.wait <= now]
+        for each in expired:
+            self._waiting.remove(each)
+            self._drop(each.frame, now)
+
+    def _drop(self, frame: Frame, now: float) -> None:
+        self._dropped += 1
+        text = f"{frame} found no mailbox for {self.wait * 1000:.0f} ms, {self._dropped} dropped so far"
+        self._report(Report(Event.FRAME_DROPPED, f"0x{frame.cob_id:03X}", text, now))
+
+    def statistics(self) -> TransmitStatistics:
+        """Return the counts so far."""
+        counts = self._submitted, self._completed, self._dropped
+        return TransmitStatistics(*counts, waiting=len(self._waiting), loaded=len(self._loaded))

@@ -1,0 +1,113 @@
+"""The values that messages carry: colours, obstacles, sources, barriers, faults.
+
+Rule of this file: immutable values with the numbers of the document's tables, and how people name them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from enum import IntEnum
+
+from eurobot_od.errors import UnknownName
+
+
+class OutOfRange(int):
+    """A received raw value outside its range: kept as it came, flagged by its type, not to be acted on."""
+
+    def __repr__(self) -> str:
+        return f"OutOfRange({int(self)})"
+
+
+class TeamColour(IntEnum):
+    """Team colour (document Table 3)."""
+
+    YELLOW = 0
+    RED = 1
+
+
+class Obstacle(IntEnum):
+    """What an Emergency Stop was sent for (document Table 1, Extended Stop)."""
+
+    OBJECT = 0
+    ENEMY = 1
+
+
+class Source(IntEnum):
+    """Where a position comes from (document Table 2; numbers from the 2014 robot, the others are reserved)."""
+
+    INTERNAL = 0
+    CONFEDERATE = 1
+    ENEMY_1 = 2
+    ENEMY_2 = 3
+
+
+class Direction(IntEnum):
+    """How to drive to a goto's place: nose or tail first (2014 robot; forward where it is not mapped)."""
+
+    FORWARD = 0
+    BACKWARD = 1
+
+
+class Route(IntEnum):
+    """Whether the drive looks for a way round barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
+
+    DIRECT = 0
+    PLANNED = 1
+
+
+class GotoFault(IntEnum):
+    """Why a goto has no remaining time (2014 robot); the numbers are those on the wire."""
+
+    BLOCKED = 0xFFFFFE
+    NOT_POSSIBLE = 0xFFFFFF
+
+
+class Passage(IntEnum):
+    """How a barrier is to be treated (document Table 1); on the wire 3 means forced, too."""
+
+    FREE = 0
+    NORMAL = 1
+    FORCED = 2
+
+
+BARRIER_NAMES = ("fire 1", "fire 2", "fire 3", "fire 4", "fire 5", "fire 6", "pool 1", "pool 2")
+"""Names of barriers 1 to 8 in the order of their flags (document Figure 2)."""
+
+
+def barrier_number(name: str) -> int:
+    """Return the number 1..8 of a barrier named as people write it: `fire 2`, `fire-2`, `Pool_1`.
+
+    Raises UnknownName.
+    """
+    plain = name.strip().lower().replace("-", " ").replace("_", " ")
+    if plain not in BARRIER_NAMES:
+        raise UnknownName("barrier", name, BARRIER_NAMES)
+    return BARRIER_NAMES.index(plain) + 1
+
+
+class Barriers(int):
+    """The barrier flags of a goto: two bits each for barriers 1 to 8 (document Table 1, Figure 2).
+
+    An integer of 16 bits, so that a received `11` stays what it was; `passage` gives the meaning.
+    """
+
+    @classmethod
+    def of(cls, passages: Mapping[int, Passage]) -> Barriers:
+        """Build the flags from barrier numbers 1..8 and their passages."""
+        return cls(sum(passage << 2 * (number - 1) for number, passage in passages.items()))
+
+    def passage(self, number: int) -> Passage:
+        """Return how barrier `number` (1..8) is to be treated; `10` and `11` are both forced."""
+        return Passage(min(self >> 2 * (number - 1) & 3, Passage.FORCED))
+
+    def set_barriers(self) -> Iterator[tuple[int, Passage]]:
+        """Yield number and passage of every barrier that is not free."""
+        for number in range(1, len(BARRIER_NAMES) + 1):
+            if passage := self.passage(number):
+                yield number, passage
+
+    def __str__(self) -> str:
+        return ", ".join(f"{BARRIER_NAMES[n - 1]}:{p.name.lower()}" for n, p in self.set_barriers()) or "none"
+
+    def __repr__(self) -> str:
+        return f"Barriers(0x{int(self):04X})"

@@ -1,0 +1,216 @@
+"""Reads YAML into typed values that know their place in the file.
+
+Rule of this file: nothing is converted by YAML 1.1's rules (`010` is 8, `12:30` is 750, `off` is False, the second of
+two equal keys wins); a reader takes a composed node, and says with line and column what it cannot take. All problems
+of a file are collected, so one run shows them all.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple, NoReturn, TypeVar
+
+import yaml
+
+T = TypeVar("T")
+NUMBER = re.compile(r"0|[1-9][0-9]*|0x[0-9A-Fa-f]+")
+TAG = "tag:yaml.org,2002:"
+
+
+class Place(NamedTuple):
+    """Where something stands in a file: `line` and `column`, both from 1."""
+
+    line: int
+    column: int
+
+
+START = Place(1, 1)
+
+
+class Problem(NamedTuple):
+    """What is wrong at a place, in words without the file's name."""
+
+    place: Place
+    what: str
+
+
+class ReadError(Exception):
+    """A node that gave no value; the problems say why."""
+
+
+class Text(str):
+    """A text and its `place`."""
+
+    place: Place
+
+    def __new__(cls, value: str, place: Place) -> Text:
+        """Make `value` remember `place`."""
+        self = super().__new__(cls, value)
+        self.place = place
+        return self
+
+
+class Number(int):
+    """A whole number, zero or more, and its `place`."""
+
+    place: Place
+
+    def __new__(cls, value: int, place: Place) -> Number:
+        """Make `value` remember `place`."""
+        self = super().__new__(cls, value)
+        self.place = place
+        return self
+
+
+Problems = list[Problem]
+Reader = Callable[[yaml.Node, Problems], T]
+
+
+def place_of(mark: yaml.Mark) -> Place:
+    """Count line and column from 1, as editors do; YAML counts from 0."""
+    return Place(mark.line + 1, mark.column + 1)
+
+
+def shown(node: yaml.Node) -> str:
+    """Say what a node is: its text, or `a list` or `a mapping`."""
+    kinds: dict[type[yaml.Node], str] = {yaml.SequenceNode: "a list", yaml.MappingNode: "a mapping"}
+    return kinds.get(type(node)) or repr(node.value)
+
+
+def refuse(node: yaml.Node, problems: Problems, what: str) -> NoReturn:
+    """Note the problem of a node and leave its reader."""
+    problems.append(Problem(place_of(node.start_mark), what))
+    raise ReadError
+
+
+def number(node: yaml.Node, problems: Problems) -> Number:
+    """Read a whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
+    if not isinstance(node, yaml.ScalarNode) or node.style is not None or not NUMBER.fullmatch(node.value):
+        refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
+    return Number(int(node.value, 0), place_of(node.start_mark))
+
+
+def text(node: yaml.Node, problems: Problems) -> Text:
+    """Read a text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
+    if not isinstance(node, yaml.ScalarNode) or node.tag != TAG + "str":
+        hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
+        refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
+    if not (node.value.isascii() and node.value.isprintable()):
+        refuse(node, problems, f"expected printable ASCII characters, found {shown(node)}")
+    return Text(node.value, place_of(node.start_mark))
+
+
+def number_or_text(node: yaml.Node, problems: Problems) -> Number | Text:
+    """Read a number, or else a text."""
+    return text(node, problems) if node.tag == TAG + "str" else number(node, problems)
+
+
+def matching(pattern: str, what: str) -> Reader[Text]:
+    """Make a reader of a text that matches all of a regular expression, called `what`."""
+
+    def read(node: yaml.Node, problems: Problems) -> Text:
+        value = text(node, problems)
+        if not re.fullmatch(pattern, value):
+            refuse(node, problems, f"expected {what}, found {shown(node)}")
+        return value
+
+    return read
+
+
+def choice(*allowed: str) -> Reader[Text]:
+    """Make a reader of one of the `allowed` texts."""
+    return matching("|".join(map(re.escape, allowed)), f"one of {', '.join(allowed)}")
+
+
+def listing(item: Reader[T], length: int | None = None) -> Reader[tuple[T, ...]]:
+    """Make a reader of a list of items, of exactly `length` of them if given."""
+
+    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
+        if not isinstance(node, yaml.SequenceNode):
+            refuse(node, problems, f"expected a list, found {shown(node)}")
+        if length not in (None, len(node.value)):
+            refuse(node, problems, f"expected a list of {length}, found {len(node.value)}")
+        return tuple(read_all(((item, each) for each in node.value), problems))
+
+    return read
+
+
+def mapping(value: Reader[T]) -> Reader[dict[Text, T]]:
+    """Make a reader of a mapping from texts to values, in the file's order, no key twice."""
+
+    def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
+        pairs = pairs_of(node, problems)
+        return dict(zip(pairs, read_all(((value, each) for each in pairs.values()), problems), strict=True))
+
+    return read
+
+
+def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mapping[str, Reader[Any]]) -> Reader[T]:
+    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others."""
+    readers = {**needed, **may}
+
+    def read(node: yaml.Node, problems: Problems) -> T:
+        pairs = pairs_of(node, problems)
+        wrong = [Problem(key.place, f"unknown key '{key}'") for key in pairs if key not in readers]
+        wrong += [Problem(place_of(node.start_mark), f"key '{key}' is missing") for key in needed if key not in pairs]
+        known = {key: each for key, each in pairs.items() if key in readers}
+        problems += wrong
+        values = read_all(((readers[key], each) for key, each in known.items()), problems)
+        if wrong:
+            raise ReadError
+        return make(**dict(zip(known, values, strict=True)))
+
+    return read
+
+
+def pairs_of(node: yaml.Node, problems: Problems) -> dict[Text, yaml.Node]:
+    """Give a mapping's keys with their values' nodes; a key that stands twice is a problem."""
+    if not isinstance(node, yaml.MappingNode):
+        refuse(node, problems, f"expected a mapping, found {shown(node)}")
+    pairs: dict[Text, yaml.Node] = {}
+    for key_node, value_node in node.value:
+        key = text(key_node, problems)
+        if key in pairs:
+            problems.append(Problem(key.place, f"key '{key}' stands twice"))
+        pairs.setdefault(key, value_node)
+    return pairs
+
+
+def read_all(parts: Iterator[tuple[Reader[T], yaml.Node]], problems: Problems) -> list[T]:
+    """Read every part, also behind a faulty one, so that all problems are found; then give up if there was one."""
+    before, values = len(problems), []
+    for reader, node in parts:
+        try:
+            values.append(reader(node, problems))
+        except ReadError:
+            continue
+    if len(problems) > before:
+        raise ReadError
+    return values
+
+
+def read_yaml(source: str, reader: Reader[T], problems: Problems) -> T:
+    """Read one YAML document; raise ReadError, with the problems noted, if there are any."""
+    value = reader(compose(source, problems), problems)
+    if problems:
+        raise ReadError
+    return value
+
+
+def compose(source: str, problems: Problems) -> yaml.Node:
+    """Parse the one document of `source` into nodes; what is no YAML at all is one problem."""
+    try:
+        node = yaml.compose(source, Loader=yaml.SafeLoader)
+    except yaml.reader.ReaderError as error:
+        lines = source[: error.position].split("\n")
+        problems.append(Problem(Place(len(lines), len(lines[-1]) + 1), error.reason))
+        raise ReadError from error
+    except yaml.MarkedYAMLError as error:
+        place = place_of(error.problem_mark) if error.problem_mark else START
+        problems.append(Problem(place, str(error.problem)))
+        raise ReadError from error
+    if node is None:
+        problems.append(Problem(START, "the file is empty"))
+        raise ReadError
+    return node
