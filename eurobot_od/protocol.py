@@ -312,10 +312,7 @@ class Protocol:
 
     def unpack(self, cob_id: int, data: bytes) -> tuple[str, dict[str, int]]:
         """Return name and raw integers of a frame; raises UnknownIdentifier, FrameLengthError."""
-        try:
-            binding = self._by_cob_id[cob_id]
-        except KeyError:
-            raise UnknownIdentifier(cob_id) from None
+        binding = self.binding_of(cob_id)
         return binding.name, binding.unpack(data)
 
     # What there is
@@ -336,6 +333,13 @@ class Protocol:
         except (KeyError, UnknownName):
             name = message if isinstance(message, str) else message.__name__
             raise UnknownName("message", name, self.names()) from None
+
+    def binding_of(self, cob_id: int) -> Binding:
+        """Return how the message with a COB-ID is mapped; raises UnknownIdentifier."""
+        try:
+            return self._by_cob_id[cob_id]
+        except KeyError:
+            raise UnknownIdentifier(cob_id) from None
 
     def cob_id(self, message: str | type[Message]) -> int:
         """Return the COB-ID of a message; raises UnknownName."""

@@ -26,17 +26,18 @@ def all_texts(table: Table) -> dict[str, str]:
     }
 
 
-def write(texts: dict[str, str], output: Path) -> None:
+def write(texts: dict[str, str], output: Path) -> int:
     """Write every file below `output`."""
     for path, text in texts.items():
         target = output / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(text.encode("ascii"))
+    return FINE
 
 
 def differences(texts: dict[str, str], output: Path) -> list[str]:
     """Say in one line each which files below `output` differ, are missing, or should not be there."""
-    found = {path.relative_to(output).as_posix() for path in output.glob("*/*.eds")}
+    found = {path.relative_to(output).as_posix() for path in output.glob("*/*") if path.is_file()}
     lines = {path: difference(text, output / path) for path, text in texts.items() if path in found}
     lines |= dict.fromkeys(texts.keys() - found, "is missing")
     lines |= dict.fromkeys(found - texts.keys(), "should not be there")
@@ -70,17 +71,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser().parse_args(arguments)
     try:
         texts = all_texts(read_table(options.source.read_text(encoding="utf-8", errors="replace")))
+        return check(texts, options.output) if options.check else write(texts, options.output)
     except OSError as error:
-        print(f"{options.source}: {error.strerror}", file=sys.stderr)
-        return WRONG_INPUT
+        print(f"{error.filename}: {error.strerror}", file=sys.stderr)
     except TableError as error:
         for (line, column), what in error.problems:
             print(f"{options.source}:{line}:{column}: {what}", file=sys.stderr)
-        return WRONG_INPUT
-    if options.check:
-        return check(texts, options.output)
-    write(texts, options.output)
-    return FINE
+    return WRONG_INPUT
 
 
 if __name__ == "__main__":

@@ -37,26 +37,27 @@ EXACT = 0x7FF
 
 
 class Route(NamedTuple):
-    """Who hears one COB-ID, in the order in which they are served: nobody waits at a queue."""
+    """Who hears one COB-ID: queues, functions, and those functions that take frames which cannot be decoded too.
 
+    `decode` is None where nobody wants the message.
+    """
+
+    decode: Callable[[int, bytes], Message] | None = None
     queues: tuple[MessageQueue[Any], ...] = ()
-    frames: tuple[FunctionListener[Frame], ...] = ()
     functions: tuple[FunctionListener[Any], ...] = ()
+    nodes: tuple[FunctionListener[Any], ...] = ()
 
     def joined(self, other: Route) -> Route:
-        """Return a route to the listeners of both."""
-        return Route(*(mine + theirs for mine, theirs in zip(self, other)))
+        """Return a route to the listeners of both, these first."""
+        lists = (mine + theirs for mine, theirs in zip(self[1:], other[1:]))
+        return Route(self.decode or other.decode, *lists)
 
 
 class Registration(NamedTuple):
-    """A listener before the start: the COB-IDs it wants, to be asked then, and its place."""
+    """A listener before the start: where to ask then for its COB-IDs, and the way to it."""
 
     cob_ids: Callable[[], Iterable[int]]
     route: Route
-
-
-Calls: TypeAlias = Iterator[tuple[FunctionListener[Any], Received[Any]]]
-"""The calls yet to be made for a frame."""
 
 
 class Running(NamedTuple):
@@ -65,7 +66,6 @@ class Running(NamedTuple):
     listener: FunctionListener[Any]
     since: float
     received: Received[Any]
-    calls: Calls
     baton: Baton
 
     @property
@@ -125,7 +125,7 @@ class Gatekeeper:
         """
         name = name or f"queue of {self._protocol.name(message_type)}"
         queue: MessageQueue[MessageT] = MessageQueue(name, maxsize, self._report)
-        self._register(name, self._only(message_type), Route(queues=(queue,)))
+        self._register(name, self._only(message_type), Route(self._protocol.decode, queues=(queue,)))
         return queue
 
     def add_function(
@@ -136,7 +136,7 @@ class Gatekeeper:
         Raises ListenerError after the start and when the table is full, UnknownName for a type the protocol lacks.
         """
         listener = FunctionListener(name or _name_of(function), function, self._report, self._aside)
-        self._register(listener.name, self._only(message_type), Route(functions=(listener,)))
+        self._register(listener.name, self._only(message_type), Route(self._protocol.decode, functions=(listener,)))
 
     def add_frames(
         self,
@@ -151,10 +151,10 @@ class Gatekeeper:
         """
 
         def unpacked(received: Received[Frame]) -> None:
-            function(received.message, received.timestamp)
+            function(received.frame, received.timestamp)
 
         listener = FunctionListener(name or _name_of(function), unpacked, self._report, self._aside)
-        self._register(listener.name, cob_ids, Route(frames=(listener,)))
+        self._register(listener.name, cob_ids, Route(functions=(listener,), nodes=(listener,)))
 
     def _only(self, message_type: type[Message]) -> Callable[[], Iterable[int]]:
         cob_id = self._protocol.cob_id(message_type)
@@ -189,44 +189,39 @@ class Gatekeeper:
 
         Returns False if another thread has taken over meanwhile: the caller's reading ends there.
         """
-        route = self._routes.get(frame.cob_id)
+        cob_id, data = frame
+        route = self._routes.get(cob_id)
         if route is None:
             self._unheard += 1
             return True
-        return self._deliver(self._calls(route, frame, timestamp))
-
-    def _calls(self, route: Route, frame: Frame, timestamp: float) -> Calls:
-        """Serve the queues, then say which function is to be called with what."""
-        typed = self._decoded(frame, timestamp) if route.functions or route.queues else None
-        if typed is not None:
-            for queue in route.queues:
-                queue.put(typed)
-        for node in route.frames:
-            yield node, Received(frame, frame.cob_id, timestamp)
-        if typed is not None:
-            for listener in route.functions:
-                yield listener, typed
-
-    def _decoded(self, frame: Frame, timestamp: float) -> Received[Message] | None:
+        decode, queues, functions, nodes = route
         try:
-            return Received(self._protocol.decode(frame.cob_id, frame.data), frame.cob_id, timestamp)
+            message = decode(cob_id, data) if decode else None
         except RemoteError as error:
-            self._refused += 1
-            self._report(Report(Event.FRAME_REFUSED, f"0x{frame.cob_id:03X}", str(error), timestamp))
-            return None
+            self._refuse(frame, error, timestamp)
+            return self._deliver(iter(nodes), Received(None, cob_id, timestamp, frame))
+        received = tuple.__new__(Received, (message, cob_id, timestamp, frame))
+        for queue in queues:
+            queue.put(received)
+        return self._deliver(iter(functions), received)
 
-    def _deliver(self, calls: Calls) -> bool:
-        for listener, received in calls:
-            baton: Baton = [None]
-            started = self._clock()
-            self._running = Running(listener, started, received, calls, baton)
+    def _refuse(self, frame: Frame, error: RemoteError, timestamp: float) -> None:
+        self._refused += 1
+        self._report(Report(Event.FRAME_REFUSED, f"0x{frame.cob_id:03X}", str(error), timestamp))
+
+    def _deliver(self, listeners: Iterator[FunctionListener[Any]], received: Received[Any]) -> bool:
+        clock = self._clock
+        for listener in listeners:
+            baton = [listeners]
+            started = clock()
+            self._running = listener, started, received, baton
             listener.deliver(received)
             try:
                 baton.pop()
             except IndexError:
                 listener.work()
                 return False
-            taken = self._clock() - started
+            taken = clock() - started
             if taken > self._slow_after:
                 listener.was_slow(taken, received.timestamp)
         return True

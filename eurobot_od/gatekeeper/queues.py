@@ -10,6 +10,7 @@ from typing import Generic, TypeVar, overload
 
 from typing_extensions import NamedTuple
 
+from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 
 T = TypeVar("T")
@@ -25,6 +26,7 @@ class Received(NamedTuple, Generic[T]):
     message: T
     cob_id: int
     timestamp: float
+    frame: Frame
 
 
 class ListenerStatistics(NamedTuple):

@@ -7,9 +7,8 @@ and returns what to tell the wheels; which phase follows which stands in one tab
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum, auto
-from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 from eurobot_od.field import Point, Pose, turn
@@ -34,22 +33,6 @@ STEERED = 20.0
 
 
 # What the wheels are told and what they do
-
-
-class Limits(NamedTuple):
-    """What the robot can do and how exact it has to be; all values positive.
-
-    `maximum_speed` in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
-    deg/s2, `position_tolerance` in mm, `angle_tolerance` in degrees (document Table 1: 5 mm and 1 degree).
-    """
-
-    maximum_speed: float
-    acceleration: float
-    braking: float
-    turn_rate: float
-    turn_acceleration: float
-    position_tolerance: float
-    angle_tolerance: float
 
 
 class Command(NamedTuple):
@@ -84,7 +67,7 @@ class IdealChassis:
         return Odometry(command.speed * dt, command.turn * dt)
 
 
-# One movement along one axis, straight or turning
+# How fast a movement may be, straight or turning
 
 
 class Profile(NamedTuple):
@@ -140,16 +123,28 @@ def _towards(rate: float, wanted: float, change: float) -> float:
     return rate + min(max(wanted - rate, -change), change)
 
 
-def straight_profile(limits: Limits, share: float = 1.0) -> Profile:
-    """Return how the robot drives at a `share` 0..1 of its maximum speed."""
-    return Profile(limits.maximum_speed * share, limits.acceleration, limits.braking, limits.position_tolerance)
+class Limits(NamedTuple):
+    """What the robot can do and how exact it has to be; all values positive.
 
+    `maximum_speed` in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
+    deg/s2, `position_tolerance` in mm, `angle_tolerance` in degrees (document Table 1: 5 mm and 1 degree).
+    """
 
-def turning_profile(limits: Limits, share: float = 1.0) -> Profile:
-    """Return how the robot turns at a `share` 0..1 of its turn rate."""
-    return Profile(
-        limits.turn_rate * share, limits.turn_acceleration, limits.turn_acceleration, limits.angle_tolerance
-    )
+    maximum_speed: float
+    acceleration: float
+    braking: float
+    turn_rate: float
+    turn_acceleration: float
+    position_tolerance: float
+    angle_tolerance: float
+
+    def straight(self, share: float = 1.0) -> Profile:
+        """Return how the robot drives at a `share` 0..1 of its maximum speed."""
+        return Profile(self.maximum_speed * share, self.acceleration, self.braking, self.position_tolerance)
+
+    def turning(self, share: float = 1.0) -> Profile:
+        """Return how the robot turns at a `share` 0..1 of its turn rate."""
+        return Profile(self.turn_rate * share, self.turn_acceleration, self.turn_acceleration, self.angle_tolerance)
 
 
 # A goto
@@ -187,8 +182,8 @@ class View(NamedTuple):
 
     @property
     def steer(self) -> float:
-        """The turn until the way point is on the line of travel, ahead or behind: degrees in [-90, 90)."""
-        return (self.error + 90.0) % 180.0 - 90.0
+        """The turn that puts the way point on the line of travel, ahead or behind: degrees in [-90, 90)."""
+        return (self.error + 90.0) % 180.0 - 90.0 if self.distance > STEERED else 0.0
 
 
 class Motion:
@@ -210,8 +205,8 @@ class Motion:
         rolling: Command = AT_REST,
     ) -> None:
         share = speed_percent / 100.0
-        self._straight = straight_profile(limits, share)
-        self._turning = turning_profile(limits, share)
+        self._straight = limits.straight(share)
+        self._turning = limits.turning(share)
         self._points = tuple(way_points)
         self._final_angle = final_angle
         self._backward = backward
@@ -225,26 +220,36 @@ class Motion:
 
     def step(self, pose: Pose, dt: float) -> Command:
         """Decide, from the estimated pose, what the wheels do for the next `dt` seconds."""
-        self._phase = _NEXT[self._phase](self, pose, dt)
-        self.command = _CONTROL[self._phase](self, pose, dt)
+        self._phase = _BEHAVIOUR[self._phase].following(self, pose, dt)
+        self.command = _BEHAVIOUR[self._phase].command(self, pose, dt)
         return self.command
 
     def remaining(self, pose: Pose) -> float:
         """Estimate the seconds until arrival if nothing disturbs the robot: 0 if arrived, infinite at speed 0."""
-        return _SECONDS[self._phase](self, pose)
+        return _BEHAVIOUR[self._phase].seconds(self, pose)
 
     # What is where
 
-    def _view(self, pose: Pose) -> View:
-        point = self._points[0]
+    def _look(self, pose: Pose, point: Point) -> View:
         distance, error = pose.distance(point), turn(pose.angle, pose.bearing(point))
         tail_first = abs(error) > 90.0 if distance < CORRECTION else self._backward
         return View(-1, distance, turn(180.0, error)) if tail_first else View(1, distance, error)
 
-    def _reach(self) -> float:
-        """Return how near the robot has to come to the present way point, mm."""
+    def _view(self, pose: Pose) -> View:
+        return self._look(pose, self._points[0])
+
+    def _reach(self, point: Point) -> float:
+        """Return how near the robot has to come to a way point, mm."""
         tolerance = self._straight.tolerance
-        return tolerance if len(self._points) == 1 else max(tolerance, PASSED)
+        return tolerance if point == self._points[-1] else max(tolerance, PASSED)
+
+    def _near(self, distance: float) -> bool:
+        """Tell whether a distance in mm to the present way point counts as there."""
+        return distance <= self._reach(self._points[0])
+
+    def _in_line(self, view: View) -> bool:
+        """Tell whether a rolling robot may roll on."""
+        return self.command.speed != 0.0 and abs(view.error) <= IN_LINE
 
     def _final_turn(self, pose: Pose) -> float:
         return turn(pose.angle, self._final_angle)
@@ -253,29 +258,24 @@ class Motion:
 
     def _after_aim(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        if not self.command.speed and view.distance <= self._reach():
-            return self._reached()
-        return Phase.DRIVE if self._aimed(view, dt) else Phase.AIM
-
-    def _aimed(self, view: View, dt: float) -> bool:
         if self.command.speed:
-            return abs(view.error) <= IN_LINE
-        return self._turning.over(self.command.turn, view.error, dt)
+            return Phase.DRIVE if self._in_line(view) else Phase.AIM
+        if self._near(view.distance):
+            return self._reached()
+        return Phase.DRIVE if self._turning.over(self.command.turn, view.error, dt) else Phase.AIM
 
     def _after_drive(self, pose: Pose, dt: float) -> Phase:
         view = self._view(pose)
-        missed = view.aside > self._reach()
+        missed = not self._near(view.aside)
         if self._straight.over(self.command.speed, view.ahead, dt):
             return Phase.AIM if missed else self._reached()
         return Phase.AIM if missed and abs(view.steer) > LOST else Phase.DRIVE
 
     def _after_face(self, pose: Pose, dt: float) -> Phase:
-        if self._view(pose).distance > self._reach():
+        if not self._near(self._view(pose).distance):
             return Phase.AIM
-        return Phase.ARRIVED if self._turning.over(self.command.turn, self._final_turn(pose), dt) else Phase.FACE
-
-    def _after_arrival(self, _pose: Pose, _dt: float) -> Phase:
-        return Phase.ARRIVED
+        faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
+        return Phase.ARRIVED if faced and not self.command.speed else Phase.FACE
 
     def _reached(self) -> Phase:
         """Go on to the next way point; the last one stays, for corrections while turning to the final angle."""
@@ -301,61 +301,50 @@ class Motion:
     def _drive(self, pose: Pose, dt: float) -> Command:
         view = self._view(pose)
         speed = self._straight.next_rate(view.sense * self.command.speed, view.ahead, dt)
-        steer = view.steer if view.distance > STEERED else 0.0
-        return Command(view.sense * speed, self._turning.next_rate(self.command.turn, steer, dt))
-
-    def _stay(self, _pose: Pose, _dt: float) -> Command:
-        return AT_REST
+        return Command(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
 
     # How long it takes
 
     def _seconds_to_aim(self, pose: Pose) -> float:
-        view = self._view(pose)
-        if view.distance <= self._reach():
-            return self._seconds_after(pose.angle)
-        aiming = self._turning.seconds(view.error, self.command.turn)
-        stopping = abs(self.command.speed) / self._straight.fall
-        return stopping + aiming + self._straight.seconds(view.distance) + self._seconds_after(pose.angle + view.error)
+        if self._in_line(self._view(pose)):
+            return self._seconds_to_drive(pose)
+        speed, rate = self.command
+        stopping = abs(speed) / self._straight.fall
+        return stopping + self._seconds_along(self._points, pose.moved(speed * stopping / 2, 0.0), rate)
 
     def _seconds_to_drive(self, pose: Pose) -> float:
         view = self._view(pose)
+        there = Pose(*self._points[0], pose.angle + view.steer)
         driving = self._straight.seconds(view.ahead, view.sense * self.command.speed)
-        return driving + self._seconds_after(pose.angle + view.steer)
+        return driving + self._seconds_along(self._points[1:], there)
 
     def _seconds_to_face(self, pose: Pose) -> float:
-        return self._turning.seconds(self._final_turn(pose), self.command.turn)
+        return self._seconds_along((), pose, self.command.turn)
 
-    def _seconds_after(self, heading: float) -> float:
-        """Add up what comes after the present way point, which is reached with `heading`."""
+    def _seconds_along(self, points: Sequence[Point], pose: Pose, rate: float = 0.0) -> float:
+        """Add up the legs from a `pose` where the robot stands, turning at `rate`, and the final turn."""
         total = 0.0
-        for here, there in pairwise(self._points):
-            leg = Pose(*here, heading)
-            bearing = leg.bearing(there) + 180.0 * self._backward
-            total += self._turning.seconds(turn(heading, bearing)) + self._straight.seconds(leg.distance(there))
-            heading = bearing
-        return total + self._turning.seconds(turn(heading, self._final_angle))
-
-    def _no_seconds(self, _pose: Pose) -> float:
-        return 0.0
+        for point in points:
+            view = self._look(pose, point)
+            if view.distance > self._reach(point):
+                total += self._turning.seconds(view.error, rate) + self._straight.seconds(view.distance)
+                pose, rate = Pose(*point, pose.angle + view.error), 0.0
+        return total + self._turning.seconds(self._final_turn(pose), rate)
 
 
-_NEXT = {
-    Phase.AIM: Motion._after_aim,
-    Phase.DRIVE: Motion._after_drive,
-    Phase.FACE: Motion._after_face,
-    Phase.ARRIVED: Motion._after_arrival,
-}
-_CONTROL = {
-    Phase.AIM: Motion._aim,
-    Phase.DRIVE: Motion._drive,
-    Phase.FACE: Motion._face,
-    Phase.ARRIVED: Motion._stay,
-}
-_SECONDS = {
-    Phase.AIM: Motion._seconds_to_aim,
-    Phase.DRIVE: Motion._seconds_to_drive,
-    Phase.FACE: Motion._seconds_to_face,
-    Phase.ARRIVED: Motion._no_seconds,
+class Behaviour(NamedTuple):
+    """What a phase does: which phase follows, what the wheels do, and the seconds until arrival."""
+
+    following: Callable[[Motion, Pose, float], Phase]
+    command: Callable[[Motion, Pose, float], Command]
+    seconds: Callable[[Motion, Pose], float]
+
+
+_BEHAVIOUR = {
+    Phase.AIM: Behaviour(Motion._after_aim, Motion._aim, Motion._seconds_to_aim),
+    Phase.DRIVE: Behaviour(Motion._after_drive, Motion._drive, Motion._seconds_to_drive),
+    Phase.FACE: Behaviour(Motion._after_face, Motion._face, Motion._seconds_to_face),
+    Phase.ARRIVED: Behaviour(lambda *_: Phase.ARRIVED, lambda *_: AT_REST, lambda *_: 0.0),
 }
 
 
@@ -366,8 +355,8 @@ class Braking:
     """The defined braking after a stop (document 2.1): from what the wheels were told to rest, going straight on."""
 
     def __init__(self, limits: Limits, rolling: Command) -> None:
-        self._straight = straight_profile(limits)
-        self._turning = turning_profile(limits)
+        self._straight = limits.straight()
+        self._turning = limits.turning()
         self.command = rolling
 
     @property

@@ -78,8 +78,9 @@ def find_route(start: Point, goal: Point, barriers: Barriers, clearances: Cleara
     """Find the way points of a shortest way: without `start`, ending with `goal`; None if there is no way.
 
     Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are
-    never crossed (document 2.1, footnote 2). A goal inside a normal disc makes that one free, inside a forced disc
-    it is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge; start and goal themselves may be nearer to it.
+    never crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced
+    disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge; start and
+    goal themselves may be nearer to it.
     """
     discs = [_disc(barrier, passage, clearances) for barrier, passage in _set_barriers(barriers)]
     if any(disc.toll == math.inf for disc in discs if disc.contains(goal)):

@@ -16,7 +16,7 @@ from edsgen.table import OWN_NODE_ID, Dialect, Field, Message, Node, Record, Tab
 
 
 class Kind(Enum):
-    """Object codes (CiA 301, table 42)."""
+    """Object codes (CiA 301, 7.4.3)."""
 
     VAR = 0x7
     ARRAY = 0x8
@@ -24,7 +24,7 @@ class Kind(Enum):
 
 
 class Type(Enum):
-    """Data types (CiA 301, table 44), as far as we use them."""
+    """Data types (CiA 301, 7.4.7), as far as we use them."""
 
     UNSIGNED8 = 0x0005
     UNSIGNED16 = 0x0006
@@ -54,7 +54,7 @@ LEAST_ENTRIES = 8
 
 
 class PdoBase(NamedTuple):
-    """The first indices of one direction's communication and mapping records (CiA 301, table 41)."""
+    """The first indices of one direction's communication and mapping records (7.5.2.35 to 7.5.2.38)."""
 
     communication: int
     mapping: int
@@ -142,7 +142,8 @@ COMMON = (
 def own_objects(table: Table, node: Node) -> tuple[Object, ...]:
     """Give the communication objects whose values differ between nodes or come from the table."""
     return (
-        variable(0x1008, Entry("Manufacturer device name", Type.VISIBLE_STRING, "const", node.product_name)),  # 7.5.2.8
+        # 7.5.2.8 to 7.5.2.10
+        variable(0x1008, Entry("Manufacturer device name", Type.VISIBLE_STRING, "const", node.product_name)),
         variable(0x1009, Entry("Manufacturer hardware version", Type.VISIBLE_STRING, "const", table.hardware_version)),
         variable(0x100A, Entry("Manufacturer software version", Type.VISIBLE_STRING, "const", table.software_version)),
         array(0x1016, "Consumer heartbeat time", *watched(table, node)),  # 7.5.2.19
@@ -155,6 +156,7 @@ def own_objects(table: Table, node: Node) -> tuple[Object, ...]:
             Entry("Revision number", U32, "ro", table.revision_number),
             Entry("Serial number", U32, "ro", table.serial_number),
         ),
+        # 7.5.2.32
         array(0x1029, "Error behaviour", Entry("Communication error", U8, "rw", node.communication_error, 0, 2)),
     )
 

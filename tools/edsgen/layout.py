@@ -38,7 +38,7 @@ class Slice(NamedTuple):
 
 
 def least_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
-    """Lay out the fields as CiA 301 does, each one whole (7.2.2, 7.5.2.36)."""
+    """Lay out the fields as CiA 301 does, each one whole (7.5.2.36)."""
     return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
 
 
@@ -81,7 +81,7 @@ class Layout:
 
     @property
     def targets(self) -> tuple[int, ...]:
-        """The mapping entries of a PDO: index, sub-index and bits of every part (7.5.2.36, figure 72)."""
+        """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
         return tuple(self.target(each) for each in self.parts)
 
     def is_whole(self, part: Slice) -> bool:

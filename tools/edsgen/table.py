@@ -32,6 +32,8 @@ from edsgen.marked_yaml import (
 OWN_NODE_ID = "$NODEID"
 PDO_BITS = 64
 FIELD_BITS = 32
+FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
+"""How the values of a kind are written in problems, if not as they are."""
 T = TypeVar("T")
 
 
@@ -258,22 +260,22 @@ def unknown(kind: str, names: Iterable[Text], known: Iterable[Text]) -> Iterator
 
 def repeated_values(table: Table) -> Iterator[Problem]:
     """Check that identifiers, Node-IDs and, within one node, indices and names of settings belong to one each."""
-    yield from repeated("identifier", (each.identifier for each in table.messages.values()), "0x{:03X}")
-    yield from repeated("node_id", (each.node_id for each in table.nodes.values()), "{}")
+    yield from repeated("identifier", (each.identifier for each in table.messages.values()))
+    yield from repeated("node_id", (each.node_id for each in table.nodes.values()))
     for node in table.nodes.values():
         records = [*table.settings.values(), *table.objects.values(), *node.settings.values()]
-        yield from repeated("index", (each.index for each in records), "0x{:04X}")
+        yield from repeated("index", (each.index for each in records))
         settings = [*table.settings.values(), *node.settings.values()]
-        yield from repeated("setting", (name for each in settings for name in each.fields), "'{}'")
+        yield from repeated("setting", (name for each in settings for name in each.fields))
 
 
-def repeated(kind: str, values: Iterable[Number] | Iterable[Text], form: str) -> Iterator[Problem]:
+def repeated(kind: str, values: Iterable[Number] | Iterable[Text]) -> Iterator[Problem]:
     """Yield a problem for each value that stood at an earlier place already."""
     first: dict[int | str, Place] = {}
     for each in values:
         if first.setdefault(each, each.place) != each.place:
-            where = f"first in line {first[each].line}"
-            yield Problem(each.place, f"{kind} {form.format(each)} is used twice, {where}")
+            what = f"{kind} {shown(kind, each)} is used twice, first in line {first[each].line}"
+            yield Problem(each.place, what)
 
 
 def numbers_out_of_range(table: Table) -> Iterator[Problem]:
@@ -290,7 +292,12 @@ def numbers_out_of_range(table: Table) -> Iterator[Problem]:
 def outside(kind: str, value: Number, low: int, high: int) -> Iterator[Problem]:
     """Yield a problem if `value` is not in `low`..`high`."""
     if not low <= value <= high:
-        yield Problem(value.place, f"{kind} {value} is not in {low}..{high}")
+        yield Problem(value.place, f"{kind} {shown(kind, value)} is not in {shown(kind, low)}..{shown(kind, high)}")
+
+
+def shown(kind: str, value: int | str) -> str:
+    """Write a value of a kind for a person."""
+    return FORMS.get(kind, "{}").format(value)
 
 
 def data_records(table: Table) -> Iterator[Record]:
@@ -326,7 +333,7 @@ def number_problems(each: Field) -> Iterator[Problem]:
 def default_problems(each: Field, names: list[str]) -> Iterator[Problem]:
     """Check that a field's default is one of its values or one of the `names` that stand for values."""
     if isinstance(each.default, Text) and each.default not in names:
-        yield Problem(each.default.place, f"default '{each.default}' is none of {names}")
+        yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
     if isinstance(each.default, Number) and not each.low <= each.default <= each.high:
         yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")
 

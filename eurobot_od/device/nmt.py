@@ -1,0 +1,72 @@
+"""The NMT slave: states, commands, boot-up and heartbeat (CiA 301, 7.2.8 and 7.3.2).
+
+Rule of this file: no clock and no bus; the state machine is one table, and who resets what is told by its result.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+from eurobot_od.frame import Frame
+
+NMT_COB_ID = 0x000
+"""COB-ID of NMT commands (CiA 301, 7.3.3)."""
+
+ERROR_CONTROL_BASE = 0x700
+"""COB-ID of boot-up and heartbeat is this plus the node-ID (CiA 301, 7.3.3)."""
+
+ALL_NODES = 0
+
+
+class NmtState(IntEnum):
+    """NMT states; the value is the one in the heartbeat (CiA 301, 7.2.8.3.2.2)."""
+
+    INITIALISING = 0
+    STOPPED = 4
+    OPERATIONAL = 5
+    PRE_OPERATIONAL = 127
+
+
+class NmtCommand(IntEnum):
+    """NMT commands; the value is the command specifier (CiA 301, 7.2.8.2.1)."""
+
+    START = 1
+    STOP = 2
+    ENTER_PRE_OPERATIONAL = 128
+    RESET_NODE = 129
+    RESET_COMMUNICATION = 130
+
+
+class Reset(Enum):
+    """What an NMT command resets: only the communication objects, or the application with them."""
+
+    COMMUNICATION = NmtCommand.RESET_COMMUNICATION
+    NODE = NmtCommand.RESET_NODE
+
+
+TARGET = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+}
+"""State after a command that is no reset; all three are allowed from every state but INITIALISING."""
+
+STAY_PRE_OPERATIONAL = 1 << 2
+"""Bit of NMT startup 0x1F80: set, the node waits for a master's start (CiA 302-2)."""
+
+
+def command_in(frame: Frame, node_id: int) -> NmtCommand | None:
+    """Return the NMT command a frame has for this node, None for any other frame."""
+    if frame.cob_id != NMT_COB_ID or len(frame.data) != 2 or frame.data[1] not in (ALL_NODES, node_id):
+        return None
+    return NmtCommand(frame.data[0]) if frame.data[0] in set(NmtCommand) else None
+
+
+def boot_state(nmt_startup: int) -> NmtState:
+    """Return the state a node enters after its boot-up by 0x1F80."""
+    return NmtState.PRE_OPERATIONAL if nmt_startup & STAY_PRE_OPERATIONAL else NmtState.OPERATIONAL
+
+
+def error_control(node_id: int, state: NmtState) -> Frame:
+    """Return the heartbeat frame; with INITIALISING it is the boot-up message."""
+    return Frame(ERROR_CONTROL_BASE + node_id, bytes([state]))

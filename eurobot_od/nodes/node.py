@@ -1,0 +1,131 @@
+"""What all three nodes have in common: a CANopen device, timers, and a table of what each message does.
+
+Rule of this package: no clock and no bus. `receive` and `tick` take the time in seconds and return the frames to
+send; `next_wakeup` says when to call `tick`. A message whose value is out of range is never acted on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any, ClassVar
+
+from eurobot_od.device import ALWAYS, Device
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.dictionary import Dictionary
+from eurobot_od.frame import Frame
+from eurobot_od.messages import Message, flagged_fields
+from eurobot_od.nodes.timers import Action, Timer, Timers
+
+
+class Node:
+    """A node of the robot, made from its EDS.
+
+    `HANDLERS` says for each message type what is done; a handler returns the message to answer with, or None.
+    `ignored` counts messages that were not acted on because of a value out of range. Whoever runs the node from
+    several threads sets `guard` to their lock, and `wake` to what makes them call `tick` soon.
+    """
+
+    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self.device = Device(dictionary)
+        self.name = dictionary.name
+        self.now = 0.0
+        self.ignored = 0
+        self.guard: AbstractContextManager[object] = nullcontext()
+        self.wake: Callable[[], None] = _nobody
+        self._soon: list[Action] = []
+        self._timers = Timers()
+        self._out: list[Frame] = []
+
+    def setting(self, name: str) -> int:
+        """Return a setting from the object dictionary by its ParameterNames."""
+        return self.device.setting(name)
+
+    def seconds(self, name: str) -> float:
+        """Return a setting in milliseconds as seconds."""
+        return self.device.setting(name) / 1000
+
+    # From outside
+
+    @property
+    def next_wakeup(self) -> float | None:
+        """Time at which `tick` wants to be called, None if nothing is planned."""
+        times = [self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else None]
+        return min((time for time in times if time is not None), default=None)
+
+    def start(self, now: float) -> list[Frame]:
+        """Switch the node on: boot-up, and what it does from then on."""
+        self.now = now
+        self._out += self.device.start(now)
+        self.reset()
+        return self._flush()
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        """Take in one frame and return the frames to send."""
+        self.now = now
+        reaction = self.device.receive(frame, now)
+        self._out += reaction.frames
+        if reaction.reset:
+            self.reset()
+        if reaction.message is not None:
+            self._handle(reaction.message)
+        return self._flush()
+
+    def tick(self, now: float) -> list[Frame]:
+        """Do what is due by now and return the frames to send."""
+        self.now = now
+        soon, self._soon = self._soon, []
+        for action in soon:
+            action(now)
+        for action, time in self._timers.due(now):
+            action(time)
+        self._out += self.device.tick(now)
+        return self._flush()
+
+    # For the nodes
+
+    def reset(self) -> None:
+        """Go back to the state after power-on; the nodes add what is theirs."""
+        self._timers.clear()
+        self._soon.clear()
+
+    def soon(self, action: Action) -> None:
+        """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""
+        self._soon.append(action)
+        self.wake()
+
+    def send(self, message: Message) -> None:
+        """Put a message among the frames to send, and wake whoever runs the node."""
+        self._out.append(self.device.transmit(message))
+        self.wake()
+
+    def at(self, time: float, action: Action) -> Timer:
+        """Have `action` called when the time comes."""
+        return self._timers.at(time, action)
+
+    def raise_error(self, code: ErrorCode, what: Hashable) -> None:
+        """Report an error by EMCY, once."""
+        self._out += self.device.emergencies.raised(code, what)
+
+    def clear_error(self, what: Hashable) -> None:
+        """Report by EMCY that an error is gone."""
+        self._out += self.device.emergencies.cleared(what)
+
+    def _handle(self, message: Message) -> None:
+        handler = self.HANDLERS.get(type(message))
+        if flagged_fields(message) and not isinstance(message, ALWAYS):
+            self.ignored += 1
+        elif handler is not None:
+            answer = handler(self, message)
+            if answer is not None:
+                self.send(answer)
+
+    def _flush(self) -> list[Frame]:
+        frames, self._out = self._out, []
+        return frames
+
+
+def _nobody() -> None:
+    """Wake nobody: whoever runs the node calls `tick` by `next_wakeup`."""

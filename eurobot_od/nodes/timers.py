@@ -1,0 +1,60 @@
+"""Timers of a node: functions to be called at a time.
+
+Rule of this file: no clock; the time is what the caller says it is. Equal times keep their order.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
+
+Action: TypeAlias = Callable[[float], None]
+"""What to do when a timer is due; gets the time it was set for."""
+
+
+class Timer:
+    """A function waiting for its time; `cancel` makes it never called."""
+
+    __slots__ = ("action", "time")
+
+    def __init__(self, time: float, action: Action) -> None:
+        self.time = time
+        self.action: Action | None = action
+
+    def cancel(self) -> None:
+        """Forget the function."""
+        self.action = None
+
+
+class Timers:
+    """The timers of one node, soonest first."""
+
+    def __init__(self) -> None:
+        self._heap: list[tuple[float, int, Timer]] = []
+        self._order = itertools.count()
+
+    def at(self, time: float, action: Action) -> Timer:
+        """Have `action` called when the time comes."""
+        timer = Timer(time, action)
+        heapq.heappush(self._heap, (time, next(self._order), timer))
+        return timer
+
+    @property
+    def next(self) -> float | None:
+        """Time of the soonest timer, None without any."""
+        while self._heap and self._heap[0][2].action is None:
+            heapq.heappop(self._heap)
+        return self._heap[0][0] if self._heap else None
+
+    def due(self, now: float) -> Iterator[tuple[Action, float]]:
+        """Yield what is due, also what becomes due meanwhile, each with its time."""
+        while self.next is not None and self.next <= now:
+            time, _, timer = heapq.heappop(self._heap)
+            if timer.action is not None:
+                yield timer.action, time
+
+    def clear(self) -> None:
+        """Forget all timers."""
+        self._heap.clear()

@@ -1,0 +1,128 @@
+"""Laws of routes and motions: forced barriers are never crossed, gotos arrive, the remaining time falls."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from eurobot_od.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point, Pose, normalise, turn
+from eurobot_od.nodes.estimate import Estimate
+from eurobot_od.nodes.motion import IdealChassis, Limits, Motion
+from eurobot_od.nodes.route import Clearances, find_route
+from eurobot_od.values import Barriers, Passage
+
+CLEARANCES = Clearances(fire=200.0, pool=240.0, edge=100.0)
+LIMITS = Limits(800.0, 1200.0, 2400.0, 240.0, 720.0, 5.0, 1.0)
+DT = 0.01
+SLOWEST = 30_000
+"""Steps after which a motion has failed to arrive."""
+
+angles = st.floats(-720.0, 720.0)
+points = st.builds(Point, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT))
+poses = st.builds(Pose, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT), st.floats(0.0, 359.0))
+flags = st.builds(Barriers, st.integers(0, 0xFFFF))
+speeds = st.integers(20, 100)
+
+
+def clearance(barrier: Barrier) -> float:
+    return {BarrierKind.FIRE: CLEARANCES.fire, BarrierKind.POOL: CLEARANCES.pool}[barrier.kind]
+
+
+def distances(start: Point, end: Point, barrier: Barrier) -> Iterator[float]:
+    """Yield the distance of places on the leg from the barrier's centre, one every 2 mm at most."""
+    steps = max(1, math.ceil(math.dist(start, end) / 2.0))
+    for step in range(steps + 1):
+        share = step / steps
+        place = (start.x + share * (end.x - start.x), start.y + share * (end.y - start.y))
+        yield math.dist(place, (barrier.x, barrier.y))
+
+
+def length(start: Point, route: tuple[Point, ...]) -> float:
+    return sum(math.dist(*leg) for leg in zip((start, *route), route))
+
+
+@given(points, points, flags)
+def test_a_route_never_crosses_a_forced_barrier(start: Point, goal: Point, barriers: Barriers) -> None:
+    route = find_route(start, goal, barriers, CLEARANCES)
+    assume(route is not None)
+    assert route is not None
+    for barrier in (barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED):
+        allowed = min(clearance(barrier), math.dist(start, (barrier.x, barrier.y)))
+        for leg in zip((start, *route), route):
+            assert min(distances(*leg, barrier)) >= allowed - 1e-3
+
+
+@given(points, points, flags)
+def test_there_is_a_way_unless_the_goal_is_in_a_forced_barrier(start: Point, goal: Point, barriers: Barriers) -> None:
+    """With these clearances the barriers never close the field."""
+    forced = [barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED]
+    blocked = any(math.dist(goal, (barrier.x, barrier.y)) < clearance(barrier) - 1e-3 for barrier in forced)
+    assume(blocked or all(math.dist(goal, (barrier.x, barrier.y)) > clearance(barrier) for barrier in forced))
+    assert (find_route(start, goal, barriers, CLEARANCES) is None) == blocked
+
+
+@given(points, points, flags)
+def test_a_route_ends_at_the_goal_and_bends_inside_the_field(start: Point, goal: Point, barriers: Barriers) -> None:
+    route = find_route(start, goal, barriers, CLEARANCES)
+    assume(route is not None)
+    assert route is not None
+    assert route[-1] == goal
+    for point in route[:-1]:
+        assert CLEARANCES.edge <= point.x <= WIDTH - CLEARANCES.edge
+        assert CLEARANCES.edge <= point.y <= HEIGHT - CLEARANCES.edge
+
+
+@given(points, points, flags)
+def test_no_route_is_shorter_than_the_straight_line(start: Point, goal: Point, barriers: Barriers) -> None:
+    route = find_route(start, goal, barriers, CLEARANCES)
+    assume(route is not None)
+    assert route is not None
+    assert length(start, route) >= math.dist(start, goal) - 1e-6
+
+
+@given(points, points, flags)
+def test_there_and_back_are_equally_long(start: Point, goal: Point, barriers: Barriers) -> None:
+    """Outside all discs; from inside one there is a way, into a forced one there is none."""
+    for barrier in BARRIERS:
+        assume(min(math.dist(end, (barrier.x, barrier.y)) for end in (start, goal)) > clearance(barrier))
+    there, back = (find_route(*ends, barriers, CLEARANCES) for ends in ((start, goal), (goal, start)))
+    assert there is not None
+    assert back is not None
+    assert length(start, there) == pytest.approx(length(goal, back), abs=0.01)
+
+
+@settings(max_examples=60, deadline=None)
+@given(poses, st.lists(points, min_size=1, max_size=3), angles, speeds, st.booleans())
+def test_a_goto_arrives_and_its_remaining_time_falls(
+    start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool
+) -> None:
+    motion, pose, chassis = Motion(LIMITS, way_points, angle, speed, backward), start, IdealChassis()
+    estimates = [motion.remaining(pose)]
+    while not motion.arrived and len(estimates) < SLOWEST:
+        pose = pose.moved(*chassis.advance(motion.step(pose, DT), DT))
+        estimates.append(motion.remaining(pose))
+    assert pose.distance(way_points[-1]) <= LIMITS.position_tolerance
+    assert abs(turn(pose.angle, angle)) <= LIMITS.angle_tolerance
+    assert estimates[0] == pytest.approx(DT * (len(estimates) - 1), rel=0.15, abs=0.3)
+    assert all(later <= earlier + DT for earlier, later in zip(estimates, estimates[1:]))
+    assert estimates[-1] == 0.0
+
+
+@given(angles, angles)
+def test_turning_by_the_shortest_turn_arrives(start: float, end: float) -> None:
+    assert -180.0 < turn(start, end) <= 180.0
+    assert 0.0 <= normalise(start) < 360.0
+    assert turn(start + turn(start, end), end) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(poses, poses, st.floats(0.0, 1.0))
+def test_a_correction_never_leaves_the_line_between_estimate_and_position(old: Pose, new: Pose, weight: float) -> None:
+    estimate = Estimate(old)
+    assert estimate.corrected(*new, weight=weight, outlier=2 * WIDTH)
+    assert estimate.pose is not None
+    assert estimate.pose.distance(old.point) == pytest.approx(weight * old.distance(new.point), abs=1e-6)
+    assert abs(turn(old.angle, estimate.pose.angle)) <= abs(turn(old.angle, new.angle)) + 1e-9
