@@ -1,10 +1,11 @@
 """The gatekeeper: every received frame to its listeners, every message to be sent to the mailboxes.
 
-Rule of this file: listeners are registered first, then `start` turns them into one table by COB-ID, and from there
-on nothing but that table is looked at. What comes from the wire never raises here: it is counted and reported.
+Rule of this file: a frame is delivered at the cost of its own listeners, whoever else listens, and nothing that comes
+from the wire raises: it is counted and reported.
 
-A frame's delivery is an iterator of calls yet to be made. If a listener does not return, another thread takes the
-iterator over and goes on behind that listener; the thread that was stuck finds its call's baton gone.
+Queues are served before functions, so that no function delays them. A frame's delivery is an iterator of the functions
+yet to be called; when one does not return, another thread goes on with the iterator, and the thread in that call will
+find its baton gone.
 """
 
 from __future__ import annotations
@@ -12,22 +13,23 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
-from eurobot_od.errors import ListenerError, RemoteError, StateError
+from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper.listeners import Aside, Baton, FunctionListener, in_place
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
 from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
+from eurobot_od.gatekeeper.routes import ListenerTable, Route
 from eurobot_od.messages import Message, MessageT
-from eurobot_od.protocol import Protocol
+from eurobot_od.protocol import Binding, Protocol
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilter
 
 SLOW_AFTER = 0.010
-"""Seconds after which a call counts as slow: at 500 kbit/s the bus brings some forty frames meanwhile."""
+"""Seconds after which a call counts as slow: meanwhile 500 kbit/s bring some forty full frames."""
 
 REPORTS_KEPT = 1000
 """Reports kept when nobody takes them."""
@@ -35,41 +37,22 @@ REPORTS_KEPT = 1000
 EXACT = 0x7FF
 """Filter mask: all 11 bits of an identifier count."""
 
-
-class Route(NamedTuple):
-    """Who hears one COB-ID: queues, functions, and those functions that take frames which cannot be decoded too.
-
-    `decode` is None where nobody wants the message.
-    """
-
-    decode: Callable[[int, bytes], Message] | None = None
-    queues: tuple[MessageQueue[Any], ...] = ()
-    functions: tuple[FunctionListener[Any], ...] = ()
-    nodes: tuple[FunctionListener[Any], ...] = ()
-
-    def joined(self, other: Route) -> Route:
-        """Return a route to the listeners of both, these first."""
-        lists = (mine + theirs for mine, theirs in zip(self[1:], other[1:]))
-        return Route(self.decode or other.decode, *lists)
-
-
-class Registration(NamedTuple):
-    """A listener before the start: where to ask then for its COB-IDs, and the way to it."""
-
-    cob_ids: Callable[[], Iterable[int]]
-    route: Route
+Call: TypeAlias = tuple[FunctionListener[Any], float, Received[Any], Iterator[FunctionListener[Any]], Baton]
+"""A `Running`, in the form that is made quickest: there is one for each call."""
 
 
 class Running(NamedTuple):
-    """The call under way: the `listener` with its `name`, `since` when by the gatekeeper's clock, and how to go on."""
+    """A call under way: its `listener`, `since` when by the gatekeeper's clock, and how to go on behind it."""
 
     listener: FunctionListener[Any]
     since: float
     received: Received[Any]
+    listeners: Iterator[FunctionListener[Any]]
     baton: Baton
 
     @property
     def name(self) -> str:
+        """The listener's name."""
         return self.listener.name
 
 
@@ -85,10 +68,9 @@ class Statistics(NamedTuple):
 class Gatekeeper:
     """Listeners and mailboxes of one bus.
 
-    `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot), `slow_after`
-    the seconds by `clock` after which a function listener is set aside for `aside` to run. Without a `report`
-    function the reports are collected in `reports`.
-    One thread receives, except for `take_over`; sending is for whoever owns the bus.
+    `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A function
+    that takes longer than `slow_after` seconds of `clock` is set aside: from then on `aside` has it called. Reports
+    go to `report`, or without one to `reports`. One thread receives, but for `take_over`; whoever owns the bus sends.
     """
 
     def __init__(
@@ -106,88 +88,66 @@ class Gatekeeper:
         self.reports: deque[Report] = deque(maxlen=REPORTS_KEPT)
         self._report = report or self.reports.append
         self.mailboxes = Mailboxes(self._report, mailboxes, mailbox_wait)
-        self._protocol, self._table_size, self._slow_after = protocol, table_size, slow_after
-        self._clock, self._aside = clock, aside
-        self._registrations: list[Registration] = []
+        self._protocol, self._aside, self._clock, self._slow_after = protocol, aside, clock, slow_after
+        self._table = ListenerTable(table_size)
         self._routes: dict[int, Route] = {}
-        self._started = False
         self._refused = self._unheard = 0
-        self._running: Running | None = None
+        self._call: Call | None = None
 
-    # Registration
+    # Registration, before the start: raises ListenerError afterwards, and when the table is full
 
     def add_queue(
         self, message_type: type[MessageT], maxsize: int = 0, name: str | None = None
     ) -> MessageQueue[MessageT]:
-        """Return a queue that gets every message of a type; see MessageQueue.
-
-        Raises ListenerError after the start and when the table is full, UnknownName for a type the protocol lacks.
-        """
-        name = name or f"queue of {self._protocol.name(message_type)}"
-        queue: MessageQueue[MessageT] = MessageQueue(name, maxsize, self._report)
-        self._register(name, self._only(message_type), Route(self._protocol.decode, queues=(queue,)))
+        """Return a queue that gets every message of a type, see MessageQueue; UnknownName if there is no such type."""
+        binding = self._binding(message_type)
+        queue = MessageQueue[MessageT](name or f"queue of {binding.name}", maxsize, self._report)
+        self._table.add(queue.name, lambda: (binding.cob_id,), Route(self._protocol.decode, queues=(queue,)))
         return queue
 
     def add_function(
         self, message_type: type[MessageT], function: Callable[[Received[MessageT]], object], name: str | None = None
     ) -> None:
-        """Have a function called with every message of a type; its name is that of the function, unless given.
+        """Have a function called with every message of a type, under its own name unless another is given.
 
-        Raises ListenerError after the start and when the table is full, UnknownName for a type the protocol lacks.
+        Functions are called in the order of their registration. Raises UnknownName if there is no such type.
         """
+        binding = self._binding(message_type)
         listener = FunctionListener(name or _name_of(function), function, self._report, self._aside)
-        self._register(listener.name, self._only(message_type), Route(self._protocol.decode, functions=(listener,)))
+        self._table.add(listener.name, lambda: (binding.cob_id,), Route(self._protocol.decode, functions=(listener,)))
+
+    def _binding(self, message_type: type[MessageT]) -> Binding:
+        return self._protocol.binding(cast("type[Message]", message_type))
 
     def add_frames(
-        self,
-        cob_ids: Callable[[], Iterable[int]],
-        function: Callable[[Frame, float], object],
-        name: str | None = None,
+        self, cob_ids: Callable[[], Iterable[int]], function: Callable[[Frame, float], object], name: str | None = None
     ) -> None:
-        """Have a function called with every frame of the COB-IDs and its timestamp, as a whole CANopen node wants it.
+        """Have a function called with frames and their timestamps, as a CANopen node wants them; too short ones too.
 
-        `cob_ids` is asked at the start. Frames come before typed messages, and also when they are too short to be
-        decoded. Raises ListenerError after the start and when the table is full.
+        `cob_ids` is asked at the start. A node that is slow is reported, but stays with the thread that receives.
         """
 
-        def unpacked(received: Received[Frame]) -> None:
+        def unpacked(received: Received[None]) -> None:
             function(received.frame, received.timestamp)
 
-        listener = FunctionListener(name or _name_of(function), unpacked, self._report, self._aside)
-        self._register(listener.name, cob_ids, Route(functions=(listener,), nodes=(listener,)))
-
-    def _only(self, message_type: type[Message]) -> Callable[[], Iterable[int]]:
-        cob_id = self._protocol.cob_id(message_type)
-        return lambda: (cob_id,)
-
-    def _register(self, name: str, cob_ids: Callable[[], Iterable[int]], route: Route) -> None:
-        if self._started:
-            raise ListenerError(f"{name}: the gatekeeper has started; register listeners before")
-        if 0 < self._table_size <= len(self._registrations):
-            raise ListenerError(f"{name}: the listener table is full; its size is {self._table_size}")
-        self._registrations.append(Registration(cob_ids, route))
+        listener = FunctionListener(name or _name_of(function), unpacked, self._report, in_place)
+        self._table.add(listener.name, cob_ids, Route(functions=(listener,), nodes=(listener,)))
 
     def start(self) -> list[CanFilter]:
-        """Close the registration and return the receive filters, for python-can's `set_filters`.
+        """End the registration and return the receive filters for python-can's `set_filters`.
 
-        The filters are computed and handed out once and no list of registrations is kept (document section 6, first
-        improvement). Raises StateError when called again.
+        They let through what is listened to and nothing else; without any listener the list is empty, which python-can
+        takes for "everything". Raises StateError when called again.
         """
-        if self._started:
-            raise StateError("the gatekeeper has started already")
-        self._started = True
-        for cob_ids, route in self._registrations:
-            for cob_id in set(cob_ids()):
-                self._routes[cob_id] = self._routes.get(cob_id, Route()).joined(route)
-        self._registrations.clear()
+        self._routes = self._table.close()
         return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
 
     # Receiving
 
     def receive(self, frame: Frame, timestamp: float) -> bool:
-        """Deliver a frame to its listeners; `timestamp` in seconds.
+        """Deliver a frame, received at `timestamp` in seconds, to its listeners.
 
-        Returns False if another thread has taken over meanwhile: the caller's reading ends there.
+        False if another thread has taken over meanwhile; then this one has to stop receiving.
         """
         cob_id, data = frame
         route = self._routes.get(cob_id)
@@ -200,7 +160,7 @@ class Gatekeeper:
         except RemoteError as error:
             self._refuse(frame, error, timestamp)
             return self._deliver(iter(nodes), Received(None, cob_id, timestamp, frame))
-        received = tuple.__new__(Received, (message, cob_id, timestamp, frame))
+        received: Received[Any] = tuple.__new__(Received, (message, cob_id, timestamp, frame))
         for queue in queues:
             queue.put(received)
         return self._deliver(iter(functions), received)
@@ -210,36 +170,36 @@ class Gatekeeper:
         self._report(Report(Event.FRAME_REFUSED, f"0x{frame.cob_id:03X}", str(error), timestamp))
 
     def _deliver(self, listeners: Iterator[FunctionListener[Any]], received: Received[Any]) -> bool:
-        clock = self._clock
         for listener in listeners:
-            baton = [listeners]
-            started = clock()
-            self._running = listener, started, received, baton
+            baton: Baton = [None]
+            started = self._clock()
+            self._call = listener, started, received, listeners, baton
             listener.deliver(received)
             try:
                 baton.pop()
             except IndexError:
-                listener.work()
+                listener.come_back()
                 return False
-            taken = clock() - started
+            taken = self._clock() - started
             if taken > self._slow_after:
                 listener.was_slow(taken, received.timestamp)
         return True
 
-    # A listener that does not return
+    # A function that does not return
 
     def running(self) -> Running | None:
-        """Return the function listener that is being called, None between calls; for a watchdog on any thread."""
-        running = self._running
-        return running if running is not None and running.baton else None
+        """Return the call under way, None between calls; for a watchdog on another thread."""
+        call = self._call
+        return Running(*call) if call is not None and call[-1] else None
 
     def take_over(self, stuck: Running) -> bool:
-        """Go on in this thread behind a call that does not return, with the frame's other listeners.
+        """Go on in this thread behind a call that does not return, with the other listeners of its frame.
 
-        True if this thread is the one that receives from now on; False if the call has returned after all. The
-        thread in the stuck call gets False from `receive` when it comes back.
+        True if it is this thread that receives from now on, False if the call has returned after all. The thread in
+        that call gets False from `receive` when it comes back, after it has caught up with that listener's messages.
         """
-        return stuck.listener.leave(stuck.baton, stuck.received.timestamp) and self._deliver(stuck.calls)
+        left = stuck.listener.leave(stuck.baton, stuck.received.timestamp)
+        return left and self._deliver(stuck.listeners, stuck.received)
 
     # Sending
 
@@ -255,7 +215,7 @@ class Gatekeeper:
 
     def statistics(self) -> Statistics:
         """Return the counts so far; listeners appear from the start on."""
-        heard = (listener for route in self._routes.values() for group in route for listener in group)
+        heard = (listener for route in self._routes.values() for listener in route.listeners)
         listeners = tuple(listener.statistics() for listener in dict.fromkeys(heard))
         return Statistics(listeners, self._refused, self._unheard, self.mailboxes.statistics())
 

@@ -1,8 +1,8 @@
 """Function listeners: functions called with each message (document 4.1, setFunctionCANListener).
 
 Rule of this file: a listener harms nobody but itself, and runs in one thread at a time. Its exceptions end here. One
-that has been slow or stuck is set aside: its messages then wait in a queue of its own, and a thread other than the
-reader's calls it. The thread that is stuck in a call is such a thread, once it comes back.
+that has been slow or stuck is set aside: its messages wait in a queue of its own for a thread other than the
+reader's. The thread that is stuck in a call is that thread, as soon as it comes back.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Recei
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 
 BACKLOG = 1000
-"""Messages that wait for a listener set aside; at 2014's traffic some ten seconds of everything on the bus."""
+"""Messages that wait for a listener set aside: one sent every 100 ms fills this in 100 s, longer than a match."""
 
 Aside: TypeAlias = Callable[[Callable[[], None]], object]
-"""Runs what it is given on a thread other than the reader's, such as `ThreadPoolExecutor().submit`."""
+"""Runs what it is given on a thread other than the reader's, as `ThreadPoolExecutor().submit` does."""
 
 Baton: TypeAlias = list[None]
 """One entry; of the threads that pop it exactly one succeeds, and that one goes on with the frame's delivery."""
 
 
 def in_place(work: Callable[[], None]) -> None:
-    """Run the work of a listener set aside here and now, for programs without threads."""
+    """Run the work of a listener set aside here and now, as if it were not."""
     work()
 
 
 class FunctionListener(Generic[T]):
-    """A function and its name; `deliver` calls it, or lets the message wait for `aside` when it has been set aside."""
+    """A function with its name; `deliver` calls it, or leaves the message to `aside` once it has been set aside."""
 
     def __init__(self, name: str, function: Callable[[Received[T]], object], report: Reporter, aside: Aside) -> None:
         self.name = name
@@ -38,8 +38,9 @@ class FunctionListener(Generic[T]):
         self.deliver: Callable[[Received[T]], None] = self._call
         self._function, self._report, self._aside = function, report, aside
         self._backlog: MessageQueue[T] = MessageQueue(name, BACKLOG, report)
-        self._working = False
         self._lock = threading.Lock()
+        self._working = False  # a thread is at the backlog, or will be
+        self._owed = False  # and it is the one that was stuck
 
     def _call(self, received: Received[T]) -> None:
         try:
@@ -55,33 +56,17 @@ class FunctionListener(Generic[T]):
         self.slow += 1
         self.deliver = self._postpone
         if has_doubled(self.slow):
-            text = f"took {seconds * 1000:.1f} ms, slow {self.slow} times so far; set aside"
+            text = f"held up the others for {seconds * 1000:.1f} ms, {self.slow} times so far"
             self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
-
-    def leave(self, baton: Baton, timestamp: float) -> bool:
-        """Set the listener aside in the midst of a call; the thread in it has to `work` when it comes back.
-
-        False if it has come back already: then the baton is gone.
-        """
-        with self._lock:
-            try:
-                baton.pop()
-            except IndexError:
-                return False
-            self._working = True
-            self.deliver = self._postpone
-        self._report(Report(Event.LISTENER_STUCK, self.name, "does not return; set aside", timestamp))
-        return True
 
     def _postpone(self, received: Received[T]) -> None:
         self._backlog.put(received)
         with self._lock:
             idle, self._working = not self._working, True
         if idle:
-            self._aside(self.work)
+            self._aside(self._work)
 
-    def work(self) -> None:
-        """Call the function with what waits, the oldest first, until nothing does."""
+    def _work(self) -> None:
         while (received := self._next()) is not None:
             self._call(received)
 
@@ -90,6 +75,27 @@ class FunctionListener(Generic[T]):
             received = self._backlog.get_nowait()
             self._working = received is not None
             return received
+
+    # A call that does not return
+
+    def leave(self, baton: Baton, timestamp: float) -> bool:
+        """Set the listener aside in the midst of a call, by another thread; False if the call has returned by now."""
+        with self._lock:
+            try:
+                baton.pop()
+            except IndexError:
+                return False
+            self._owed, self._working = not self._working, True
+            self.deliver = self._postpone
+        self._report(Report(Event.LISTENER_STUCK, self.name, "does not return; the others go on without it", timestamp))
+        return True
+
+    def come_back(self) -> None:
+        """Catch up, in the thread that was stuck, with the messages that came meanwhile."""
+        with self._lock:
+            owed, self._owed = self._owed, False
+        if owed:
+            self._work()
 
     def statistics(self) -> ListenerStatistics:
         """Return the counts so far."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections.abc import Callable, Iterator
@@ -228,7 +229,7 @@ def test_remaining_time_is_honest_and_falls(way_points: list[Point], angle: floa
     estimates += [motion.remaining(pose) for pose, _ in drive(motion, START)]
     actual = DT * (len(estimates) - 1)
     assert estimates[0] == pytest.approx(actual, rel=0.05, abs=0.1)
-    assert all(later <= earlier for earlier, later in zip(estimates, estimates[1:]))
+    assert all(later <= earlier for earlier, later in itertools.pairwise(estimates))
     assert estimates[-1] == 0.0
 
 
@@ -283,7 +284,7 @@ def test_braking_ends_at_rest_after_the_shortest_time(rolling: Command, steps: i
         commands.append(braking.step(START, DT))
     assert len(commands) - 1 == pytest.approx(steps, abs=1)
     assert commands[-1] == AT_REST
-    for before, after in zip(commands, commands[1:]):
+    for before, after in itertools.pairwise(commands):
         assert abs(before.speed) - LIMITS.braking * DT - 1e-6 <= abs(after.speed) <= abs(before.speed)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -24,7 +25,7 @@ def flags(passage: Passage, *barriers: int | str) -> Barriers:
 
 def length(start: Point, route: tuple[Point, ...] | None) -> float:
     assert route is not None
-    return sum(math.dist(*leg) for leg in zip((start, *route), route))
+    return sum(math.dist(*leg) for leg in itertools.pairwise((start, *route)))
 
 
 STRAIGHT = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -25,6 +26,7 @@ angles = st.floats(-720.0, 720.0)
 points = st.builds(Point, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT))
 poses = st.builds(Pose, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT), st.floats(0.0, 359.0))
 flags = st.builds(Barriers, st.integers(0, 0xFFFF))
+ways = st.lists(points, min_size=1, max_size=3)
 speeds = st.integers(20, 100)
 
 
@@ -42,7 +44,7 @@ def distances(start: Point, end: Point, barrier: Barrier) -> Iterator[float]:
 
 
 def length(start: Point, route: tuple[Point, ...]) -> float:
-    return sum(math.dist(*leg) for leg in zip((start, *route), route))
+    return sum(math.dist(*leg) for leg in itertools.pairwise((start, *route)))
 
 
 @given(points, points, flags)
@@ -52,7 +54,7 @@ def test_a_route_never_crosses_a_forced_barrier(start: Point, goal: Point, barri
     assert route is not None
     for barrier in (barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED):
         allowed = min(clearance(barrier), math.dist(start, (barrier.x, barrier.y)))
-        for leg in zip((start, *route), route):
+        for leg in itertools.pairwise((start, *route)):
             assert min(distances(*leg, barrier)) >= allowed - 1e-3
 
 
@@ -95,21 +97,34 @@ def test_there_and_back_are_equally_long(start: Point, goal: Point, barriers: Ba
     assert length(start, there) == pytest.approx(length(goal, back), abs=0.01)
 
 
-@settings(max_examples=60, deadline=None)
-@given(poses, st.lists(points, min_size=1, max_size=3), angles, speeds, st.booleans())
-def test_a_goto_arrives_and_its_remaining_time_falls(
-    start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool
-) -> None:
-    motion, pose, chassis = Motion(LIMITS, way_points, angle, speed, backward), start, IdealChassis()
-    estimates = [motion.remaining(pose)]
+def estimates_until_arrival(motion: Motion, pose: Pose) -> tuple[Pose, list[float]]:
+    """Drive without disturbance; return where the robot ends and the remaining times before each step and after."""
+    chassis, estimates = IdealChassis(), [motion.remaining(pose)]
     while not motion.arrived and len(estimates) < SLOWEST:
         pose = pose.moved(*chassis.advance(motion.step(pose, DT), DT))
         estimates.append(motion.remaining(pose))
+    return pose, estimates
+
+
+@settings(max_examples=50, deadline=None)
+@given(poses, ways, angles, speeds, st.booleans())
+def test_a_goto_arrives(start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
+    pose, estimates = estimates_until_arrival(Motion(LIMITS, way_points, angle, speed, backward), start)
     assert pose.distance(way_points[-1]) <= LIMITS.position_tolerance
     assert abs(turn(pose.angle, angle)) <= LIMITS.angle_tolerance
-    assert estimates[0] == pytest.approx(DT * (len(estimates) - 1), rel=0.15, abs=0.3)
-    assert all(later <= earlier + DT for earlier, later in zip(estimates, estimates[1:]))
     assert estimates[-1] == 0.0
+
+
+@settings(max_examples=50, deadline=None)
+@given(poses, ways, angles, speeds, st.booleans())
+def test_the_remaining_time_is_honest_and_falls(
+    start: Pose, way_points: list[Point], angle: float, speed: int, backward: bool
+) -> None:
+    """Legs of a few millimetres are left out: whether they are driven or count as passed hangs on a hair."""
+    assume(all(math.dist(*leg) > 100.0 for leg in itertools.pairwise((start.point, *way_points))))
+    _, estimates = estimates_until_arrival(Motion(LIMITS, way_points, angle, speed, backward), start)
+    assert estimates[0] == pytest.approx(DT * (len(estimates) - 1), rel=0.15, abs=0.3)
+    assert all(later <= earlier + 1e-9 for earlier, later in itertools.pairwise(estimates))
 
 
 @given(angles, angles)

@@ -1,0 +1,96 @@
+"""What a check finds, and how it is chosen and written.
+
+Rule of this file: values only; the letter of a code is its severity, and nowhere else is a severity said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from enum import Enum
+from typing import NamedTuple, Protocol, TypeVar
+
+Subject = TypeVar("Subject")
+
+
+class Severity(Enum):
+    """How bad a finding is; the value is the first letter of its code."""
+
+    ERROR = "E"
+    WARNING = "W"
+    INFO = "I"
+
+
+class Located(Protocol):
+    """Anything with a line and a column, both from 1: an entry, a section, an oddity."""
+
+    @property
+    def line(self) -> int:
+        """Line, from 1."""
+
+    @property
+    def column(self) -> int:
+        """Column, from 1."""
+
+
+class Problem(NamedTuple):
+    """One place where a rule does not hold, and what is wrong there in one sentence."""
+
+    at: Located
+    text: str
+
+
+Problems = Iterable[Problem]
+
+
+class Rule(NamedTuple):
+    """A rule: `code` (E, W or I and three digits), what it demands, where that is written, and the check itself.
+
+    `clause` names the standard by its section or object; where the text of the standard was not at hand, it names the
+    public source that says the same.
+    """
+
+    code: str
+    demand: str
+    clause: str
+    check: Callable[..., Problems]
+
+    @property
+    def severity(self) -> Severity:
+        """How bad it is not to keep the rule."""
+        return Severity(self.code[0])
+
+
+class Finding(NamedTuple):
+    """A finding: file, place (from 1), the rule's code and the message."""
+
+    file: str
+    line: int
+    column: int
+    code: str
+    message: str
+
+    @property
+    def severity(self) -> Severity:
+        """How bad it is."""
+        return Severity(self.code[0])
+
+    def __str__(self) -> str:
+        return f"{self.file}:{self.line}:{self.column}: {self.code} {self.message}"
+
+
+def check(rules: Iterable[Rule], file: str, subject: object) -> Iterator[Finding]:
+    """Apply rules to what they are for: a device, or a network."""
+    for rule in rules:
+        for at, text in rule.check(subject):
+            yield Finding(file, at.line, at.column, rule.code, text)
+
+
+def chosen(findings: Iterable[Finding], select: Sequence[str], ignore: Sequence[str]) -> list[Finding]:
+    """Keep findings whose code starts with one of `select` (all if empty) and with none of `ignore`."""
+    wanted, unwanted = tuple(select) or ("",), tuple(ignore)
+    return [each for each in findings if each.code.startswith(wanted) and not each.code.startswith(unwanted)]
+
+
+def count(findings: Iterable[Finding], severity: Severity) -> int:
+    """Count the findings of one severity."""
+    return sum(each.severity is severity for each in findings)

@@ -1,0 +1,203 @@
+"""Reads the bytes of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
+
+Rule of this file: nothing raises and nothing is passed over in silence; what is no EDS becomes an `Oddity`, which rules
+turn into findings. For checking only: the product loads files through canopen.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+LONGEST = 254
+"""Most characters of a key and its value together (CiA 306: shorter than 255)."""
+
+BYTE_ORDER_MARK = "\N{LATIN SMALL LETTER I WITH DIAERESIS}\N{RIGHT-POINTING DOUBLE ANGLE QUOTATION MARK}\N{INVERTED QUESTION MARK}"
+"""The UTF-8 byte order mark, read as Latin-1."""
+
+WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
+"""How a UTF-16 text starts."""
+
+
+class Odd(Enum):
+    """What the reader stumbles over; the rules of `file_rules` say how bad each is."""
+
+    BINARY = "a NUL byte"
+    WIDE = "UTF-16 text"
+    BYTE_ORDER_MARK = "a byte order mark"
+    LINE_ENDS = "different line ends"
+    NOT_ASCII = "a character outside ASCII"
+    NOT_AN_ENTRY = "neither section nor entry nor comment"
+    HEADER = "a malformed section header"
+    NO_SECTION = "an entry before the first section"
+    TWO_SECTIONS = "a section twice"
+    TWO_ENTRIES = "an entry twice"
+    NO_KEY = "no key"
+    TOO_LONG = "a long line"
+    COMMENT_BEHIND = "a comment behind a value"
+    HASH = "a comment with #"
+    INDENTED = "an indented line"
+
+
+class Oddity(NamedTuple):
+    """One odd thing: its kind, its place (both from 1) and the words that belong into the message."""
+
+    kind: Odd
+    line: int
+    column: int
+    text: str
+
+
+class Entry(NamedTuple):
+    """`key=value`, as written but without blanks around either; `line` and `column` (of the value) count from 1."""
+
+    key: str
+    value: str
+    line: int
+    column: int
+
+
+class Section(NamedTuple):
+    """`[name]`, its place, and its entries by lower-case key; of an entry given twice the first."""
+
+    name: str
+    line: int
+    column: int
+    entries: dict[str, Entry]
+
+    def text(self, key: str) -> str:
+        """Return the value of a key (in lower case), the empty text if there is none."""
+        entry = self.entries.get(key)
+        return entry.value if entry else ""
+
+    def at(self, key: str) -> Entry | Section:
+        """Return the entry of a key (in lower case), or the section itself where there is none, for its place."""
+        return self.entries.get(key, self)
+
+
+class Document(NamedTuple):
+    """A file as read: the sections by lower-case name (of a section given twice the first), and what was odd."""
+
+    sections: dict[str, Section]
+    oddities: list[Oddity]
+
+
+def read(data: bytes) -> Document:
+    """Read the bytes of an EDS or DCF."""
+    oddities: list[Oddity] = []
+    lines = _lines(_text(data, oddities), oddities)
+    if not data.isascii():
+        oddities.extend(_not_ascii(lines))
+    reader = _Reader(oddities)
+    reader.read(lines)
+    return Document(reader.sections, oddities)
+
+
+def _text(data: bytes, oddities: list[Oddity]) -> str:
+    """Decode; Latin-1 gives every byte a character, so that nothing can fail and columns are bytes."""
+    if data.startswith(WIDE_MARKS):
+        oddities.append(Oddity(Odd.WIDE, 1, 1, ""))
+        return data.decode("utf-16", "replace")
+    text = data.decode("latin-1")
+    if "\0" in text:
+        before = text[: text.index("\0")]
+        oddities.append(Oddity(Odd.BINARY, before.count("\n") + 1, len(before) - before.rfind("\n"), ""))
+    if text.startswith(BYTE_ORDER_MARK):
+        oddities.append(Oddity(Odd.BYTE_ORDER_MARK, 1, 1, ""))
+        return text[len(BYTE_ORDER_MARK) :]
+    return text
+
+
+def _lines(text: str, oddities: list[Oddity]) -> list[str]:
+    """Split at LF, CRLF and CR."""
+    if "\r" not in text:
+        return text.split("\n")
+    pairs, returns, feeds = text.count("\r\n"), text.count("\r"), text.count("\n")
+    if len({pairs, returns, feeds} - {0}) > 1 or (not pairs and feeds):
+        oddities.append(Oddity(Odd.LINE_ENDS, 1, 1, ""))
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _not_ascii(lines: list[str]) -> list[Oddity]:
+    return [
+        Oddity(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if each > "\x7f"), "")
+        for number, line in enumerate(lines, start=1)
+        if not line.isascii()
+    ]
+
+
+class _Reader:
+    """Walks over the lines of one file; the usual line takes the short way, any other `_other`."""
+
+    def __init__(self, oddities: list[Oddity]) -> None:
+        self.sections: dict[str, Section] = {}
+        self._oddities = oddities
+        self._entries: dict[str, Entry] | None = None
+
+    def read(self, lines: list[str]) -> None:
+        for number, line in enumerate(lines, start=1):
+            if line[:1].isalnum() and "=" in line:
+                self._entry(number, line, 0)
+            elif line:
+                self._other(number, line)
+
+    def _other(self, number: int, line: str) -> None:
+        text = line.strip()
+        if text.startswith("#"):
+            self._note(Odd.HASH, number, 1)
+        elif text and not text.startswith(";"):
+            indent = len(line) - len(line.lstrip())
+            if indent:
+                self._note(Odd.INDENTED, number, indent + 1)
+            self._significant(number, text, indent)
+
+    def _significant(self, number: int, text: str, indent: int) -> None:
+        if text.startswith("["):
+            self._header(number, text, indent)
+        elif "=" in text:
+            self._entry(number, text, indent)
+        else:
+            self._note(Odd.NOT_AN_ENTRY, number, indent + 1, text[:40])
+
+    def _header(self, number: int, text: str, indent: int) -> None:
+        name, bracket, behind = text[1:].partition("]")
+        behind = behind.strip()
+        if not bracket or not name.strip() or (behind and not behind.startswith(";")):
+            self._note(Odd.HEADER, number, indent + 1, text[:40])
+        section = Section(name, number, indent + 1, {})
+        first = self.sections.setdefault(name.strip().lower(), section)
+        if first is not section:
+            self._note(Odd.TWO_SECTIONS, number, indent + 1, f"[{name}], first in line {first.line}")
+        self._entries = section.entries
+
+    def _entry(self, number: int, line: str, indent: int) -> None:
+        key, _, rest = line.partition("=")
+        value = rest.strip()
+        column = indent + len(key) + 2 + len(rest) - len(rest.lstrip())
+        key = key.rstrip()
+        if ";" in value:
+            value = self._without_comment(number, column, value)
+        if len(key) + len(value) > LONGEST:
+            self._note(Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters")
+        self._keep(Entry(key, value, number, column), indent)
+
+    def _keep(self, entry: Entry, indent: int) -> None:
+        if self._entries is None:
+            self._note(Odd.NO_SECTION, entry.line, indent + 1, entry.key[:40])
+            return
+        if not entry.key:
+            self._note(Odd.NO_KEY, entry.line, indent + 1)
+        first = self._entries.setdefault(entry.key.lower(), entry)
+        if first is not entry:
+            self._note(Odd.TWO_ENTRIES, entry.line, indent + 1, f"{entry.key[:40]}, first in line {first.line}")
+
+    def _without_comment(self, number: int, column: int, value: str) -> str:
+        """Cut a comment off; a semicolon inside a word, as in a text value, starts none."""
+        start = 0 if value.startswith(";") else value.find(" ;") + 1 or value.find("\t;") + 1
+        if not start and not value.startswith(";"):
+            return value
+        self._note(Odd.COMMENT_BEHIND, number, column + start)
+        return value[:start].rstrip()
+
+    def _note(self, kind: Odd, line: int, column: int, text: str = "") -> None:
+        self._oddities.append(Oddity(kind, line, column, text))

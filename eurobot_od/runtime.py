@@ -1,0 +1,226 @@
+"""Live operation: a gatekeeper and its node on a python-can bus, with real time and real threads.
+
+Rule of this file: the only place with threads and the real clock. The reader takes frames from the bus and delivers
+them; the keeper does what is due at a time, retries what the driver could not take, and watches over listeners that
+do not return. Whoever submits a frame never waits for the bus.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.errors import BusError, NoAnswer
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
+from eurobot_od.messages import Message, MessageT
+from eurobot_od.nodes.node import Node
+from eurobot_od.station import Station
+
+if TYPE_CHECKING:
+    import can
+
+BITRATE = 500_000
+"""Bit/s of the robot's bus, where neither caller nor python-can's configuration says another."""
+
+DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
+"""The in-process bus, where neither caller nor python-can's configuration names one."""
+
+POLL = 0.1
+"""Longest time in seconds that a thread waits before it looks whether it is to end."""
+
+RETRY = 0.001
+"""Seconds until a frame that the driver did not take is tried again."""
+
+STUCK_AFTER = 0.25
+"""Seconds after which a listener that does not return loses its thread."""
+
+
+def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
+    """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
+
+    Raises BusError in one line, whatever the driver had to say.
+    """
+    import can
+
+    given = {"interface": interface, "channel": channel, "bitrate": bitrate}
+    try:
+        config: dict[str, Any] = dict(can.util.load_config(config={k: v for k, v in given.items() if v is not None}))
+        if not config.get("interface"):
+            config |= DEFAULT_BUS | {k: v for k, v in config.items() if v is not None}
+        config.setdefault("bitrate", BITRATE)
+        return can.Bus(ignore_config=True, **config)
+    except Exception as error:  # drivers raise what comes to hand: OSError, ImportError, ValueError, CanError, ...
+        name = f"{interface or 'default'} bus {channel or ''}".strip()
+        raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+class Live:
+    """A gatekeeper, and the node of a station if there is one, running on a bus.
+
+    `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what the bus brought that is no
+    classic base data frame. `failure` is the error that ended the reading, None while all is well.
+    Use it as a context manager; it shuts the bus down at its end.
+    """
+
+    def __init__(
+        self, bus: can.BusABC, gatekeeper: Gatekeeper, station: Station | None = None, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.bus, self.gatekeeper, self.station, self.clock = bus, gatekeeper, station, clock
+        self.foreign = 0
+        self.failure: BusError | None = None
+        self._lock = threading.RLock()
+        self._changed = threading.Condition(self._lock)
+        self._running = False
+        self._pumping = False
+        self._blocked = False
+        self._threads: list[threading.Thread] = []
+        if station is not None:
+            station.node.guard = self._lock
+            station.node.wake = self._wake
+
+    @classmethod
+    def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.monotonic, **options: Any) -> Live:
+        """Return a node ready to run on a bus; `options` are those of Station."""
+        aside = ThreadPoolExecutor(thread_name_prefix="aside")
+        station = Station(node, aside=aside.submit, **options)
+        return cls(bus, station.gatekeeper, station, clock)
+
+    # Life
+
+    def start(self) -> Live:
+        """Hand the receive filters to the bus, switch the node on, start reading."""
+        self.bus.set_filters(self.gatekeeper.start())
+        self._running = True
+        if self.station is not None:
+            self.station.start(self.clock())
+        self._spawn(self._read)
+        self._spawn(self._keep)
+        return self
+
+    def stop(self) -> None:
+        """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them."""
+        self._pump()
+        with self._changed:
+            self._running = False
+            self._changed.notify_all()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(10 * POLL)
+        self.bus.shutdown()
+
+    def __enter__(self) -> Live:
+        return self.start()
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.stop()
+
+    def _spawn(self, target: Callable[[], None]) -> None:
+        thread = threading.Thread(target=target, name=f"{self.bus.channel_info} {target.__name__}", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _wake(self) -> None:
+        with self._changed:
+            self._changed.notify_all()
+
+    # Sending
+
+    def send(self, message: Message) -> None:
+        """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range."""
+        with self._changed:
+            self.gatekeeper.send(message, self.clock())
+            self._changed.notify_all()
+
+    def _pump(self) -> None:
+        """Hand loaded frames to the driver, most urgent first, until none is left or the driver takes no more."""
+        with self._lock:
+            if self._pumping:
+                return
+            self._pumping, self._blocked = True, False
+        while (frame := self._next_frame()) is not None:
+            self._blocked = not self._sent(frame)
+            with self._lock:
+                if self._blocked:
+                    self._pumping = False
+                    return
+                self.gatekeeper.mailboxes.complete(frame)
+
+    def _next_frame(self) -> Frame | None:
+        """Return the frame to send now; without one, pumping has ended before anyone can submit another."""
+        with self._lock:
+            mailboxes = self.gatekeeper.mailboxes
+            mailboxes.load(self.clock())
+            frame = mailboxes.urgent()
+            self._pumping = frame is not None
+            return frame
+
+    def _sent(self, frame: Frame) -> bool:
+        import can
+
+        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        try:
+            self.bus.send(message, timeout=RETRY)
+        except can.CanError:
+            return False
+        return True
+
+    # Threads
+
+    def _read(self) -> None:
+        try:
+            while self._running:
+                message = self.bus.recv(POLL)
+                if message is not None and not self._receive(message):
+                    return
+        except Exception as error:  # the adapter was pulled out, the server went away, the driver failed
+            if self._running:
+                self.failure = BusError(f"the bus {self.bus.channel_info} failed: {_one_line(error)}")
+
+    def _receive(self, message: can.Message) -> bool:
+        if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+            self.foreign += 1
+            return True
+        going_on = self.gatekeeper.receive(Frame(message.arbitration_id, bytes(message.data)), self.clock())
+        self._pump()
+        return going_on
+
+    def _keep(self) -> None:
+        while self._running:
+            self._tick()
+            self._pump()
+            self._watch()
+            with self._changed:
+                if self._running and (pause := self._pause()) > 0:
+                    self._changed.wait(pause)
+
+    def _tick(self) -> None:
+        if self.station is not None:
+            wakeup = self.station.next_wakeup
+            if wakeup is not None and wakeup <= self.clock():
+                self.station.tick(self.clock())
+
+    def _pause(self) -> float:
+        if self._blocked:
+            return RETRY
+        wakeup = self.station.next_wakeup if self.station is not None else None
+        due = POLL if wakeup is None else min(wakeup - self.clock(), POLL)
+        return 0.0 if self.gatekeeper.mailboxes.next_expiry is not None and not self._pumping else due
+
+    def _watch(self) -> None:
+        """Give a new reader to the bus if a listener does not return."""
+        running = self.gatekeeper.running()
+        if running is not None and time.perf_counter() - running.since > STUCK_AFTER:
+            self._spawn(lambda: self._succeed(running))
+
+    def _succeed(self, running: Any) -> None:
+        if self.gatekeeper.take_over(running):
+            self._read()

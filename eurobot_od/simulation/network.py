@@ -1,0 +1,118 @@
+"""Stations on a simulated CAN bus: arbitration, bit times, and the order of all events.
+
+Rule of this file: one event after the other, each at its time; ties go bus first, then stations in the order they
+were attached. The lowest COB-ID in all mailboxes wins the bus; frames that are equal to the bit go out as one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Report
+from eurobot_od.nodes.node import Node
+from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.station import Station
+
+Observer: TypeAlias = Callable[[float, Frame], None]
+"""Called with the time a frame's transmission ended, in seconds, and the frame."""
+
+
+class Sending(NamedTuple):
+    """A frame on the bus, who sends it, and when it is through."""
+
+    frame: Frame
+    senders: tuple[Station, ...]
+    end: float
+
+
+class Network:
+    """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
+
+    `busy` sums the seconds the bus was in use. `reports` are the gatekeepers' reports.
+    """
+
+    def __init__(self, bitrate: int = 500_000) -> None:
+        self.bitrate = bitrate
+        self.now = 0.0
+        self.busy = 0.0
+        self.observers: list[Observer] = []
+        self.reports: list[Report] = []
+        self._stations: list[Station] = []
+        self._starting: list[tuple[float, Station]] = []
+        self._sending: Sending | None = None
+
+    def attach(self, node: Node, start: float = 0.0) -> Station:
+        """Connect a node that is switched on at `start` seconds."""
+        station = Station(node, report=self.reports.append, clock=lambda: self.now)
+        station.gatekeeper.start()
+        self._starting.append((start, station))
+        return station
+
+    @property
+    def next_event(self) -> float | None:
+        """Time of the next event, None if nothing will ever happen."""
+        times = [time for time, _ in self._starting]
+        times += [time for station in self._stations if (time := station.next_wakeup) is not None]
+        if self._sending:
+            times.append(self._sending.end)
+        return max(min(times), self.now) if times else None
+
+    def advance(self, until: float) -> bool:
+        """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
+        event = self.next_event
+        if event is None or event > until:
+            self.now = max(self.now, until)
+            return False
+        self.now = event
+        self._end_sending()
+        self._start_stations()
+        for station in self._stations:
+            self._tick(station)
+        self._arbitrate()
+        return True
+
+    def run(self, until: float) -> None:
+        """Run all events up to a time."""
+        while self.advance(until):
+            pass
+
+    def _start_stations(self) -> None:
+        due = [each for each in self._starting if each[0] <= self.now]
+        for each in due:
+            self._starting.remove(each)
+            self._stations.append(each[1])
+            each[1].start(self.now)
+
+    def _tick(self, station: Station) -> None:
+        wakeup = station.next_wakeup
+        if wakeup is not None and wakeup <= self.now:
+            station.tick(self.now)
+
+    def _end_sending(self) -> None:
+        if self._sending is None or self._sending.end > self.now:
+            return
+        (frame, senders, _), self._sending = self._sending, None
+        for station in self._stations:
+            if station in senders:
+                station.gatekeeper.mailboxes.complete(frame)
+        for observer in self.observers:
+            observer(self.now, frame)
+        for station in self._stations:
+            if station not in senders:
+                station.gatekeeper.receive(frame, self.now)
+
+    def _arbitrate(self) -> None:
+        """Let the most urgent frame of all mailboxes have the bus, if it is free."""
+        for station in self._stations:
+            station.gatekeeper.mailboxes.load(self.now)
+        if self._sending is not None:
+            return
+        offers = [(frame, s) for s in self._stations if (frame := s.gatekeeper.mailboxes.urgent()) is not None]
+        if offers:
+            winner = min(frame for frame, _ in offers)
+            duration = frame_bits(winner) / self.bitrate
+            self.busy += duration
+            senders = tuple(station for frame, station in offers if frame == winner)
+            self._sending = Sending(winner, senders, self.now + duration)

@@ -1,0 +1,62 @@
+"""A node at its gatekeeper: received frames to the node, the node's frames to the mailboxes.
+
+Rule of this file: still no clock and no bus; the live runtime and the simulation both drive stations.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Gatekeeper, Report
+from eurobot_od.gatekeeper.listeners import Aside, in_place
+from eurobot_od.nodes.node import Node
+
+
+class Station:
+    """One node with its own gatekeeper, sized by the node's Transmit settings; more listeners may be added to it."""
+
+    def __init__(
+        self,
+        node: Node,
+        *,
+        report: Callable[[Report], object] | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+        aside: Aside = in_place,
+    ) -> None:
+        self.node = node
+        self.gatekeeper = Gatekeeper(
+            node.device.protocol,
+            table_size=node.setting("Transmit.Listener table size"),
+            mailboxes=node.setting("Transmit.Mailboxes"),
+            mailbox_wait=node.seconds("Transmit.Mailbox wait"),
+            report=report,
+            clock=clock,
+            aside=aside,
+        )
+        self.gatekeeper.add_frames(lambda: node.device.identifiers, self._received, node.name)
+
+    def start(self, now: float) -> None:
+        """Switch the node on."""
+        with self.node.guard:
+            self._submit(self.node.start(now), now)
+
+    def tick(self, now: float) -> None:
+        """Let the node do what is due."""
+        with self.node.guard:
+            self._submit(self.node.tick(now), now)
+
+    @property
+    def next_wakeup(self) -> float | None:
+        """When to call `tick`, in the node's time."""
+        with self.node.guard:
+            return self.node.next_wakeup
+
+    def _received(self, frame: Frame, now: float) -> None:
+        with self.node.guard:
+            self._submit(self.node.receive(frame, now), now)
+
+    def _submit(self, frames: list[Frame], now: float) -> None:
+        for frame in frames:
+            self.gatekeeper.send_frame(frame, now)
