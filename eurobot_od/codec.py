@@ -114,6 +114,10 @@ class Layout:
             for field, places in self._places.items()
         }
 
+    def places(self, field: str) -> list[int]:
+        """Return the frame bits (8 times the byte plus the bit in it) of a field's bits 0, 1, 2, ..."""
+        return list(self._places[field])
+
     def shortest(self, needed: Iterable[str]) -> int:
         """Return the number of bytes that hold all `needed` fields: a frame without the others may end there."""
         return max((max(self._places[field]) // 8 + 1 for field in needed), default=0)

@@ -7,6 +7,8 @@ file's, remote errors a peer's; an exception outside this tree is a bug of ours.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from difflib import get_close_matches
+from enum import Enum
 from pathlib import Path
 
 
@@ -25,9 +27,10 @@ class UnknownName(LocalError):
     """A name that is not in its list: a message, a field, a dialect, a barrier."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        self.kind, self.name, self.known = kind, name, tuple(known)
-        choices = ", ".join(str(each) for each in self.known)
-        super().__init__(f"unknown {kind} {name!r}" + (f"; known: {choices}" if choices else ""))
+        self.kind, self.name, self.known = kind, name, tuple(map(str, known))
+        near = get_close_matches(str(name), self.known, n=3, cutoff=0.8)
+        hint = f"; did you mean {' or '.join(near)}?" if near else f"; known: {', '.join(self.known)}"
+        super().__init__(f"unknown {kind} {name!r}{hint if self.known else ''}")
 
 
 class FieldError(LocalError):
@@ -35,7 +38,8 @@ class FieldError(LocalError):
 
     def __init__(self, message: str, field: str, value: object, allowed: str) -> None:
         self.message, self.field, self.value, self.allowed = message, field, value, allowed
-        super().__init__(f"{message}: {field} = {value!r} is not allowed; allowed: {allowed}")
+        shown = value.name.lower() if isinstance(value, Enum) else repr(value)
+        super().__init__(f"{message}: {field} = {shown} is not allowed; allowed: {allowed}")
 
 
 class ListenerError(LocalError):

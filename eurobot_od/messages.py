@@ -280,6 +280,10 @@ def flagged_fields(message: Message) -> list[str]:
 
 
 def describe(message: Message) -> str:
-    """Write a message's fields for a person: `x=1200 mm, y=900 mm, angle=90 deg`."""
-    texts = (kind.text(value) for kind, value in zip(kinds(type(message)).values(), message))
-    return ", ".join(f"{name}={text}" for name, text in zip(message._fields, texts))
+    """Write a message's fields for a person, without those that have their default: `x=1200 mm, angle=90 deg`."""
+    defaults = type(message)._field_defaults
+    return ", ".join(
+        f"{name}={kind.text(value)}"
+        for (name, kind), value in zip(kinds(type(message)).items(), message)
+        if name not in defaults or value != defaults[name]
+    )

@@ -11,13 +11,12 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.errors import BusError, NoAnswer
+from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
-from eurobot_od.messages import Message, MessageT
+from eurobot_od.gatekeeper import Gatekeeper, Running
+from eurobot_od.messages import Message
 from eurobot_od.nodes.node import Node
 from eurobot_od.station import Station
 
@@ -49,14 +48,21 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
 
     given = {"interface": interface, "channel": channel, "bitrate": bitrate}
     try:
-        config: dict[str, Any] = dict(can.util.load_config(config={k: v for k, v in given.items() if v is not None}))
-        if not config.get("interface"):
-            config |= DEFAULT_BUS | {k: v for k, v in config.items() if v is not None}
-        config.setdefault("bitrate", BITRATE)
+        config = _configured({key: value for key, value in given.items() if value is not None})
         return can.Bus(ignore_config=True, **config)
     except Exception as error:  # drivers raise what comes to hand: OSError, ImportError, ValueError, CanError, ...
-        name = f"{interface or 'default'} bus {channel or ''}".strip()
+        name = f"{interface or 'configured'} bus {channel or ''}".strip()
         raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
+
+
+def _configured(given: dict[str, Any]) -> dict[str, Any]:
+    """Complete what is given by python-can's configuration, and that by our defaults."""
+    from can import rc, util
+
+    sources = (given, rc, util.load_environment_config(), util.load_file_config())
+    named = any(source.get("interface") or source.get("bustype") for source in sources)
+    config = dict(util.load_config(config=given if named else DEFAULT_BUS | given))
+    return {"bitrate": BITRATE} | config
 
 
 def _one_line(error: BaseException) -> str:
@@ -72,7 +78,11 @@ class Live:
     """
 
     def __init__(
-        self, bus: can.BusABC, gatekeeper: Gatekeeper, station: Station | None = None, clock: Callable[[], float] = time.monotonic
+        self,
+        bus: can.BusABC,
+        gatekeeper: Gatekeeper,
+        station: Station | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.bus, self.gatekeeper, self.station, self.clock = bus, gatekeeper, station, clock
         self.foreign = 0
@@ -120,7 +130,7 @@ class Live:
     def __enter__(self) -> Live:
         return self.start()
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
     def _spawn(self, target: Callable[[], None]) -> None:
@@ -186,7 +196,7 @@ class Live:
                 self.failure = BusError(f"the bus {self.bus.channel_info} failed: {_one_line(error)}")
 
     def _receive(self, message: can.Message) -> bool:
-        if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+        if not _is_ours(message):
             self.foreign += 1
             return True
         going_on = self.gatekeeper.receive(Frame(message.arbitration_id, bytes(message.data)), self.clock())
@@ -212,8 +222,9 @@ class Live:
         if self._blocked:
             return RETRY
         wakeup = self.station.next_wakeup if self.station is not None else None
-        due = POLL if wakeup is None else min(wakeup - self.clock(), POLL)
-        return 0.0 if self.gatekeeper.mailboxes.next_expiry is not None and not self._pumping else due
+        if self.gatekeeper.mailboxes.next_expiry is not None and not self._pumping:
+            return 0.0
+        return POLL if wakeup is None else min(wakeup - self.clock(), POLL)
 
     def _watch(self) -> None:
         """Give a new reader to the bus if a listener does not return."""
@@ -221,6 +232,35 @@ class Live:
         if running is not None and time.perf_counter() - running.since > STUCK_AFTER:
             self._spawn(lambda: self._succeed(running))
 
-    def _succeed(self, running: Any) -> None:
+    def _succeed(self, running: Running) -> None:
         if self.gatekeeper.take_over(running):
             self._read()
+
+
+class Watch:
+    """Calls a function with the time and every classic base data frame on a bus; a context manager."""
+
+    def __init__(self, bus: can.BusABC, seen: Callable[[float, Frame], None], clock: Callable[[], float]) -> None:
+        self._bus, self._seen, self._clock = bus, seen, clock
+        self._running = True
+        self._thread = threading.Thread(target=self._read, name=f"{bus.channel_info} watch", daemon=True)
+
+    def __enter__(self) -> Watch:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._running = False
+        self._thread.join(10 * POLL)
+        self._bus.shutdown()
+
+    def _read(self) -> None:
+        while self._running:
+            message = self._bus.recv(POLL)
+            if message is not None and _is_ours(message):
+                self._seen(self._clock(), Frame(message.arbitration_id, bytes(message.data)))
+
+
+def _is_ours(message: can.Message) -> bool:
+    """Tell whether a message is a classic data frame with an 11-bit identifier."""
+    return not (message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd)

@@ -52,7 +52,7 @@ def _run(words: list[str]) -> int:
         _overview().parse_args(words or ["--help"])
         return 2
     module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
-    parser = argparse.ArgumentParser(f"eurobot-od {command}", description=module.__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
     module.add_arguments(parser)
     status: int = module.run(parser.parse_args(words[1:]))
     sys.stdout.flush()

@@ -4,8 +4,8 @@ Rule of this file: a frame is delivered at the cost of its own listeners, whoeve
 from the wire raises: it is counted and reported.
 
 Queues are served before functions, so that no function delays them. A frame's delivery is an iterator of the functions
-yet to be called; when one does not return, another thread goes on with the iterator, and the thread in that call will
-find its baton gone.
+yet to be called, and each call has a baton. When a call does not return, another thread takes its baton and goes on
+with the iterator; the thread in that call, once it is back, finds the baton gone.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Call: TypeAlias = tuple[FunctionListener[Any], float, Received[Any], Iterator[Fu
 
 
 class Running(NamedTuple):
-    """A call under way: its `listener`, `since` when by the gatekeeper's clock, and how to go on behind it."""
+    """A call under way: its `listener`, `since` when by the gatekeeper's clock, and what to go on with behind it."""
 
     listener: FunctionListener[Any]
     since: float
@@ -170,9 +170,10 @@ class Gatekeeper:
         self._report(Report(Event.FRAME_REFUSED, f"0x{frame.cob_id:03X}", str(error), timestamp))
 
     def _deliver(self, listeners: Iterator[FunctionListener[Any]], received: Received[Any]) -> bool:
+        clock = self._clock
         for listener in listeners:
             baton: Baton = [None]
-            started = self._clock()
+            started = clock()
             self._call = listener, started, received, listeners, baton
             listener.deliver(received)
             try:
@@ -180,7 +181,7 @@ class Gatekeeper:
             except IndexError:
                 listener.come_back()
                 return False
-            taken = self._clock() - started
+            taken = clock() - started
             if taken > self._slow_after:
                 listener.was_slow(taken, received.timestamp)
         return True

@@ -17,10 +17,9 @@ T = TypeVar("T")
 
 
 class Received(NamedTuple, Generic[T]):
-    """What a listener gets: the message, its COB-ID and when it came, in the seconds of the bus that brought it.
+    """What a listener gets: the message, its COB-ID, when it came in the bus's seconds, and the frame it came in.
 
-    It is immutable, so no listener can spoil it for another; its message is the decoded one, or the bare Frame for
-    listeners of frames.
+    It is immutable, so that no listener can spoil it for another. A node listens to frames: its message is None.
     """
 
     message: T

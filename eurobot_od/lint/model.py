@@ -118,35 +118,34 @@ REALS = ("REAL32", "REAL64")
 UNSIGNED8, UNSIGNED16, UNSIGNED32 = TYPES[0x05], TYPES[0x06], TYPES[0x07]
 
 
-class Variable(NamedTuple):
+class Variable:
     """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it."""
 
-    index: int
-    sub: int
-    section: Section
+    def __init__(self, index: int, sub: int, section: Section) -> None:
+        self.index, self.sub, self.section = index, sub, section
 
     @property
     def name(self) -> str:
         """Return its ParameterName."""
         return self.section.text("parametername")
 
-    @property
+    @cached_property
     def type(self) -> DataType | None:
         """Return its basic data type; None if that is missing, unknown or no basic one."""
         code = parse_number(self.section.text("datatype"))
         return TYPES.get(code.value) if code else None
 
-    @property
+    @cached_property
     def access(self) -> str:
         """Return its AccessType in lower case."""
         return self.section.text("accesstype").lower()
 
-    @property
+    @cached_property
     def is_mappable(self) -> bool:
         """Whether it may be mapped into a PDO."""
         return self.number("pdomapping") == Number(1)
 
-    @property
+    @cached_property
     def is_writable(self) -> bool:
         """Whether an SDO may write it."""
         return self.access in ("rw", "wo", "rwr", "rww")
@@ -155,13 +154,13 @@ class Variable(NamedTuple):
         """Return the number a key (in lower case) has; None without one."""
         return parse_number(self.section.text(key))
 
-    @property
+    @cached_property
     def value_entry(self) -> Entry | None:
         """Return the entry with its value: the ParameterValue (DCF), or else the DefaultValue."""
         entries = self.section.entries
         return entries.get("parametervalue") or entries.get("defaultvalue")
 
-    @property
+    @cached_property
     def value(self) -> Number | None:
         """Return its ParameterValue (DCF) or DefaultValue as a number."""
         entry = self.value_entry
@@ -173,20 +172,20 @@ class Variable(NamedTuple):
         return f"0x{self.index:04X} sub {self.sub}"
 
 
-class Object(NamedTuple):
+class Object:
     """An object: its section (None if only sub-indices are described), its sub-indices, its [Name] and [Value] lists."""
 
-    index: int
-    section: Section | None
-    subs: dict[int, Variable]
-    lists: dict[str, Section]
+    def __init__(
+        self, index: int, section: Section | None, subs: dict[int, Variable], lists: dict[str, Section]
+    ) -> None:
+        self.index, self.section, self.subs, self.lists = index, section, subs, lists
 
     @property
     def name(self) -> str:
         """Return its ParameterName."""
         return self.section.text("parametername") if self.section else ""
 
-    @property
+    @cached_property
     def kind(self) -> Kind | None:
         """Return its object code, VAR if it says none; None for an unknown one."""
         if self.section is None:
@@ -195,7 +194,7 @@ class Object(NamedTuple):
         code = parse_number(entry.value) if entry and entry.value else Number(Kind.VAR.value)
         return Kind(code.value) if code and code.value in _KINDS else None
 
-    @property
+    @cached_property
     def compact(self) -> int:
         """Return how many sub-indices CompactSubObj describes at once, 0 for none, never more than there can be."""
         count = parse_number(self.section.text("compactsubobj")) if self.section else None
@@ -206,7 +205,7 @@ class Object(NamedTuple):
         """Return the section to point at: its own, or else the first of its sub-indices or lists."""
         return self.section or next(iter([*(each.section for each in self.subs.values()), *self.lists.values()]))
 
-    @property
+    @cached_property
     def is_writable(self) -> bool:
         """Whether an SDO may write any of its sub-indices but 0."""
         if self.compact and self.section:
@@ -248,7 +247,7 @@ def _entry(section: Section) -> Entry:
 class ObjectName(NamedTuple):
     """What the name of an object's section says: index, sub-index (-1 without one) and list (`name`, `value`, ``)."""
 
-    index: int
+    object_index: int
     sub: int = -1
     list: str = ""
 
@@ -290,13 +289,11 @@ MULTIPLEXED = (254, 255)
 """Values of a mapping's sub 0 for multiplexed PDOs, whose mapping is no list of objects."""
 
 
-class Mapped(NamedTuple):
+class Mapped:
     """An entry of a mapping: the object, its bits, and the variable of the mapping record that holds it."""
 
-    index: int
-    sub: int
-    bits: int
-    by: Variable
+    def __init__(self, entry: int, by: Variable) -> None:
+        self.index, self.sub, self.bits, self.by = entry >> 16 & 0xFFFF, entry >> 8 & 0xFF, entry & 0xFF, by
 
     @property
     def where(self) -> str:
@@ -337,7 +334,7 @@ class Pdo(NamedTuple):
         return setting.value if setting else None
 
     @property
-    def count(self) -> Number | None:
+    def amount(self) -> Number | None:
         """Return the number of mapped objects, sub 0 of the mapping."""
         variable = self.mapping.variable(0) if self.mapping else None
         return variable.value if variable else None
@@ -345,7 +342,7 @@ class Pdo(NamedTuple):
     @property
     def is_multiplexed(self) -> bool:
         """Whether it is a multiplexed PDO."""
-        return self.count is not None and self.count.value in MULTIPLEXED
+        return self.amount is not None and self.amount.value in MULTIPLEXED
 
     @property
     def is_valid(self) -> bool:
@@ -361,14 +358,14 @@ class Pdo(NamedTuple):
         return cob_id.at(node_id) & BASE_IDENTIFIER
 
     def mapped(self) -> Iterator[Mapped]:
-        """Give the entries of the mapping that count: the first `count`, as far as they are there and are numbers."""
-        if self.mapping is None or self.count is None or self.is_multiplexed:
+        """Give the entries of the mapping that count: the first `amount`, as far as they are there and are numbers."""
+        if self.mapping is None or self.amount is None or self.is_multiplexed:
             return
-        for sub in range(1, min(self.count.value, MOST_SUBS) + 1):
+        for sub in range(1, min(self.amount.value, MOST_SUBS) + 1):
             variable = self.mapping.variable(sub)
             entry = variable.value if variable else None
             if variable and entry and not entry.relative and entry.value > 0:
-                yield Mapped(entry.value >> 16 & 0xFFFF, entry.value >> 8 & 0xFF, entry.value & 0xFF, variable)
+                yield Mapped(entry.value, variable)
 
     @property
     def bits(self) -> int:
@@ -399,7 +396,7 @@ class Device:
     @cached_property
     def object_sections(self) -> list[tuple[ObjectName, Section]]:
         """All sections of objects, in the file's order."""
-        named = ((parse_object_name(each.name), each) for each in self.document.sections.values())
+        named = ((parse_object_name(each.name.strip()), each) for each in self.document.sections.values())
         return [(name, each) for name, each in named if name]
 
     @cached_property
@@ -480,5 +477,5 @@ def _object(index: int, section: Section | None, subs: dict[int, Variable], list
     """Make an object; a VAR and a DOMAIN are their own and only variable."""
     found = Object(index, section, subs, lists)
     if section and not subs and found.kind not in COMPOSED and not found.compact:
-        return found._replace(subs={0: Variable(index, 0, section)})
+        found.subs = {0: Variable(index, 0, section)}
     return found

@@ -12,7 +12,7 @@ from typing import NamedTuple
 LONGEST = 254
 """Most characters of a key and its value together (CiA 306: shorter than 255)."""
 
-BYTE_ORDER_MARK = "\N{LATIN SMALL LETTER I WITH DIAERESIS}\N{RIGHT-POINTING DOUBLE ANGLE QUOTATION MARK}\N{INVERTED QUESTION MARK}"
+BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"
 """The UTF-8 byte order mark, read as Latin-1."""
 
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -178,7 +178,9 @@ class _Reader:
         if ";" in value:
             value = self._without_comment(number, column, value)
         if len(key) + len(value) > LONGEST:
-            self._note(Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters")
+            self._note(
+                Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters"
+            )
         self._keep(Entry(key, value, number, column), indent)
 
     def _keep(self, entry: Entry, indent: int) -> None:

@@ -109,8 +109,8 @@ class Profile(NamedTuple):
 
     def _seconds_ahead(self, left: float, rate: float) -> float:
         """Return the time to cover `left` from a `rate` that is within the top and can stop in time."""
-        if left <= self.tolerance * EXACTNESS:
-            return rate / self.fall
+        if not left:
+            return 0.0
         if not self.top:
             return math.inf
         peak = min(math.sqrt(self.fall * (2 * self.rise * left + rate * rate) / (self.rise + self.fall)), self.top)

@@ -1,0 +1,83 @@
+"""Run one node of the robot on a CAN bus, until it is interrupted.
+
+Rule of this file: a node is what its EDS file says; options only name the bus and, for the core, the start.
+"""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import threading
+from typing import TYPE_CHECKING
+
+from eurobot_od import durations
+from eurobot_od.cli import options as shared
+from eurobot_od.values import TeamColour
+
+if TYPE_CHECKING:
+    from eurobot_od.frame import Frame
+    from eurobot_od.nodes import Node
+    from eurobot_od.runtime import Live
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("node", choices=("core", "drive", "navigation"), help="which node")
+    parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the EDS file's)")
+    parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print every message the node hears")
+    colours = [colour.name.lower() for colour in TeamColour]
+    parser.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
+    shared.add_dialect(parser)
+    shared.add_bus(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the node."""
+    from eurobot_od import dialects, runtime
+    from eurobot_od.nodes import ROLES
+
+    node = ROLES[arguments.node](dialects.load(arguments.node, arguments.dialect, arguments.node_id))
+    live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
+    if arguments.verbose:
+        ids = node.device.identifiers
+        live.gatekeeper.add_frames(lambda: ids, lambda frame, now: print(_line(node, frame, now), flush=True), "print")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with live:
+        print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
+        if arguments.team:
+            _start_up(node, TeamColour[arguments.team.upper()])
+        _wait(live, arguments.duration)
+    return 0
+
+
+def _line(node: Node, frame: Frame, now: float) -> str:
+    from eurobot_od.errors import RemoteError
+    from eurobot_od.messages import describe
+
+    try:
+        message = node.device.protocol.decode(*frame)
+        what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
+    except RemoteError as error:
+        what = str(error)
+    return f"{now:12.3f}  {frame!s:<20}  {what}"
+
+
+def _start_up(node: Node, team: TeamColour) -> None:
+    """Do the core's part of the startup (document 5.1); raises NoAnswer."""
+    from eurobot_od.nodes import Core
+
+    if isinstance(node, Core):
+        for name, seconds in node.check_nodes().result().items():
+            print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
+        print(f"start configuration confirmed after {node.configure_start(team).result() * 1000:.1f} ms", flush=True)
+
+
+def _wait(live: Live, duration: float | None) -> None:
+    """Wait for the end of the time, an interrupt, or the bus's failure; raises BusError."""
+    end = None if duration is None else live.clock() + duration
+    pause = threading.Event()
+    while live.failure is None and (end is None or live.clock() < end):
+        pause.wait(0.1)
+    if live.failure is not None:
+        raise live.failure

@@ -1,0 +1,100 @@
+"""Send one message on a CAN bus, and wait for an answer if asked to.
+
+Rule of this file: the whole command line is checked against the EDS files before a bus is opened.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od import durations
+from eurobot_od.cli import options as shared
+from eurobot_od.errors import BusError, FieldError, LocalError, UnknownName
+
+if TYPE_CHECKING:
+    from eurobot_od.messages import Message
+    from eurobot_od.protocol import Binding, Protocol
+    from eurobot_od.runtime import Live
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("message", help="a message by its name, such as 'Goto XY'")
+    parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="such as x=1500 barriers=fire-1:forced")
+    parser.add_argument("--expect", metavar="MESSAGE", help="wait for this message and print it")
+    parser.add_argument("--within", default="1 s", metavar="TIME", help="how long to wait for it (default: 1 s)")
+    shared.add_dialect(parser)
+    shared.add_bus(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Send the message; 1 if the expected answer does not come in time."""
+    from eurobot_od.protocol import Protocol
+
+    within = durations.seconds(arguments.within)
+    protocol = Protocol.load(arguments.dialect)
+    message = parse(protocol.binding(arguments.message), arguments.fields)
+    frame = protocol.encode(message)
+    expected = protocol.binding(arguments.expect) if arguments.expect else None
+    bus = shared.open_bus(arguments)
+    print(f"sent      {frame}  {_words(protocol, message)}")
+    return _exchange(bus, protocol, message, expected, within)
+
+
+def parse(binding: Binding, fields: Sequence[str]) -> Message:
+    """Return the message of `name=value` words; raises UnknownName, FieldError, LocalError."""
+    values = dict(_value(binding, field) for field in fields)
+    missing = [field for field in binding.kinds if field not in values and field not in binding.defaults]
+    if missing:
+        raise LocalError(f"{binding.name}: {', '.join(missing)} missing")
+    return binding.type(**values)
+
+
+def _value(binding: Binding, text: str) -> tuple[str, Any]:
+    field, given, value = text.partition("=")
+    if field not in binding.kinds:
+        raise UnknownName(f"field of {binding.name}", field, binding.kinds)
+    kind = binding.kinds[field]
+    try:
+        return field, kind.parse(value)
+    except (ValueError, KeyError):
+        limits = binding.limits.get(field)
+        allowed = kind.allowed(limits) if limits else "nothing, as the loaded EDS does not map it"
+        raise FieldError(binding.name, field, value if given else text, allowed) from None
+
+
+def _words(protocol: Protocol, message: Message) -> str:
+    from eurobot_od.messages import describe
+
+    return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
+
+
+def _exchange(bus: Any, protocol: Protocol, message: Message, expected: Binding | None, within: float) -> int:
+    from eurobot_od.gatekeeper import Gatekeeper
+    from eurobot_od.runtime import Live
+
+    gatekeeper = Gatekeeper(protocol)
+    answers = gatekeeper.add_queue(expected.type) if expected else None
+    with Live(bus, gatekeeper) as live:
+        started = live.clock()
+        live.send(message)
+        answer = answers.get(within) if answers is not None else None
+        status = _tell(live, protocol, answer, started, expected, within)
+    if gatekeeper.mailboxes.statistics().completed == 0:
+        raise BusError("the bus did not take the frame")
+    return status
+
+
+def _tell(live: Live, protocol: Protocol, answer: Any, started: float, expected: Binding | None, within: float) -> int:
+    if live.failure:
+        raise live.failure
+    if expected is None:
+        return 0
+    if answer is None:
+        print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
+        return 1
+    took = (answer.timestamp - started) * 1000
+    print(f"received  {answer.frame}  {_words(protocol, answer.message)}  after {took:.1f} ms")
+    return 0

@@ -1,0 +1,141 @@
+"""Show the messages as the EDS files map them, or one message's bits as a picture.
+
+Rule of this file: what is printed comes from the loaded EDS files and the message types, from nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import textwrap
+from collections.abc import Iterable, Iterator
+from string import ascii_letters
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.cli import options as shared
+
+if TYPE_CHECKING:
+    from eurobot_od.protocol import Binding
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("message", nargs="?", help="a message by its name, such as 'Goto XY'; left out: all")
+    parser.add_argument("--json", action="store_true", help="print as JSON")
+    shared.add_dialect(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the table of all messages, or one message."""
+    from eurobot_od.protocol import Protocol
+
+    protocol = Protocol.load(arguments.dialect)
+    chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
+    if arguments.json:
+        print(json.dumps([as_data(each) for each in chosen], indent=2))
+    elif arguments.message:
+        print("\n".join(picture(chosen[0])))
+    else:
+        print("\n".join(table(chosen)))
+    return 0
+
+
+def as_data(binding: Binding) -> dict[str, Any]:
+    """Return a message as plain data: identifier, who has it, and its fields with width, unit, limits and bits."""
+    fields = {
+        field: {
+            "bits": binding.layout.widths[field],
+            "unit": binding.kinds[field].unit,
+            "allowed": binding.kinds[field].allowed(binding.limits[field]),
+            "frame_bits": binding.layout.places(field),
+        }
+        for field in binding.kinds
+        if field in binding.layout.fields
+    }
+    return {
+        "name": binding.name,
+        "cob_id": binding.cob_id,
+        "senders": binding.senders,
+        "receivers": binding.receivers,
+        "length": binding.layout.length,
+        "fields": fields,
+    }
+
+
+def table(bindings: Iterable[Binding]) -> Iterator[str]:
+    """Yield the lines of the table of all messages, most urgent first."""
+    yield f"{'COB-ID':<7} {'message':<30} {'from':<18} {'to':<18} {'bytes':>5}  fields (bits)"
+    for each in bindings:
+        senders, receivers = ", ".join(each.senders), ", ".join(each.receivers)
+        fields = ", ".join(f"{name} {each.layout.widths[name]}" for name in each.kinds if name in each.layout.fields)
+        line = f"0x{each.cob_id:03X}   {each.name:<30} {senders:<18} {receivers:<18} {each.layout.length:>5}  {fields}"
+        yield line.rstrip()
+
+
+# One message
+
+
+def picture(binding: Binding) -> Iterator[str]:
+    """Yield the lines that describe one message: who, which bits where, and what each field means."""
+    text = " ".join((binding.type.__doc__ or "").split())
+    yield f"{binding.name}  COB-ID 0x{binding.cob_id:03X}  {_lengths(binding)}"
+    yield f"{', '.join(binding.senders)} -> {', '.join(binding.receivers)}"
+    yield from textwrap.wrap(text, 100)
+    if binding.layout.length:
+        yield ""
+        yield from _bytes(binding)
+        yield ""
+        yield from _legend(binding)
+
+
+def _lengths(binding: Binding) -> str:
+    if binding.layout.length == 0:
+        return "no data"
+    shorter = "".join(f", {length} without {_names(binding.optional)}" for length in binding.lengths[:-1])
+    return f"{binding.layout.length} bytes{shorter}"
+
+
+def _names(fields: list[str]) -> str:
+    return " and ".join([", ".join(fields[:-1]), fields[-1]] if len(fields) > 1 else fields)
+
+
+def _symbols(binding: Binding) -> dict[str, str]:
+    """Give each field a letter of its own, if possible its first."""
+    taken: dict[str, str] = {}
+    for field in binding.kinds:
+        if field in binding.layout.fields:
+            letters = [letter for letter in field if letter.isalpha()]
+            candidates = [letters[0].upper(), *letters, *ascii_letters]
+            taken[field] = next(letter for letter in candidates if letter not in taken.values())
+    return taken
+
+
+def _bytes(binding: Binding) -> Iterator[str]:
+    """Draw the frame as it is sent: a line a byte, bit 7 first; each cell is a field's letter and value bit."""
+    cells = _cells(binding)
+    edge = "        +" + "------+" * 8
+    yield "         " + "".join(f"bit {bit}  " for bit in range(7, -1, -1))
+    yield edge
+    for byte in range(binding.layout.length):
+        row = (f" {cells.get(8 * byte + bit, '.'):<5}" for bit in range(7, -1, -1))
+        yield f"byte {byte}  |" + "|".join(row) + "|"
+        yield edge
+
+
+def _cells(binding: Binding) -> dict[int, str]:
+    """Return what to write into each bit of the frame, by its number: 8 times the byte plus the bit in it."""
+    return {
+        place: f"{symbol}{bit}"
+        for field, symbol in _symbols(binding).items()
+        for bit, place in enumerate(binding.layout.places(field))
+    }
+
+
+def _legend(binding: Binding) -> Iterator[str]:
+    for field, symbol in _symbols(binding).items():
+        width = binding.layout.widths[field]
+        allowed = binding.kinds[field].allowed(binding.limits[field])
+        bits = f"{symbol}{width - 1}..{symbol}0" if width > 1 else f"{symbol}0"
+        yield f"{bits:<9} {field:<17} {width:>2} bit  {allowed}"
+    if len(_cells(binding)) < 8 * binding.layout.length:
+        yield ".".ljust(9) + " unused"

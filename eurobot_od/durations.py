@@ -1,0 +1,27 @@
+"""Durations as people write them: a number and its unit; rule: no unit, no duration."""
+
+from __future__ import annotations
+
+import re
+
+from eurobot_od.errors import LocalError
+
+UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
+"""Seconds for each unit."""
+
+_DURATION = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([a-z]+)\s*")
+
+
+class DurationError(LocalError):
+    """A duration that is none."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(f"{text!r} is no duration; write a number and one of {', '.join(UNITS)}, such as 500 ms")
+
+
+def seconds(text: str) -> float:
+    """Return the seconds of `500 ms`, `2s` or `1.5 min`; raises DurationError."""
+    match = _DURATION.fullmatch(text)
+    if match is None or match[2] not in UNITS:
+        raise DurationError(text)
+    return float(match[1]) * UNITS[match[2]]

@@ -1,0 +1,30 @@
+"""The table of all rules, and the check of one file.
+
+Rule of this file: the only place that knows all rules. A new rule is a row in the table of its part, and a row of its
+own defect in the tests.
+"""
+
+from __future__ import annotations
+
+from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
+from eurobot_od.lint.findings import Finding, Rule, check
+from eurobot_od.lint.model import Device
+from eurobot_od.lint.reader import read
+
+FILE_RULES: tuple[Rule, ...] = file_rules.RULES + object_rules.RULES + pdo_rules.RULES + dcf_rules.RULES
+"""The rules for one file, by code."""
+
+
+def lint(data: bytes, file: str) -> list[Finding]:
+    """Check the bytes of an EDS or DCF; `file` is its path, which findings name. Findings are in the file's order."""
+    return lint_device(load(data, file), file)
+
+
+def load(data: bytes, file: str) -> Device:
+    """Read the bytes of an EDS or DCF as a device; nothing raises."""
+    return Device(read(data), file.replace("\\", "/").rpartition("/")[2])
+
+
+def lint_device(device: Device, file: str) -> list[Finding]:
+    """Check a device that is read already."""
+    return sorted(set(check(FILE_RULES, file, device)), key=lambda each: (each.line, each.column, each.code))

@@ -1,0 +1,73 @@
+"""What a log holds: entries with a frame, or with something that is no frame of this protocol.
+
+Rule of this file: nothing that stands in a log is dropped; what is no classic base data frame gets a name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from enum import Enum
+from typing import Generic, NamedTuple, TypeAlias, TypeVar
+
+from eurobot_od.frame import Frame
+
+MAX_COB_ID = 0x7FF
+MAX_LENGTH = 8
+"""Highest identifier and longest data of a classic base frame (ISO 11898-1)."""
+
+REMEMBERED = 8192
+"""How many distinct frames, or values of a field, are kept understood."""
+
+
+class Damage(Enum):
+    """What can be wrong with an entry of a log, worst first; the value is how it is reported."""
+
+    UNREADABLE = "unreadable"
+    CUT_OFF = "cut off"
+    ERROR_FRAME = "error frame"
+    REMOTE = "remote frame"
+    FD = "FD frame"
+    EXTENDED = "extended frame"
+    UNKNOWN_IDENTIFIER = "unknown identifier"
+    WRONG_LENGTH = "wrong length"
+    OUT_OF_RANGE = "out of range"
+
+
+class Foreign(NamedTuple):
+    """An entry that is no classic base data frame: why not, and what stands there, shortened."""
+
+    damage: Damage
+    text: str
+
+
+Raw: TypeAlias = Frame | Foreign
+
+Understood = TypeVar("Understood")
+Understand: TypeAlias = Callable[[Raw], Understood]
+"""What the user of a reader makes of a frame; it is asked once for each distinct frame."""
+
+
+class Entry(NamedTuple, Generic[Understood]):
+    """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what it means."""
+
+    line: int
+    time: float
+    channel: str
+    what: Understood
+
+
+Entries: TypeAlias = Iterator[Entry[Understood]]
+
+
+def frame(cob_id: int, data: bytes) -> Frame:
+    """Return a classic base data frame; raises ValueError for an identifier or length that it cannot have."""
+    if cob_id > MAX_COB_ID or len(data) > MAX_LENGTH:
+        raise ValueError(cob_id)
+    return Frame(cob_id, data)
+
+
+def shortened(text: str | bytes, length: int = 60) -> str:
+    """Return text for a report: one line of printable characters, at most `length` long."""
+    plain = text.decode("ascii", "backslashreplace") if isinstance(text, bytes) else text
+    shown = "".join(each if each.isprintable() else " " for each in plain.strip())
+    return shown if len(shown) <= length else shown[: length - 3] + "..."

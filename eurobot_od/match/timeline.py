@@ -1,0 +1,54 @@
+"""The timeline of a match: what happened when, in words and as data.
+
+Rule of this file: an event is told once, when it happened, by whoever made it happen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+
+class EventKind(Enum):
+    """What kind of event it is; the value is the word that heads its line."""
+
+    START = "start"
+    CHECK = "check"
+    CONFIGURE = "configure"
+    POSITION = "position"
+    MATCH = "match"
+    GOTO = "goto"
+    ARRIVED = "arrived"
+    GIVEN_UP = "given up"
+    STOP = "stop"
+    EMERGENCY = "emergency"
+    END = "end"
+
+
+@dataclass(frozen=True)
+class Event:
+    """One line of the timeline: `time` in seconds since power-on, in words (`text`) and as `data`."""
+
+    time: float
+    kind: EventKind
+    text: str
+    data: dict[str, Any] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return f"{self.time:9.3f} s  {self.kind.value:<10} {self.text}"
+
+
+class Timeline:
+    """The events so far; `show` is called with each as it comes."""
+
+    def __init__(self, clock: Callable[[], float], show: Callable[[Event], None]) -> None:
+        self.events: list[Event] = []
+        self._clock, self._show = clock, show
+
+    def tell(self, kind: EventKind, text: str, **data: Any) -> None:
+        """Add an event that happens now."""
+        event = Event(self._clock(), kind, text, data)
+        self.events.append(event)
+        self._show(event)

@@ -1,0 +1,106 @@
+"""Laws of the mailboxes: what leaves is in order, whatever is submitted, and nothing is lost without a word."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Mailboxes, Report
+
+WAIT = 5.0
+
+# One after the other: a frame of a COB-ID is submitted, seconds pass, mailboxes are loaded, a mailbox is done.
+STEPS = st.lists(
+    st.one_of(
+        st.tuples(st.just("submit"), st.integers(0, 4)),
+        st.tuples(st.just("pass"), st.integers(0, 3)),
+        st.tuples(st.just("load"), st.just(0)),
+        st.tuples(st.just("complete"), st.integers(0, 31)),
+    ),
+    max_size=60,
+)
+
+
+class Bench:
+    """Mailboxes under test beside a plain record of what must be in them; frames are numbered in their data."""
+
+    def __init__(self, count: int) -> None:
+        self.reports: list[Report] = []
+        self.boxes = Mailboxes(self.reports.append, count, WAIT)
+        self.count, self.now = count, 0.0
+        self.submitted: dict[Frame, float] = {}
+        self.waiting: list[Frame] = []
+        self.loaded: list[Frame] = []
+        self.done: list[Frame] = []
+        self.dropped = 0
+
+    def submit(self, cob_id: int) -> None:
+        frame = Frame(cob_id, len(self.submitted).to_bytes(2, "big"))
+        self.boxes.submit(frame, self.now)
+        self.submitted[frame] = self.now
+        self.waiting.append(frame)
+
+    def pass_(self, seconds: int) -> None:
+        self.now += seconds
+
+    def load(self, _: int) -> None:
+        loaded = self.boxes.load(self.now)
+        in_time = [frame for frame in self.waiting if self.now < self.submitted[frame] + WAIT]
+        self.dropped += len(self.waiting) - len(in_time)
+        free = self.count - len(self.loaded)
+        assert loaded == sorted(in_time)[:free]  # a frame sorts by COB-ID, then by its number
+        self.waiting = sorted(in_time)[free:]
+        self.loaded += loaded
+
+    def complete(self, place: int) -> None:
+        if place < len(self.loaded):
+            self.done.append(self.loaded.pop(place))
+            assert self.boxes.complete(self.done[-1])
+
+    def check(self) -> None:
+        counts = self.boxes.statistics()
+        assert counts.submitted == counts.completed + counts.dropped + counts.waiting + counts.loaded
+        assert (counts.completed, counts.dropped, counts.loaded) == (len(self.done), self.dropped, len(self.loaded))
+        assert len(self.reports) == self.dropped
+        assert self.boxes.urgent() == min(self.loaded, default=None)
+        assert self.boxes.next_expiry == min((self.submitted[frame] + WAIT for frame in self.waiting), default=None)
+
+
+def run(bench: Bench, steps: list[tuple[str, int]]) -> None:
+    actions = {"submit": bench.submit, "pass": bench.pass_, "load": bench.load, "complete": bench.complete}
+    for action, argument in steps:
+        actions[action](argument)
+        bench.check()
+
+
+@given(st.integers(1, 4), STEPS)
+def test_what_is_loaded_is_the_most_urgent_and_counts_add_up(count: int, steps: list[tuple[str, int]]) -> None:
+    run(Bench(count), steps)
+
+
+@given(st.integers(1, 4), STEPS)
+def test_everything_leaves_but_the_expired(count: int, steps: list[tuple[str, int]]) -> None:
+    bench = Bench(count)
+    run(bench, steps)
+    bench.load(0)
+    while bench.loaded:
+        bench.complete(0)
+        bench.load(0)
+    bench.check()
+    assert len(bench.done) + bench.dropped == len(bench.submitted)
+    assert len(set(bench.done)) == len(bench.done)
+
+
+@given(st.integers(1, 4), st.lists(st.integers(0, 4), max_size=40))
+def test_the_controller_sends_equal_identifiers_in_the_order_submitted(count: int, cob_ids: list[int]) -> None:
+    bench = Bench(count)
+    for cob_id in cob_ids:
+        bench.submit(cob_id)
+    bench.load(0)
+    order: list[Frame] = []
+    while (frame := bench.boxes.urgent()) is not None:
+        order.append(frame)
+        bench.complete(bench.loaded.index(frame))
+        bench.load(0)
+    assert order == sorted(bench.submitted)

@@ -1,0 +1,161 @@
+"""Mailboxes: what leaves when, in which order, and what becomes of a frame that finds none free."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Mailboxes, Report, TransmitStatistics
+
+WAIT = 0.050
+
+
+def frames(*texts: str) -> list[Frame]:
+    """Return frames from candump's writing, `008#01`."""
+    return [Frame(int(cob_id, 16), bytes.fromhex(data)) for cob_id, _, data in (text.partition("#") for text in texts)]
+
+
+def mailboxes(count: int = 3, wait: float = WAIT) -> tuple[Mailboxes, list[Report]]:
+    reports: list[Report] = []
+    return Mailboxes(reports.append, count, wait), reports
+
+
+def submit(boxes: Mailboxes, now: float, *texts: str) -> None:
+    for frame in frames(*texts):
+        boxes.submit(frame, now)
+
+
+def sent(boxes: Mailboxes, now: float) -> list[str]:
+    """Let the controller send everything, one frame at a time, and return it in the order on the wire."""
+    order: list[str] = []
+    boxes.load(now)
+    while (frame := boxes.urgent()) is not None:
+        order.append(str(frame))
+        assert boxes.complete(frame)
+        boxes.load(now)
+    return order
+
+
+ORDERS = {
+    "nothing": ([], []),
+    "the lowest identifier first": (["400#", "008#", "001#"], ["001#", "008#", "400#"]),
+    "equal identifiers as submitted": (["008#03", "008#01", "008#02"], ["008#03", "008#01", "008#02"]),
+    "equal frames twice": (["008#01", "008#01"], ["008#01", "008#01"]),
+    "more than there are mailboxes": (
+        ["400#", "3C0#", "010#01", "008#", "010#02", "001#", "010#03"],
+        ["001#", "008#", "010#01", "010#02", "010#03", "3C0#", "400#"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("submitted", "expected"), ORDERS.values(), ids=ORDERS)
+@pytest.mark.parametrize("count", [1, 2, 3, 32])
+def test_order_on_the_wire(count: int, submitted: list[str], expected: list[str]) -> None:
+    boxes, _ = mailboxes(count)
+    submit(boxes, 0.0, *submitted)
+    assert sent(boxes, 0.0) == expected
+
+
+def test_2014_urgent_frames_do_not_leave_in_reverse_order() -> None:
+    boxes, _ = mailboxes()
+    submit(boxes, 0.0, "3C0#01", "3C0#02", "3C0#03")
+    boxes.load(0.0)
+    submit(boxes, 0.0, "002#00", "004#", "008#01", "008#02")
+    assert sent(boxes, 0.0) == ["3C0#01", "002#00", "004#", "008#01", "008#02", "3C0#02", "3C0#03"]
+
+
+def test_loaded_frames_are_returned_once_and_most_urgent_first() -> None:
+    boxes, _ = mailboxes(2)
+    submit(boxes, 0.0, "400#", "008#", "010#")
+    assert boxes.load(0.0) == frames("008#", "010#")
+    assert boxes.load(0.0) == []
+
+
+def test_a_frame_in_a_mailbox_stays_there_for_a_more_urgent_one() -> None:
+    boxes, _ = mailboxes(1)
+    submit(boxes, 0.0, "400#")
+    boxes.load(0.0)
+    submit(boxes, 0.0, "001#")
+    assert boxes.load(0.0) == []
+    assert boxes.urgent() == Frame(0x400)
+
+
+def test_transmit_complete_frees_the_mailbox() -> None:
+    boxes, _ = mailboxes(1)
+    submit(boxes, 0.0, "008#01", "008#02")
+    [first] = boxes.load(0.0)
+    assert boxes.complete(first)
+    assert boxes.load(0.0) == frames("008#02")
+
+
+@pytest.mark.parametrize("text", ["008#02", "009#01", "008#"])
+def test_transmit_complete_of_a_frame_in_no_mailbox_frees_none(text: str) -> None:
+    boxes, _ = mailboxes(1)
+    submit(boxes, 0.0, "008#01")
+    boxes.load(0.0)
+    [frame] = frames(text)
+    assert not boxes.complete(frame)
+    assert boxes.statistics() == TransmitStatistics(submitted=1, completed=0, dropped=0, waiting=0, loaded=1)
+
+
+# Waiting too long
+
+
+def test_a_frame_without_a_mailbox_is_dropped_after_its_wait_counted_and_reported() -> None:
+    boxes, reports = mailboxes(1)
+    submit(boxes, 0.0, "001#")
+    boxes.load(0.0)
+    submit(boxes, 1.0, "008#01")
+    boxes.expire(1.049)
+    assert reports == []
+    boxes.expire(1.0 + WAIT)
+    assert [str(each) for each in reports] == [
+        "frame dropped: 0x008: 008#01 found no mailbox for 50 ms, 1 dropped so far"
+    ]
+    assert boxes.statistics() == TransmitStatistics(submitted=2, completed=0, dropped=1, waiting=0, loaded=1)
+
+
+def test_a_frame_that_has_waited_too_long_is_not_loaded_any_more() -> None:
+    boxes, _ = mailboxes(1)
+    submit(boxes, 0.0, "001#")
+    [first] = boxes.load(0.0)
+    submit(boxes, 0.0, "008#01")
+    submit(boxes, 0.020, "400#")
+    boxes.complete(first)
+    assert boxes.load(0.060) == frames("400#")
+
+
+def test_a_frame_in_a_mailbox_is_never_dropped() -> None:
+    boxes, reports = mailboxes(1)
+    submit(boxes, 0.0, "008#01")
+    boxes.load(0.0)
+    boxes.expire(1000.0)
+    assert (boxes.urgent(), reports) == (Frame(0x008, b"\x01"), [])
+
+
+def test_2014_the_wait_does_not_shrink_after_idle_time() -> None:
+    boxes, reports = mailboxes(1)
+    submit(boxes, 0.0, "001#")
+    [first] = boxes.load(0.0)
+    boxes.complete(first)
+    submit(boxes, 3600.0, "002#", "004#")
+    boxes.load(3600.0)
+    submit(boxes, 3600.030, "008#")
+    boxes.expire(3600.049)
+    assert reports == []
+    boxes.expire(3600.051)
+    assert [each.name for each in reports] == ["0x004"]
+    boxes.expire(3600.079)
+    assert [each.name for each in reports] == ["0x004"]
+
+
+def test_the_next_expiry_is_that_of_the_frame_that_waits_longest() -> None:
+    boxes, _ = mailboxes(1)
+    assert boxes.next_expiry is None
+    submit(boxes, 1.0, "400#")
+    submit(boxes, 2.0, "008#")
+    assert boxes.next_expiry == 1.0 + WAIT
+    boxes.load(1.0)
+    assert boxes.next_expiry == 1.0 + WAIT
+    boxes.expire(1.0 + WAIT)
+    assert boxes.next_expiry is None

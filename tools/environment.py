@@ -1,0 +1,52 @@
+"""Sets up the repository's own virtual environment, for the tools that a newcomer starts with a plain Python.
+
+Rule of this file: standard library only; it does nothing while `pyproject.toml` is what it was at the last set-up.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+FOLDER = ROOT / ".venv"
+PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+OLDEST = (3, 10)
+
+
+def prepare(extras: str = "") -> Path:
+    """Return the environment's Python; `extras` are those of pyproject.toml, comma-separated.
+
+    Creates and fills the environment if it is missing or out of date; pip's output appears only if it fails.
+    """
+    if sys.version_info < OLDEST:
+        sys.exit(f"Python {'.'.join(map(str, OLDEST))} or newer is needed, this is {sys.version.split()[0]}")
+    stamp = FOLDER / f"installed-{extras or 'plain'}"
+    wanted = hashlib.sha256((ROOT / "pyproject.toml").read_bytes()).hexdigest()
+    if not stamp.is_file() or stamp.read_text() != wanted or not PYTHON.is_file():
+        _install(extras)
+        stamp.write_text(wanted)
+    return PYTHON
+
+
+def _install(extras: str) -> None:
+    print(f"setting up {FOLDER.name} (once; takes up to a minute) ...", file=sys.stderr, flush=True)
+    if not PYTHON.is_file():
+        venv.create(FOLDER, with_pip=True)
+    target = f"{ROOT}[{extras}]" if extras else str(ROOT)
+    command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--editable", target]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if result.returncode:
+        sys.exit(f"pip could not install what is needed:\n{result.stderr.strip()}")
+
+
+def call(*command: str | Path) -> int:
+    """Run a command in the repository's folder's environment and return its exit status."""
+    try:
+        return subprocess.run([str(word) for word in command], check=False).returncode
+    except KeyboardInterrupt:
+        return 130

@@ -1,0 +1,37 @@
+"""Sets up an environment and runs all checks in it: tests, types, style, EDS files. `python3 tools/test.py`
+
+Rule of this file: standard library only; what is given as arguments goes to pytest, and then only pytest runs.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from environment import ROOT, call, prepare
+
+CHECKS = (
+    ("ruff check", ("-m", "ruff", "check", ".")),
+    ("mypy --strict", ("-m", "mypy", "--strict")),
+    ("EDS files", ("tools/make_eds.py", "--check")),
+    ("pytest", ("-m", "pytest")),
+)
+
+
+def main(arguments: list[str]) -> int:
+    """Run the checks one after the other, all of them, and return 1 if one failed."""
+    python = prepare("test")
+    os.chdir(ROOT)
+    if arguments:
+        return call(python, "-m", "pytest", *arguments)
+    failed = []
+    for name, words in CHECKS:
+        print(f"== {name}", flush=True)
+        if call(python, *words):
+            failed.append(name)
+    print(f"failed: {', '.join(failed)}" if failed else "all checks passed", flush=True)
+    return int(bool(failed))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
