@@ -10,7 +10,6 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import BusError
@@ -100,8 +99,7 @@ class Live:
     @classmethod
     def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.monotonic, **options: Any) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
-        aside = ThreadPoolExecutor(thread_name_prefix="aside")
-        station = Station(node, aside=aside.submit, **options)
+        station = Station(node, aside=_in_thread, **options)
         return cls(bus, station.gatekeeper, station, clock)
 
     # Life
@@ -259,6 +257,11 @@ class Watch:
             message = self._bus.recv(POLL)
             if message is not None and _is_ours(message):
                 self._seen(self._clock(), Frame(message.arbitration_id, bytes(message.data)))
+
+
+def _in_thread(work: Callable[[], None]) -> None:
+    """Run the work of a listener that was set aside; a thread that never ends does not keep the process."""
+    threading.Thread(target=work, name="aside", daemon=True).start()
 
 
 def _is_ours(message: can.Message) -> bool:
