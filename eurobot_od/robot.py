@@ -24,7 +24,7 @@ def _waited_for(
     """Turn a call of the core's into one that waits for the result."""
 
     @wraps(method)
-    def wait(self: Robot, *arguments: Arguments.args, **names: Arguments.kwargs) -> Result:
+    def wait(self: Robot, /, *arguments: Arguments.args, **names: Arguments.kwargs) -> Result:
         return method(self.core, *arguments, **names).result()
 
     return wait
@@ -36,7 +36,7 @@ def _passed_on(
     """Turn a stop of the core's into one of the robot's; it does not wait."""
 
     @wraps(method)
-    def call(self: Robot, *arguments: Arguments.args, **names: Arguments.kwargs) -> None:
+    def call(self: Robot, /, *arguments: Arguments.args, **names: Arguments.kwargs) -> None:
         method(self.core, *arguments, **names)
 
     return call
