@@ -5,10 +5,11 @@ Rule of this file: no behaviour of its own; each method is the core's method of 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import asyncio
+from collections.abc import Callable, Coroutine
 from functools import wraps
 from pathlib import Path
-from typing import Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from eurobot_od import dialects, runtime
 from eurobot_od.nodes.core import Core
@@ -71,6 +72,10 @@ class Robot:
 
     def __exit__(self, *_: object) -> None:
         self.live.stop()
+
+    def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
+        """Run a team's strategy, a coroutine that awaits the core's calls, and return its result."""
+        return asyncio.run(strategy(self.core))
 
     check_nodes = _waited_for(Core.check_nodes)
     configure_start = _waited_for(Core.configure_start)

@@ -5,6 +5,7 @@ a timeline of events and a summary, and printing is somebody else's business.
 """
 
 from eurobot_od.match.options import Options as Options
+from eurobot_od.match.stage import rehearse as rehearse
 from eurobot_od.match.summary import Summary as Summary
 from eurobot_od.match.timeline import Event as Event
 from eurobot_od.match.timeline import EventKind as EventKind

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from eurobot_od import dialects
 from eurobot_od.frame import Frame
@@ -31,6 +31,10 @@ BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
 
 POWER_UP = 0.1
 """When the core begins with the startup (document 5.1), s."""
+
+DEFAULTS = Options()
+
+Result = TypeVar("Result")
 
 Watcher = Callable[[float, Frame], None]
 """Called with the time in seconds and each frame on the bus."""
@@ -70,15 +74,31 @@ def _opening(cast: Cast, options: Options, bitrate: int, how: str) -> str:
     return f"{', '.join(node.name for node in cast.nodes)} at {bitrate // 1000} kbit/s, {how}; EDS files: {folder}"
 
 
-def play_simulated(options: Options, show: Callable[[Event], None], watch: Watcher) -> tuple[Summary, World]:
-    """Play a match in simulated time; raises NoAnswer, DictionaryError."""
+def _network(options: Options) -> tuple[Network, Cast]:
+    """Put the cast on a simulated bus."""
     network = Network()
-    clock: Callable[[], float] = lambda: network.now  # noqa: E731
-    cast = _cast(options, clock)
-    traffic, timeline = Traffic(cast.protocol), Timeline(clock, show)
-    network.observers += [lambda _, frame: traffic.count(frame), watch]
+    cast = _cast(options, lambda: network.now)
     for node in cast.nodes:
         network.attach(node, BOOT_TIMES[node.name])
+    return network, cast
+
+
+def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: Options = DEFAULTS) -> Result:
+    """Run a team's strategy in simulated time against simulated nodes, and return its result.
+
+    The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
+    """
+    network, cast = _network(options)
+    network.run(POWER_UP)
+    return loop.run(network, strategy(cast.core))
+
+
+def play_simulated(options: Options, show: Callable[[Event], None], watch: Watcher) -> tuple[Summary, World]:
+    """Play a match in simulated time; raises NoAnswer, DictionaryError."""
+    network, cast = _network(options)
+    clock: Callable[[], float] = lambda: network.now  # noqa: E731
+    traffic, timeline = Traffic(cast.protocol), Timeline(clock, show)
+    network.observers += [lambda _, frame: traffic.count(frame), watch]
     player = Player(cast.core, cast.world, options, timeline, clock)
 
     async def main() -> None:
