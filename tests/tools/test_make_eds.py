@@ -16,7 +16,6 @@ FILES = sorted(EDS.glob("*/*.eds"))
 TABLE = """\
 file: {version: 1, revision: 0, time: "12:00PM", date: "05-28-2014", author: somebody}
 vendor: {name: Somebody, number: 0}
-revision_number: 0x00010000
 serial_number: 1
 hardware_version: "1"
 software_version: "1.0"
@@ -58,8 +57,8 @@ messages:
     {identifier: 8, priority: normal, protocol: GTP, command: Goto, senders: [core], receivers: [drive], object: Target}
   Confirm: {identifier: 12, priority: normal, protocol: GTP, command: Confirm, senders: [drive], receivers: [core]}
 dialects:
-  plain: {}
-  other: {widths: {Target: {Speed: 7}}, most_significant_first: [Target]}
+  plain: {revision_number: 0x00010000}
+  other: {revision_number: 0x00020000, widths: {Target: {Speed: 7}}, most_significant_first: [Target]}
 """
 
 NUMBER = "expected a whole number, decimal or 0x hexadecimal, found"

@@ -139,7 +139,7 @@ COMMON = (
 )
 
 
-def own_objects(table: Table, node: Node) -> tuple[Object, ...]:
+def own_objects(table: Table, dialect: Dialect, node: Node) -> tuple[Object, ...]:
     """Give the communication objects whose values differ between nodes or come from the table."""
     return (
         # 7.5.2.8 to 7.5.2.10
@@ -153,7 +153,7 @@ def own_objects(table: Table, node: Node) -> tuple[Object, ...]:
             "Identity object",
             Entry("Vendor-ID", U32, "ro", table.vendor.number),
             Entry("Product code", U32, "ro", node.product_number),
-            Entry("Revision number", U32, "ro", table.revision_number),
+            Entry("Revision number", U32, "ro", dialect.revision_number),
             Entry("Serial number", U32, "ro", table.serial_number),
         ),
         # 7.5.2.32
@@ -166,6 +166,20 @@ def watched(table: Table, node: Node) -> list[Entry]:
     times = [table.nodes[each].node_id << 16 | table.heartbeat_timeout for each in node.watches]
     unused = [0] * (len(table.nodes) - 1 - len(times))
     return [Entry(f"Consumer heartbeat time {n}", U32, "rw", time) for n, time in enumerate(times + unused, start=1)]
+
+
+def clients(table: Table, node: Node) -> list[Object]:
+    """Give an SDO client channel to each node that is watched, to read who it is (7.5.2.34)."""
+    return [
+        record(
+            0x1280 + n,
+            f"SDO client parameter {each}",
+            Entry("COB-ID client to server (tx)", U32, "rw", 0x600 + table.nodes[each].node_id),
+            Entry("COB-ID server to client (rx)", U32, "rw", 0x580 + table.nodes[each].node_id),
+            Entry("Node-ID of the SDO server", U8, "rw", table.nodes[each].node_id, 1, 127),
+        )
+        for n, each in enumerate(node.watches)
+    ]
 
 
 # PDOs
@@ -281,7 +295,7 @@ def unsigned(bits: int) -> Type:
 def object_dictionary(table: Table, dialect: Dialect, name: Text) -> list[Object]:
     """Give all objects of the node `name`, in the order of their indices."""
     node, data = table.nodes[name], layouts(table, dialect)
-    objects = [*COMMON, *own_objects(table, node), *pdos(table, name, data), *all_data(table, name, data)]
+    objects = [*COMMON, *own_objects(table, dialect, node), *clients(table, node), *pdos(table, name, data), *all_data(table, name, data)]
     objects += [*settings(table.settings, node), *settings(node.settings, node)]
     return sorted(objects, key=lambda each: each.index)
 

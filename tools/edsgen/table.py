@@ -95,8 +95,9 @@ class Node:
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one dialect differs: further fields, other widths, objects sent most significant bit first."""
+    """How one dialect differs: its number in the identity, further fields, other widths, objects sent high bit first."""
 
+    revision_number: Number
     fields: dict[Text, dict[Text, Field]] = field(default_factory=dict)
     widths: dict[Text, dict[Text, Number]] = field(default_factory=dict)
     most_significant_first: tuple[Text, ...] = ()
@@ -127,7 +128,6 @@ class Table:
 
     file: FileData
     vendor: Vendor
-    revision_number: Number
     serial_number: Number
     hardware_version: Text
     software_version: Text
@@ -184,7 +184,6 @@ TABLE = shape(
     Table,
     file=shape(FileData, version=number, revision=number, time=TIME, date=DATE, author=text),
     vendor=shape(Vendor, name=text, number=number),
-    revision_number=number,
     serial_number=number,
     hardware_version=text,
     software_version=text,
@@ -221,6 +220,7 @@ TABLE = shape(
         shape(
             Dialect,
             {"fields": mapping(mapping(FIELD)), "widths": mapping(mapping(number)), "most_significant_first": NAMES},
+            revision_number=number,
         )
     ),
 )

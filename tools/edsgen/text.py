@@ -27,10 +27,11 @@ Section = tuple[str, list[tuple[str, object]]]
 
 def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
     """Give the whole EDS file of a node in a dialect."""
-    objects = object_dictionary(table, table.dialects[dialect_name], node_name)
+    dialect = table.dialects[dialect_name]
+    objects = object_dictionary(table, dialect, node_name)
     sections: list[Section] = [
         file_info(table, dialect_name, node_name),
-        device_info(table, table.nodes[node_name], objects),
+        device_info(table, dialect.revision_number, table.nodes[node_name], objects),
         ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in DUMMIES]),
         ("Comments", [("Lines", len(COMMENTS)), *((f"Line{n}", line) for n, line in enumerate(COMMENTS, start=1))]),
         *object_lists(objects),
@@ -62,7 +63,7 @@ def file_info(table: Table, dialect_name: Text, node_name: Text) -> Section:
     ]
 
 
-def device_info(table: Table, node: Node, objects: Iterable[Object]) -> Section:
+def device_info(table: Table, revision: int, node: Node, objects: Iterable[Object]) -> Section:
     """Give [DeviceInfo]."""
     indices = [each.index for each in objects]
     return "DeviceInfo", [
@@ -70,7 +71,7 @@ def device_info(table: Table, node: Node, objects: Iterable[Object]) -> Section:
         ("VendorNumber", f"0x{table.vendor.number:08X}"),
         ("ProductName", node.product_name),
         ("ProductNumber", f"0x{node.product_number:08X}"),
-        ("RevisionNumber", f"0x{table.revision_number:08X}"),
+        ("RevisionNumber", f"0x{revision:08X}"),
         ("OrderCode", node.order_code),
         *((f"BaudRate_{rate}", int(rate in table.bit_rates)) for rate in BIT_RATES),
         ("SimpleBootUpMaster", 0),
