@@ -98,10 +98,10 @@ INVALID = {
     "unknown object": ("object: Target", "object: ^Goal", "unknown object 'Goal'"),
     "unknown object in dialect": ("first: [Target]", "first: [^Goal]", "unknown object 'Goal'"),
     "unknown field in dialect": ("{Speed: 7}", "{^Pace: 7}", "unknown field 'Pace'"),
-    "identifier twice": ("identifier: 12", "identifier: ^0x8", "identifier 0x008 is used twice, first in line 42"),
-    "Node-ID twice": ("node_id: 2", "node_id: ^1", "node_id 1 is used twice, first in line 12"),
-    "index twice": ("index: 0x2101", "index: ^0x2100", "index 0x2100 is used twice, first in line 27"),
-    "setting twice": ("Check wait:", "^Node-ID:", "setting 'Node-ID' is used twice, first in line 27"),
+    "identifier twice": ("identifier: 12", "identifier: ^0x8", "identifier 0x008 is used twice, first in line 41"),
+    "Node-ID twice": ("node_id: 2", "node_id: ^1", "node_id 1 is used twice, first in line 11"),
+    "index twice": ("index: 0x2101", "index: ^0x2100", "index 0x2100 is used twice, first in line 26"),
+    "setting twice": ("Check wait:", "^Node-ID:", "setting 'Node-ID' is used twice, first in line 26"),
     "identifier over 11 bits": ("identifier: 12", "identifier: ^0x800", "identifier 0x800 is not in 0x001..0x7FF"),
     "Node-ID over 127": ("node_id: 2", "node_id: ^128", "node_id 128 is not in 1..127"),
     "index of a standard": ("index: 0x2000", "index: ^0x1018", "index 0x1018 is not in 0x2000..0x2FFF"),
@@ -214,9 +214,9 @@ def test_tells_all_problems_at_once(source: Path, output: Path, capsys: pytest.C
     assert make(source, output) == 2
     assert capsys.readouterr().err.splitlines() == [
         f"{source}:1:1: key 'heartbeat' is missing",
-        f"{source}:7:12: expected a list, found 'no'",
-        f"{source}:8:1: unknown key 'h'",
-        f"{source}:43:25: {NUMBER} 'x'",
+        f"{source}:6:12: expected a list, found 'no'",
+        f"{source}:7:1: unknown key 'h'",
+        f"{source}:42:25: {NUMBER} 'x'",
     ]
 
 
