@@ -7,6 +7,7 @@ through `dictionary`, but for one question that canopen does not ask: whether th
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
@@ -74,10 +75,11 @@ def with_values(
 def missing(text: str) -> list[str]:
     """Return the sections that an EDS or DCF announces and does not have: listed objects and counted sub-indices."""
     sections = {each.name.lower(): each for each in _sections(text)}
+    members = Counter(name.partition("sub")[0] for name in sections if "sub" in name)
     wanted = [name for each in LISTS for name in _listed(sections.get(each.lower()), each)]
     return [
         *(name for name in wanted if name.lower() not in sections),
-        *(f"{name}sub" for name in wanted if _subs_missing(sections, name.lower())),
+        *(f"{name}sub" for name in wanted if members[name.lower()] < _announced(sections.get(name.lower()))),
     ]
 
 
@@ -91,17 +93,18 @@ def _listed(objects: Section | None, name: str) -> Iterator[str]:
             yield value.lower().removeprefix("0x").zfill(4).upper()
 
 
-def _subs_missing(sections: Mapping[str, Section], name: str) -> bool:
-    announced = sections[name].get("SubNumber") if name in sections else None
-    present = sum(1 for each in sections if each.startswith(f"{name}sub"))
-    return announced is not None and present < int(announced, 0)
+def _announced(section: Section | None) -> int:
+    """Return how many members an object has by its own account, 0 if that is no number."""
+    try:
+        return int(section.get("SubNumber") or "0", 0) if section else 0
+    except ValueError:
+        return 0
 
 
 def _sections(text: str) -> list[Section]:
     sections = [Section("", [])]
     for line in text.replace("\r\n", "\n").removesuffix("\n").split("\n"):
-        header = HEADER.match(line)
-        if header:
+        if "[" in line and (header := HEADER.match(line)):
             sections.append(Section(header["name"], []))
         else:
             sections[-1].lines.append(line)

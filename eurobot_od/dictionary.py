@@ -2,11 +2,13 @@
 
 Rule of this file: files are read by the `canopen` package and by nothing else. canopen gives objects, defaults and
 limits; whatever it lets pass in silence and a PDO needs (a mapped object that is missing, a value that is not there)
-stops the load with file and index.
+stops the load with file and index. A file's bytes are handed on as they are, never looked into.
 """
 
 from __future__ import annotations
 
+import copy
+import logging
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -63,6 +65,8 @@ ALL_BITS = (1 << 64) - 1
 PADDING = "Padding"
 """ParameterName, with or without a number behind it, of a mapped object that fills bits nobody uses."""
 
+logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is told once: by what is raised
+
 
 @dataclass(frozen=True)
 class MappedObject:
@@ -98,6 +102,15 @@ class Pdo:
         return self.index + MAPPING_OFFSET
 
 
+@dataclass(frozen=True)
+class Part:
+    """What a slice is: `bits` bits of the object `whole`, from its bit `low` on."""
+
+    whole: ODVariable
+    low: int
+    bits: int
+
+
 class Dictionary:
     """A loaded EDS or DCF: `file`, `node_id`, `name` (the file's stem) and canopen's `objects`."""
 
@@ -113,12 +126,25 @@ class Dictionary:
         """
         path = Path(file)
         objects = _import(path)
-        given = objects.node_id if node_id is None else node_id
-        number = given or _default(objects, NODE_ID)
+        number = (objects.node_id or _default(objects, NODE_ID)) if node_id is None else node_id
         if not isinstance(number, int) or not 1 <= number <= 127:
             raise DictionaryError(path, None, f"node-ID {number!r} is not in 1..127")
-        _resolve_node_id(objects, number)
+        _resolve_node_id(path, objects, number)
         return cls(path, objects, number)
+
+    def renumbered(self, node_id: int) -> Dictionary:
+        """Return the same file's dictionary for another node-ID."""
+        objects = copy.deepcopy(self.objects)
+        _resolve_node_id(self.file, objects, node_id)
+        return Dictionary(self.file, objects, node_id)
+
+    @cached_property
+    def content(self) -> bytes:
+        """The file as it is, for a device to serve; raises DictionaryError if it is gone."""
+        try:
+            return self.file.read_bytes()
+        except OSError as error:
+            raise DictionaryError(self.file, None, error.strerror or str(error)) from error
 
     def variable(self, address: Address) -> ODVariable | None:
         """Return canopen's variable at an index and sub-index, None if there is none."""
@@ -189,20 +215,22 @@ class Dictionary:
             raise MappingError(self.file, mapping_index, f"{where}, which is missing")
         if not 1 <= bits <= len(variable):
             raise MappingError(self.file, mapping_index, f"{where} with {bits} bits, its type has {len(variable)}")
-        whole = self._whole(variable)
-        return MappedObject(index, subindex, bits, variable.name, _limits(whole))
+        part = self.part(variable)
+        return MappedObject(index, subindex, bits, variable.name, _limits(part.whole if part else variable))
 
-    def _whole(self, variable: ODVariable) -> ODVariable:
-        """Return the object that a slice is a part of: the member so named of the record without ` slices`.
+    def part(self, variable: ODVariable) -> Part | None:
+        """Return what a slice is a part of: the member so named of the record without ` slices`.
 
-        Anything else is a whole itself; so is a slice without a whole, whose limits are those of its bits.
+        None for an object that is no slice, and for a slice without a whole.
         """
         match = SLICE.match(variable.name)
         if match is None or variable.parent is None:
-            return variable
+            return None
         record = variable.parent.name.removesuffix(SLICES)
         wholes = (each for index, each in self.objects.indices.items() if index >= DATA and each.name == record)
-        return next((each[match["name"]] for each in wholes if match["name"] in each), variable)
+        whole = next((each[match["name"]] for each in wholes if match["name"] in each), None)
+        high, low = int(match["high"]), int(match["low"])
+        return None if whole is None else Part(whole, low, high - low + 1)
 
     def _number(self, address: Address, value: Callable[[Address], Value]) -> int:
         number = value(address)
@@ -245,10 +273,14 @@ def _default(objects: ObjectDictionary, address: Address) -> Value:
     return variable.default if variable.value is None else variable.value
 
 
-def _resolve_node_id(objects: ObjectDictionary, node_id: int) -> None:
+def _resolve_node_id(file: Path, objects: ObjectDictionary, node_id: int) -> None:
     """Add the node-ID to `$NODEID+...` values, which canopen leaves open while it is not known."""
     for entry in objects.values():
         for variable in getattr(entry, "subindices", {0: entry}).values():
             if variable.relative:
                 offset = variable.default_raw.upper().replace("$NODEID", "").strip("+ ")
-                variable.default = int(offset or "0", 0) + node_id
+                try:
+                    variable.default = int(offset or "0", 0) + node_id
+                except ValueError:
+                    what = f"sub {variable.subindex}: {variable.default_raw!r} is no number with $NODEID"
+                    raise DictionaryError(file, variable.index, what) from None

@@ -28,8 +28,8 @@ class UnknownName(LocalError):
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
         self.kind, self.name, self.known = kind, name, tuple(map(str, known))
-        near = get_close_matches(str(name), self.known, n=3, cutoff=0.8)
-        hint = f"; did you mean {' or '.join(near)}?" if near else f"; known: {', '.join(self.known)}"
+        near = get_close_matches(str(name), self.known, n=2, cutoff=0.8)
+        hint = f"; did you mean {near[0]}?" if len(near) == 1 else f"; known: {', '.join(self.known)}"
         super().__init__(f"unknown {kind} {name!r}{hint if self.known else ''}")
 
 
@@ -95,6 +95,18 @@ class NoAnswer(RemoteError):
     def __init__(self, request: str, answer: str, attempts: int, waited: float) -> None:
         self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
         super().__init__(f"no {answer} after {attempts} x {request} ({waited * 1000:.0f} ms each)")
+
+
+class NodeRefused(RemoteError):
+    """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22)."""
+
+    def __init__(self, node_id: int, request: str, code: int, reason: str) -> None:
+        self.node_id, self.request, self.code, self.reason = node_id, request, code, reason
+        super().__init__(f"node {node_id} refused to {request}: {reason} (0x{code:08X})")
+
+
+class ConfigurationError(RemoteError):
+    """A node that could not be configured; the text says what was written and in which state the node is."""
 
 
 class BusError(EurobotError):

@@ -170,8 +170,8 @@ class BarrierFlags(Kind):
 
 
 def _integer(value: Any) -> int:
-    """Return a whole number as int; raises TypeError for what is no number and ValueError for 1.5."""
-    if isinstance(value, OutOfRange) or not isinstance(value, (int, float)) or value != int(value):
+    """Return a whole number as int; raises ValueError for 1.5, infinity, what is no number and what is flagged."""
+    if isinstance(value, OutOfRange) or not isinstance(value, (int, float)) or value % 1 != 0:
         raise ValueError(value)
     return int(value)
 
@@ -182,4 +182,7 @@ def _plain(member: IntEnum) -> str:
 
 def _barrier(text: str) -> tuple[int, Passage]:
     name, _, passage = text.partition(":")
-    return barrier_number(name), Passage[passage.strip().upper() or "NORMAL"]
+    wanted = passage.strip().upper() or Passage.NORMAL.name
+    if wanted not in Passage.__members__:
+        raise ValueError(text)
+    return barrier_number(name), Passage[wanted]

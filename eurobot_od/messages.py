@@ -274,6 +274,28 @@ def kinds(message_type: type[Message]) -> Mapping[str, Kind]:
     return _KINDS[message_type]
 
 
+SERVICES: Mapping[str, tuple[type[Message], ...]] = {
+    "GTP": (EmergencyShutdown, EmergencyStop, StopDrive, GotoXY, GotoConfirm, GotoStateRequest, GotoStateResponse),
+    "ELP": tuple(each for each in TYPES if each.__name__.endswith(("PositionRequest", "PositionResponse"))),
+    "GIP": (
+        StartConfigurationSet,
+        StartConfigurationConfirm,
+        CheckNaviRequest,
+        CheckNaviResponse,
+        CheckDriveRequest,
+        CheckDriveResponse,
+    ),
+}
+"""The messages of the document's three protocols: Goto, Estimated Location, General Information (Table 5)."""
+
+_SERVICE = {each: service for service, types in SERVICES.items() for each in types}
+
+
+def service(message_type: type[Message]) -> str:
+    """Return the protocol that a message type belongs to: `GTP`, `ELP` or `GIP` (document Table 5)."""
+    return _SERVICE[message_type]
+
+
 def flagged_fields(message: Message) -> list[str]:
     """Return the fields of a received message whose value is out of range; empty if all may be acted on."""
     return [name for name, value in zip(message._fields, message) if isinstance(value, OutOfRange)]

@@ -88,9 +88,13 @@ class Binding:
             default = self.kinds[field].text(self.defaults[field])
             raise FieldError(self.name, field, value, f"{default}, as the loaded EDS does not map it")
         try:
-            return self.kinds[field].write(value, self.limits[field])
+            raw = self.kinds[field].write(value, self.limits[field])
         except (ValueError, TypeError):
             raise FieldError(self.name, field, value, self.kinds[field].allowed(self.limits[field])) from None
+        if raw >> self.layout.widths[field]:
+            width = self.layout.widths[field]
+            raise FieldError(self.name, field, value, f"what fits into the {width} bits that the loaded EDS maps")
+        return raw
 
     # Raw integers
 
@@ -146,13 +150,13 @@ class Binding:
     def reader(self) -> Callable[[bytes], Message]:
         """Return the function from a frame's data to the typed message; it raises FrameLengthError."""
         read: Callable[[bytes], Message] = codec.reader(
-            self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self._unknown
+            self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self.unknown
         )
         return read
 
     def writer(self) -> Callable[[Any], Frame]:
         """Return the function from a typed message to its frame; it raises FieldError."""
-        return codec.writer(self.layout, self._columns, self.cob_id, self._write_carefully, self._unknown)
+        return codec.writer(self.layout, self._columns, self.cob_id, self._write_carefully, self.unknown)
 
     @cached_property
     def _columns(self) -> list[Column]:
@@ -164,13 +168,13 @@ class Binding:
             return Column(field, None, {default: 0}, default)
         limits, width = self.limits[field], self.layout.widths[field]
         if width > TABLE_BITS:
-            return Column(field, partial(kind.read, limits=limits), partial(kind.write, limits=limits))
+            return Column(field, partial(kind.read, limits=limits), partial(self.raw, field))
         table = _table(kind, limits, width)
         place = partial(self.layout.place, field)
         return Column(field, table, {meaning: place(raw) for meaning, raw in _inverse(kind, limits, width).items()})
 
     @cached_property
-    def _unknown(self) -> Unknown | None:
+    def unknown(self) -> Unknown | None:
         """The bits that mean "position unknown": the codes of x, y and angle together (document Table 2)."""
         codes = {f: kind.UNKNOWN for f, kind in self.kinds.items() if isinstance(kind, (Coordinate, Heading))}
         if not any(isinstance(self.kinds[field], Coordinate) for field in codes):
@@ -181,7 +185,7 @@ class Binding:
     def _write_carefully(self, message: Message) -> Frame:
         """Encode what the tables do not hold: angles to be normalised, an unknown position; or say what is wrong."""
         values = message._asdict()
-        unknown = self._unknown
+        unknown = self.unknown
         word = 0
         if unknown and all(values[field] is None for field in unknown.fields):
             word = unknown.code

@@ -10,8 +10,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper, Running
@@ -38,6 +39,28 @@ STUCK_AFTER = 0.25
 """Seconds after which a listener that does not return loses its thread."""
 
 
+class ErrorFrame(NamedTuple):
+    """What an error frame says: a class bit in its identifier, bits of one data byte (0: any), and our error code."""
+
+    class_bit: int
+    byte: int
+    bits: int
+    code: ErrorCode
+
+    def in_frame(self, message: can.Message) -> bool:
+        """Tell whether an error frame says this."""
+        details = int.from_bytes(message.data[self.byte : self.byte + 1], "little")
+        return bool(message.arbitration_id & self.class_bit and (details & self.bits or not self.bits))
+
+
+ERROR_FRAMES = (
+    ErrorFrame(0x004, 1, 0x03, ErrorCode.OVERRUN),
+    ErrorFrame(0x004, 1, 0x30, ErrorCode.ERROR_PASSIVE),
+    ErrorFrame(0x100, 0, 0x00, ErrorCode.RECOVERED_FROM_BUS_OFF),
+)
+"""Error frames that become an EMCY, in the form of Linux's `can/error.h`, which python-can's drivers pass on."""
+
+
 def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
     """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
 
@@ -59,8 +82,10 @@ def _configured(given: dict[str, Any]) -> dict[str, Any]:
     from can import rc, util
 
     sources = (given, rc, util.load_environment_config(), util.load_file_config())
-    named = any(source.get("interface") or source.get("bustype") for source in sources)
-    config = dict(util.load_config(config=given if named else DEFAULT_BUS | given))
+    said = {key for source in sources for key, value in source.items() if value}
+    named = said & {"interface", "bustype"}
+    defaults = {} if named else {key: value for key, value in DEFAULT_BUS.items() if key not in said}
+    config = dict(util.load_config(config=defaults | given))
     return {"bitrate": BITRATE} | config
 
 
@@ -72,7 +97,7 @@ class Live:
     """A gatekeeper, and the node of a station if there is one, running on a bus.
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what the bus brought that is no
-    classic base data frame. `failure` is the error that ended the reading, None while all is well.
+    classic base data frame. `failure` is the error that ended reading or sending, None while all is well.
     Use it as a context manager; it shuts the bus down at its end.
     """
 
@@ -106,13 +131,19 @@ class Live:
 
     def start(self) -> Live:
         """Hand the receive filters to the bus, switch the node on, start reading."""
-        self.bus.set_filters(self.gatekeeper.start())
+        self.gatekeeper.start()
+        self._filter()
         self._running = True
         if self.station is not None:
             self.station.start(self.clock())
         self._spawn(self._read)
         self._spawn(self._keep)
         return self
+
+    def _filter(self) -> None:
+        """Hand the receive filters to the bus."""
+        self._filters = self.gatekeeper.filters
+        self.bus.set_filters(self._filters)
 
     def stop(self) -> None:
         """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them."""
@@ -172,16 +203,18 @@ class Live:
             return frame
 
     def _sent(self, frame: Frame) -> bool:
-        import can
-
-        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
         try:
-            self.bus.send(message, timeout=RETRY)
-        except can.CanError:
+            return transmit(self.bus, frame)
+        except BusError as failure:
+            self._fail(failure)
             return False
-        return True
 
     # Threads
+
+    def _fail(self, failure: BusError) -> None:
+        """Note that the adapter was pulled out, the server went away, the driver failed."""
+        if self._running:
+            self.failure = failure
 
     def _read(self) -> None:
         try:
@@ -189,17 +222,25 @@ class Live:
                 message = self.bus.recv(POLL)
                 if message is not None and not self._receive(message):
                     return
-        except Exception as error:  # the adapter was pulled out, the server went away, the driver failed
-            if self._running:
-                self.failure = BusError(f"the bus {self.bus.channel_info} failed: {_one_line(error)}")
+        except Exception as error:  # drivers raise what comes to hand
+            self._fail(_failure(self.bus, error))
 
     def _receive(self, message: can.Message) -> bool:
         if not _is_ours(message):
             self.foreign += 1
+            self._note_error(message)
             return True
         going_on = self.gatekeeper.receive(Frame(message.arbitration_id, bytes(message.data)), self.clock())
+        if self.gatekeeper.filters is not self._filters:
+            self._filter()
         self._pump()
         return going_on
+
+    def _note_error(self, message: can.Message) -> None:
+        """Tell the node what the controller reports."""
+        for error in ERROR_FRAMES:
+            if self.station is not None and message.is_error_frame and error.in_frame(message):
+                self.station.bus_error(error.code, self.clock())
 
     def _keep(self) -> None:
         while self._running:
@@ -236,10 +277,19 @@ class Live:
 
 
 class Watch:
-    """Calls a function with the time and every classic base data frame on a bus; a context manager."""
+    """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
 
-    def __init__(self, bus: can.BusABC, seen: Callable[[float, Frame], None], clock: Callable[[], float]) -> None:
-        self._bus, self._seen, self._clock = bus, seen, clock
+    `failed` is called, once, with the error that ended the reading.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        seen: Callable[[float, Frame], None],
+        clock: Callable[[], float],
+        failed: Callable[[BusError], None] = lambda _: None,
+    ) -> None:
+        self._bus, self._seen, self._clock, self._failed = bus, seen, clock, failed
         self._running = True
         self._thread = threading.Thread(target=self._read, name=f"{bus.channel_info} watch", daemon=True)
 
@@ -253,10 +303,32 @@ class Watch:
         self._bus.shutdown()
 
     def _read(self) -> None:
-        while self._running:
-            message = self._bus.recv(POLL)
-            if message is not None and _is_ours(message):
-                self._seen(self._clock(), Frame(message.arbitration_id, bytes(message.data)))
+        try:
+            while self._running:
+                message = self._bus.recv(POLL)
+                if message is not None and _is_ours(message):
+                    self._seen(self._clock(), Frame(message.arbitration_id, bytes(message.data)))
+        except Exception as error:  # drivers raise what comes to hand
+            if self._running:
+                self._failed(_failure(self._bus, error))
+
+
+def transmit(bus: can.BusABC, frame: Frame) -> bool:
+    """Hand a frame to the driver; False if it cannot take it now. Raises BusError if the bus failed."""
+    import can
+
+    message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+    try:
+        bus.send(message, timeout=RETRY)
+    except can.CanError:
+        return False
+    except Exception as error:  # drivers raise what comes to hand; this one does not say "try again"
+        raise _failure(bus, error) from error
+    return True
+
+
+def _failure(bus: can.BusABC, error: Exception) -> BusError:
+    return BusError(f"the bus {bus.channel_info} failed: {_one_line(error)}")
 
 
 def _in_thread(work: Callable[[], None]) -> None:

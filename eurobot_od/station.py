@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper, Report
 from eurobot_od.gatekeeper.listeners import Aside, in_place
@@ -35,7 +36,8 @@ class Station:
             clock=clock,
             aside=aside,
         )
-        self.gatekeeper.add_frames(lambda: node.device.identifiers, self._received, node.name)
+        self._identifiers = node.device.identifiers
+        self.gatekeeper.add_frames(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
         """Switch the node on."""
@@ -53,10 +55,26 @@ class Station:
         with self.node.guard:
             return self.node.next_wakeup
 
+    def bus_error(self, code: ErrorCode, now: float) -> None:
+        """Tell the node what the CAN controller reports."""
+        with self.node.guard:
+            self.node.bus_error(code, now)
+
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
             self._submit(self.node.receive(frame, now), now)
+            self._follow()
+
+    def _follow(self) -> None:
+        """Listen to what the node listens to by now: a master may have changed that with this frame."""
+        device = self.node.device
+        if device.identifiers is not self._identifiers:
+            self._identifiers = device.identifiers
+            self.gatekeeper.reroute(device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
+        """Leave frames to the mailboxes; free ones take them at once, however late the bus is served."""
         for frame in frames:
             self.gatekeeper.send_frame(frame, now)
+        if frames:
+            self.gatekeeper.mailboxes.load(now)

@@ -125,6 +125,12 @@ def test_a_frame_that_has_waited_too_long_is_not_loaded_any_more() -> None:
     assert boxes.load(0.060) == frames("400#")
 
 
+def test_a_frame_is_not_dropped_because_its_bus_was_served_late_while_a_mailbox_was_free() -> None:
+    boxes, reports = mailboxes(1)
+    submit(boxes, 0.0, "008#01")
+    assert (boxes.load(10 * WAIT), reports) == (frames("008#01"), [])
+
+
 def test_a_frame_in_a_mailbox_is_never_dropped() -> None:
     boxes, reports = mailboxes(1)
     submit(boxes, 0.0, "008#01")
@@ -152,6 +158,8 @@ def test_2014_the_wait_does_not_shrink_after_idle_time() -> None:
 def test_the_next_expiry_is_that_of_the_frame_that_waits_longest() -> None:
     boxes, _ = mailboxes(1)
     assert boxes.next_expiry is None
+    submit(boxes, 0.0, "001#")
+    boxes.load(0.0)
     submit(boxes, 1.0, "400#")
     submit(boxes, 2.0, "008#")
     assert boxes.next_expiry == 1.0 + WAIT

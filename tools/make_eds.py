@@ -12,10 +12,13 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
-from edsgen.table import Table, TableError, read_table
-from edsgen.text import eds_text
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))  # the package next door, installed or not
 
-EDS = Path(__file__).resolve().parent.parent / "eds"
+from edsgen.table import Table, TableError, read_table  # noqa: E402
+from edsgen.text import eds_text  # noqa: E402
+
+EDS = ROOT / "eds"
 FINE, DIFFERENT, WRONG_INPUT = 0, 1, 2
 
 

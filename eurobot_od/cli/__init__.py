@@ -16,10 +16,28 @@ from importlib import import_module
 from eurobot_od.errors import BusError, EurobotError, RemoteError
 
 COMMANDS = {
+    "check": "check nodes, real or simulated, with suites of steps in YAML",
+    "diff": "compare two EDS or DCF files, or one with a live node",
+    "lint": "check EDS and DCF files, one by one or as a network",
     "match": "play a match of the three nodes, in simulated or real time",
     "show": "show the messages as the EDS files map them, or one message's bits",
     "node": "run one node on a CAN bus",
+    "faults": "list the faults that simulated nodes can be given",
     "send": "send a message, and wait for an answer if asked to",
+    "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
+    "monitor": "watch a bus, or a log, as a live table",
+    "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
+    "scan": "list the CANopen nodes of a bus",
+    "read": "read objects of a CANopen node, by number or name",
+    "write": "write one object of a CANopen node",
+    "dump": "print all objects of a CANopen node",
+    "configure": "configure a CANopen node from a DCF",
+    "export-dcf": "write the DCF of a live CANopen node",
+    "store": "have a CANopen node store its parameters",
+    "restore": "have a CANopen node take the defaults of its parameters",
+    "emcy": "print the errors that a CANopen node remembers, or clear them",
+    "nmt": "start, stop or reset a CANopen node",
+    "export": "turn EDS and DCF files into other forms",
 }
 
 EXIT_STATUS: tuple[tuple[type[BaseException], int], ...] = (

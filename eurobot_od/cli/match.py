@@ -8,14 +8,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError
+from eurobot_od.cli.recorder import recording
 from eurobot_od.values import TeamColour
 
 if TYPE_CHECKING:
@@ -43,7 +42,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _positive(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
     return value
@@ -64,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     events: list[Event] = []
     show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
-    with _log(arguments.log) as write:
+    with recording(arguments.log) as write:
         summary = _play(arguments, options, show, write)
     if arguments.json:
         print(_as_json(events, summary))
@@ -79,26 +81,6 @@ def _play(arguments: argparse.Namespace, options: Options, show: Show, watch: Wa
     if arguments.speed == "fast":
         return stage.play_simulated(options, show, watch)[0]
     return stage.play_live(options, show, watch, partial(shared.open_bus, arguments))[0]
-
-
-@contextmanager
-def _log(file: Path | None) -> Iterator[Watch]:
-    """Give a function that writes a frame to a log file of python-can's, or nowhere."""
-    if file is None:
-        yield lambda _time, _frame: None
-        return
-    import can
-
-    try:
-        logger = can.Logger(file)
-    except ValueError as error:
-        raise LocalError(f"--log {file}: {error}") from error
-    try:
-        yield lambda time, frame: logger.on_message_received(
-            can.Message(timestamp=time, arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
-        )
-    finally:
-        logger.stop()
 
 
 COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}

@@ -28,6 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-v", "--verbose", action="store_true", help="print every message the node hears")
     colours = [colour.name.lower() for colour in TeamColour]
     parser.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
+    parser.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
+    parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `eurobot-od faults` lists them")
     shared.add_dialect(parser)
     shared.add_bus(parser)
 
@@ -36,17 +38,23 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the node."""
     from eurobot_od import dialects, runtime
     from eurobot_od.nodes import ROLES
+    from eurobot_od.simulation import faults
 
-    node = ROLES[arguments.node](dialects.load(arguments.node, arguments.dialect, arguments.node_id))
+    role = ROLES[arguments.node]
+    if arguments.fault:
+        role = faults.faulty(role, arguments.fault)
+    node = role(dialects.load(arguments.node, arguments.dialect, arguments.node_id))
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
-        ids = node.device.identifiers
-        live.gatekeeper.add_frames(lambda: ids, lambda frame, now: print(_line(node, frame, now), flush=True), "print")
+        show = lambda frame, now: print(_line(node, frame, now), flush=True)  # noqa: E731
+        live.gatekeeper.add_frames(lambda: node.device.identifiers, show, "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
         if arguments.team:
             _start_up(node, TeamColour[arguments.team.upper()])
+        if arguments.drill:
+            _drill(node)
         _wait(live, arguments.duration)
     return 0
 
@@ -71,6 +79,17 @@ def _start_up(node: Node, team: TeamColour) -> None:
         for name, seconds in node.check_nodes().result().items():
             print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
         print(f"start configuration confirmed after {node.configure_start(team).result() * 1000:.1f} ms", flush=True)
+
+
+def _drill(node: Node) -> None:
+    """Do the core's drill."""
+    import asyncio
+
+    from eurobot_od.match.drill import drill
+    from eurobot_od.nodes import Core
+
+    if isinstance(node, Core):
+        asyncio.run(drill(node))
 
 
 def _wait(live: Live, duration: float | None) -> None:

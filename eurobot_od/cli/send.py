@@ -45,7 +45,11 @@ def run(arguments: argparse.Namespace) -> int:
 
 def parse(binding: Binding, fields: Sequence[str]) -> Message:
     """Return the message of `name=value` words; raises UnknownName, FieldError, LocalError."""
-    values = dict(_value(binding, field) for field in fields)
+    values: dict[str, Any] = {}
+    for field, value in (_value(binding, text) for text in fields):
+        if field in values:
+            raise LocalError(f"{binding.name}: {field} given twice")
+        values[field] = value
     missing = [field for field in binding.kinds if field not in values and field not in binding.defaults]
     if missing:
         raise LocalError(f"{binding.name}: {', '.join(missing)} missing")

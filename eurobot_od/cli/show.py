@@ -92,7 +92,7 @@ def _lengths(binding: Binding) -> str:
     if binding.layout.length == 0:
         return "no data"
     shorter = "".join(f", {length} without {_names(binding.optional)}" for length in binding.lengths[:-1])
-    return f"{binding.layout.length} bytes{shorter}"
+    return f"{binding.layout.length} byte{'s' * (binding.layout.length > 1)}{shorter}"
 
 
 def _names(fields: list[str]) -> str:
@@ -114,7 +114,7 @@ def _bytes(binding: Binding) -> Iterator[str]:
     """Draw the frame as it is sent: a line a byte, bit 7 first; each cell is a field's letter and value bit."""
     cells = _cells(binding)
     edge = "        +" + "------+" * 8
-    yield "         " + "".join(f"bit {bit}  " for bit in range(7, -1, -1))
+    yield " " * 9 + "  ".join(f"bit {bit}" for bit in range(7, -1, -1))
     yield edge
     for byte in range(binding.layout.length):
         row = (f" {cells.get(8 * byte + bit, '.'):<5}" for bit in range(7, -1, -1))

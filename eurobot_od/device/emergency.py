@@ -1,17 +1,27 @@
 """The emergency producer: error codes, error register 0x1001 and error field 0x1003 (CiA 301, 7.2.7, 7.5.2.2, 7.5.2.4).
 
-Rule of this file: an error is reported once when it comes and once when it goes, whatever happens in between.
+Rule of this file: an error is reported once when it comes and once when it goes, whatever happens in between. Reports
+wait until the inhibit time lets them go, the newest ones if there are too many.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Hashable
 from enum import IntEnum
 
+from eurobot_od.device.aborts import Abort, AbortCode
+from eurobot_od.dictionary import Address, Value
 from eurobot_od.frame import Frame
 
 HISTORY = 8
 """How many errors 0x1003 remembers, the newest first."""
+
+WAITING = 16
+"""How many reports wait for the inhibit time; 0x1003 has the errors of those that are dropped."""
+
+PASSING = 1.0
+"""Seconds that an error of a moment, such as an overrun, counts as present since it happened last."""
 
 GENERIC = 1 << 0
 COMMUNICATION = 1 << 4
@@ -23,6 +33,10 @@ class ErrorCode(IntEnum):
     """Emergency error codes of our nodes (CiA 301, Table 26; 0xFF.. are the device's own)."""
 
     NO_ERROR = 0x0000
+    OVERRUN = 0x8110
+    ERROR_PASSIVE = 0x8120
+    HEARTBEAT_LOST = 0x8130
+    RECOVERED_FROM_BUS_OFF = 0x8140
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
     EMERGENCY_SHUTDOWN = 0xFF01
@@ -34,14 +48,17 @@ REGISTER_BIT = {0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
 
 
 class Emergencies:
-    """The errors of one device: `raised` and `cleared` return the EMCY frames to send.
+    """The errors of one device; `due` returns the EMCY frames to send.
 
-    `cob_id` gives the value of 0x1014 (None: the device sends no EMCY).
+    `cob_id` gives the identifier of 0x1014 (None: the device sends no EMCY), `inhibit` the seconds of 0x1015.
     """
 
-    def __init__(self, cob_id: Callable[[], int | None]) -> None:
-        self._cob_id = cob_id
+    def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
+        self._cob_id, self._inhibit = cob_id, inhibit
         self._active: dict[Hashable, ErrorCode] = {}
+        self._passing: dict[ErrorCode, float] = {}
+        self._waiting: deque[bytes] = deque(maxlen=WAITING)
+        self._free = float("-inf")
         self.history: list[int] = []
 
     @property
@@ -57,22 +74,61 @@ class Emergencies:
             register |= GENERIC | REGISTER_BIT[code & 0xF000]
         return register
 
-    def raised(self, code: ErrorCode, what: Hashable, info: bytes = b"") -> list[Frame]:
-        """Note an error of `what` with up to 5 bytes of manufacturer `info`; nothing to send if it is known."""
-        if self._active.get(what) == code:
-            return []
-        self._active[what] = code
-        self.history = [code, *self.history][:HISTORY]
-        return self._frames(code, info)
+    # What happens
 
-    def cleared(self, what: Hashable) -> list[Frame]:
-        """Note that the error of `what` is gone; nothing to send if there was none."""
-        if self._active.pop(what, None) is None:
-            return []
-        return self._frames(ErrorCode.NO_ERROR, b"")
+    def raised(self, code: ErrorCode, what: Hashable, info: bytes = b"") -> None:
+        """Note an error of `what` with up to 5 bytes of manufacturer `info`; a known one is not reported again."""
+        if self._active.get(what) != code:
+            self._active[what] = code
+            self.history = [code, *self.history][:HISTORY]
+            self._report(code, info)
 
-    def _frames(self, code: ErrorCode, info: bytes) -> list[Frame]:
+    def cleared(self, what: Hashable) -> None:
+        """Note that the error of `what` is gone, if there was one."""
+        if self._active.pop(what, None) is not None:
+            self._report(ErrorCode.NO_ERROR, b"")
+
+    def happened(self, code: ErrorCode, now: float) -> None:
+        """Note an error of a moment: it is gone when it has not happened again for a while."""
+        self._passing[code] = now + PASSING
+        self.raised(code, code)
+
+    def _report(self, code: ErrorCode, info: bytes) -> None:
+        self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
+
+    # The error field
+
+    def read_field(self, subindex: int) -> int:
+        """Return what 0x1003 has at a sub-index: how many errors, then the errors; raises Abort where there is none."""
+        if subindex > len(self.history):
+            raise Abort(AbortCode.NO_DATA)
+        return self.history[subindex - 1] if subindex else len(self.history)
+
+    def clear_field(self, _: Address, value: Value) -> None:
+        """Empty 0x1003; only 0 may be written (CiA 301, 7.5.2.4)."""
+        if value != 0:
+            raise Abort(AbortCode.VALUE)
+        self.history.clear()
+
+    # What is sent
+
+    @property
+    def next(self) -> float | None:
+        """When there will be something to send, in seconds; None if nothing is planned."""
+        times = [*self._passing.values(), *([self._free] if self._waiting else [])]
+        return min(times, default=None)
+
+    def due(self, now: float) -> list[Frame]:
+        """Return the reports that the inhibit time lets go by now."""
+        for code in [code for code, end in self._passing.items() if end <= now]:
+            del self._passing[code]
+            self.cleared(code)
+        frames: list[Frame] = []
+        while self._waiting and self._free <= now:
+            frames += self._frame(self._waiting.popleft())
+            self._free = now + inhibit if (inhibit := self._inhibit()) else self._free
+        return frames
+
+    def _frame(self, data: bytes) -> list[Frame]:
         cob_id = self._cob_id()
-        if cob_id is None:
-            return []
-        return [Frame(cob_id, code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))]
+        return [] if cob_id is None else [Frame(cob_id, data)]

@@ -15,13 +15,13 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 
-from eurobot_od.errors import RemoteError
+from eurobot_od.errors import RemoteError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper.listeners import Aside, Baton, FunctionListener, in_place
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
 from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
-from eurobot_od.gatekeeper.routes import ListenerTable, Route
+from eurobot_od.gatekeeper.routes import ListenerTable, Registration, Route, routes_to
 from eurobot_od.messages import Message, MessageT
 from eurobot_od.protocol import Binding, Protocol
 
@@ -71,6 +71,7 @@ class Gatekeeper:
     `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A function
     that takes longer than `slow_after` seconds of `clock` is set aside: from then on `aside` has it called. Reports
     go to `report`, or without one to `reports`. One thread receives, but for `take_over`; whoever owns the bus sends.
+    `filters` are the receive filters as of now.
     """
 
     def __init__(
@@ -86,10 +87,12 @@ class Gatekeeper:
         aside: Aside = in_place,
     ) -> None:
         self.reports: deque[Report] = deque(maxlen=REPORTS_KEPT)
-        self._report = report or self.reports.append
+        self._report = self.reports.append if report is None else report
         self.mailboxes = Mailboxes(self._report, mailboxes, mailbox_wait)
         self._protocol, self._aside, self._clock, self._slow_after = protocol, aside, clock, slow_after
         self._table = ListenerTable(table_size)
+        self.filters: list[CanFilter] = []
+        self._listeners: tuple[Registration, ...] = ()
         self._routes: dict[int, Route] = {}
         self._refused = self._unheard = 0
         self._call: Call | None = None
@@ -100,9 +103,8 @@ class Gatekeeper:
         self, message_type: type[MessageT], maxsize: int = 0, name: str | None = None
     ) -> MessageQueue[MessageT]:
         """Return a queue that gets every message of a type, see MessageQueue; UnknownName if there is no such type."""
-        binding = self._binding(message_type)
-        queue = MessageQueue[MessageT](name or f"queue of {binding.name}", maxsize, self._report)
-        self._table.add(queue.name, lambda: (binding.cob_id,), Route(self._protocol.decode, queues=(queue,)))
+        queue = MessageQueue[MessageT](name or f"queue of {self._binding(message_type).name}", maxsize, self._report)
+        self._add(queue.name, message_type, Route(queues=(queue,)))
         return queue
 
     def add_function(
@@ -112,12 +114,22 @@ class Gatekeeper:
 
         Functions are called in the order of their registration. Raises UnknownName if there is no such type.
         """
-        binding = self._binding(message_type)
+        self._binding(message_type)
         listener = FunctionListener(name or _name_of(function), function, self._report, self._aside)
-        self._table.add(listener.name, lambda: (binding.cob_id,), Route(self._protocol.decode, functions=(listener,)))
+        self._add(listener.name, message_type, Route(functions=(listener,)))
+
+    def _add(self, name: str, message_type: type[MessageT], route: Route) -> None:
+        self._table.add(name, Registration(lambda: self._cob_ids(message_type), route, decoded=True))
 
     def _binding(self, message_type: type[MessageT]) -> Binding:
         return self._protocol.binding(cast("type[Message]", message_type))
+
+    def _cob_ids(self, message_type: type[MessageT]) -> tuple[int, ...]:
+        """Return a message's COB-ID as the protocol has it now, none if its PDO is not valid."""
+        try:
+            return (self._binding(message_type).cob_id,)
+        except UnknownName:
+            return ()
 
     def add_frames(
         self, cob_ids: Callable[[], Iterable[int]], function: Callable[[Frame, float], object], name: str | None = None
@@ -131,7 +143,8 @@ class Gatekeeper:
             function(received.frame, received.timestamp)
 
         listener = FunctionListener(name or _name_of(function), unpacked, self._report, in_place)
-        self._table.add(listener.name, cob_ids, Route(functions=(listener,), nodes=(listener,)))
+        route = Route(functions=(listener,), nodes=(listener,))
+        self._table.add(listener.name, Registration(cob_ids, route, decoded=False))
 
     def start(self) -> list[CanFilter]:
         """End the registration and return the receive filters for python-can's `set_filters`.
@@ -139,8 +152,18 @@ class Gatekeeper:
         They let through what is listened to and nothing else; without any listener the list is empty, which python-can
         takes for "everything". Raises StateError when called again.
         """
-        self._routes = self._table.close()
-        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
+        self._listeners = self._table.close()
+        return self.reroute(self._protocol)
+
+    def reroute(self, protocol: Protocol) -> list[CanFilter]:
+        """Take over a changed protocol, ask all listeners again, and return the receive filters as `start` does.
+
+        For the thread that receives: a master has changed a node's PDOs, SDO or heartbeat identifiers.
+        """
+        self._protocol = protocol
+        self._routes = routes_to(self._listeners, protocol.decode)
+        self.filters = [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
+        return self.filters
 
     # Receiving
 

@@ -8,6 +8,7 @@ thread-safe: whoever owns the bus calls it.
 from __future__ import annotations
 
 from bisect import insort
+from math import inf
 from typing import NamedTuple
 
 from eurobot_od.frame import Frame
@@ -25,7 +26,7 @@ class Waiting(NamedTuple):
 
     cob_id: int
     sequence: int
-    submitted: float
+    deadline: float
     frame: Frame
 
 
@@ -50,15 +51,21 @@ class Mailboxes:
         self._loaded: list[Waiting] = []
 
     def submit(self, frame: Frame, now: float) -> None:
-        """Put a frame in its place among those that wait for a mailbox."""
-        insort(self._waiting, Waiting(frame.cob_id, self._submitted, now, frame))
+        """Put a frame in its place among those that wait for a mailbox.
+
+        One for which a mailbox is free now cannot be too late, however late the bus is served.
+        """
+        full = len(self._loaded) + len(self._waiting) >= self.count
+        deadline = now + self.wait if full else inf
+        insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame))
         self._submitted += 1
 
     def load(self, now: float) -> list[Frame]:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
         self.expire(now)
         free = self.count - len(self._loaded)
-        loaded, self._waiting = self._waiting[:free], self._waiting[free:]
+        loaded, late = self._waiting[:free], now + self.wait
+        self._waiting = [each._replace(deadline=min(each.deadline, late)) for each in self._waiting[free:]]
         self._loaded = sorted(self._loaded + loaded)
         return [each.frame for each in loaded]
 
@@ -78,11 +85,11 @@ class Mailboxes:
     @property
     def next_expiry(self) -> float | None:
         """When the first of the waiting frames will have waited too long, in seconds; None if none waits."""
-        return min((each.submitted + self.wait for each in self._waiting), default=None)
+        return min((each.deadline for each in self._waiting), default=None)
 
     def expire(self, now: float) -> None:
         """Drop the frames that have waited too long; those in a mailbox are the controller's and stay."""
-        expired = [each for each in self._waiting if each.submitted + self.wait <= now]
+        expired = [each for each in self._waiting if each.deadline <= now]
         for each in expired:
             self._waiting.remove(each)
             self._drop(each.frame, now)

@@ -1,7 +1,8 @@
 """Who hears which COB-ID: the table of listeners before the start, and the routes it turns into.
 
 Rule of this file: no listener is lost without a word. The table either takes a listener or raises an error that
-names it, and it is gone once the routes are made (document section 6, first improvement).
+names it, and it is gone once the routes are made (document section 6, first improvement): what stays is who listens to
+which message, not to which identifier, as a master may move a message while we run.
 """
 
 from __future__ import annotations
@@ -42,10 +43,11 @@ class Route(NamedTuple):
 
 
 class Registration(NamedTuple):
-    """A listener before the start: where to ask then for its COB-IDs, and the way to it."""
+    """A listener: where to ask for its COB-IDs, the way to it, and whether it wants frames decoded."""
 
     cob_ids: Callable[[], Iterable[int]]
     route: Route
+    decoded: bool
 
 
 class ListenerTable:
@@ -55,21 +57,27 @@ class ListenerTable:
         self.size = size
         self._registrations: list[Registration] | None = []
 
-    def add(self, name: str, cob_ids: Callable[[], Iterable[int]], route: Route) -> None:
-        """Register a listener, by the way to it; raises ListenerError with its name if the table is full or closed."""
+    def add(self, name: str, registration: Registration) -> None:
+        """Register a listener; raises ListenerError with its name if the table is full or closed."""
         if self._registrations is None:
             raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
         if 0 < self.size <= len(self._registrations):
             raise ListenerError(f"{name}: the listener table is full, it has {self.size} places")
-        self._registrations.append(Registration(cob_ids, route))
+        self._registrations.append(registration)
 
-    def close(self) -> dict[int, Route]:
-        """Return the routes by COB-ID and forget the table; raises StateError the second time."""
+    def close(self) -> tuple[Registration, ...]:
+        """Return the listeners and forget the table; raises StateError the second time."""
         if self._registrations is None:
             raise StateError("the gatekeeper has started already")
         registrations, self._registrations = self._registrations, None
-        routes: dict[int, Route] = {}
-        for cob_ids, route in registrations:
-            for cob_id in set(cob_ids()):
-                routes[cob_id] = routes.get(cob_id, Route()).joined(route)
-        return routes
+        return tuple(registrations)
+
+
+def routes_to(listeners: Iterable[Registration], decode: Callable[[int, bytes], Message]) -> dict[int, Route]:
+    """Return the routes by the COB-IDs that the listeners have now."""
+    routes: dict[int, Route] = {}
+    for cob_ids, route, decoded in listeners:
+        way = route._replace(decode=decode) if decoded else route
+        for cob_id in set(cob_ids()):
+            routes[cob_id] = routes.get(cob_id, Route()).joined(way)
+    return routes

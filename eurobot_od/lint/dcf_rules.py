@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from eurobot_od.lint.file_rules import BIT_RATES, TOP, Check, bit_rates, form_of, in_range_of
 from eurobot_od.lint.findings import Problem, Rule
 from eurobot_od.lint.model import NODE_IDS, TYPES, UNSIGNED32, Device, parse_number
-from eurobot_od.lint.reader import Entry, Section
+from eurobot_od.lint.reader import Section
 
 DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "paramrefd")
 """Keys of objects that only a DCF has."""
@@ -105,13 +105,9 @@ def file_of_number(device: Device) -> Iterator[Problem]:
     """Yield files to be loaded into, or from, something else than a DOMAIN."""
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
-            if each.section.text(key) and each.type and each.type is not TYPES[0x0F]:
-                yield Problem(
-                    each.section.at(key),
-                    f"{each.section.at(key).key} of {each.where}, a {each.type.name}"
-                    if isinstance(each.section.at(key), Entry)
-                    else each.where,
-                )
+            entry = each.section.entries.get(key)
+            if entry and entry.value and each.type and each.type is not TYPES[0x0F]:
+                yield Problem(entry, f"{entry.key} of {each.where}, a {each.type.name}")
 
 
 def is_concise(text: str) -> bool:
@@ -150,7 +146,8 @@ RULES = (
          form_of_commissioning(("CANopenManager",), 1)),
     Rule("E708", "LSS_SerialNumber is 0x1018 sub 4.", "CiA 306, [DeviceComissioning]", serial_number),
     Rule("W709", "A DCF says from which EDS it was made.", "CiA 306, LastEDS", without_last_eds),
-    Rule("W710", "ParameterValue, Denotation, UploadFile and DownloadFile are a DCF's.", "CiA 306, DCF", dcf_keys_in_eds),
+    Rule("W710", "ParameterValue, Denotation, UploadFile and DownloadFile are a DCF's.", "CiA 306, DCF",
+         dcf_keys_in_eds),
     Rule("E711", "A constant's ParameterValue is its DefaultValue.", "CiA 306, DCF", parameter_of_constant),
     Rule("E712", "UploadFile and DownloadFile are a DOMAIN's.", "CiA 306, DCF", file_of_number),
     Rule("E713", "A concise DCF is whole.", "CiA 302-3, object 0x1F22; public: dcf-tools, dcfgen", concise_dcf),

@@ -18,7 +18,6 @@ from eurobot_od.lint.model import (
     Direction,
     Object,
     parse_number,
-    parse_object_name,
 )
 from eurobot_od.lint.reader import Entry, Odd, Section
 
@@ -86,8 +85,8 @@ def _lower(*keys: str) -> frozenset[str]:
 KNOWN_KEYS: dict[str, frozenset[str]] = {
     "fileinfo": _lower(*FILE_INFO, *TIMES, *DATES, *PEOPLE, "LastEDS"),
     "deviceinfo": _lower(
-        *DEVICE_INFO, *IDENTITY, *BIT_RATE_KEYS, *FLAGS, "DynamicChannelsSupported", "CompactPDO", "ExtendedBootUpMaster",
-        "ExtendedBootUpSlave",
+        *DEVICE_INFO, *IDENTITY, *BIT_RATE_KEYS, *FLAGS, "DynamicChannelsSupported", "CompactPDO",
+        "ExtendedBootUpMaster", "ExtendedBootUpSlave",
     ),
     "devicecomissioning": _lower(*COMMISSIONING),
     "devicecommissioning": _lower(*COMMISSIONING),
@@ -112,15 +111,16 @@ def _is_module(name: str) -> bool:
 
 def unknown_sections(device: Device) -> Iterator[Problem]:
     """Yield sections that no edition of CiA 306 has."""
-    for name, section in device.document.sections.items():
-        if name in KNOWN_KEYS or name in NUMBERED or parse_object_name(name) or looks_like_object(name):
+    for section in device.other_sections:
+        name = section.name.strip().lower()
+        if name in KNOWN_KEYS or name in NUMBERED or looks_like_object(name):
             continue
         if not name.startswith(ELSEWHERE) and not name.endswith("objectlinks") and not _is_module(name):
             yield Problem(section, f"unknown section [{section.name}]")
 
 
 def looks_like_object(name: str) -> bool:
-    """Whether a section's name is meant as an object's but is not written as one: 0x1000, 01000, 1000sub01, 1000 sub1."""
+    """Whether a name is meant as that of an object's section, however it is written: 0x1000, 01000, 1000sub01."""
     bare = name.replace(" ", "").replace("\t", "").removeprefix("0x")
     head, sub, tail = bare.partition("sub")
     digits = head.lstrip("0") if len(head) != 4 else head
@@ -130,11 +130,9 @@ def looks_like_object(name: str) -> bool:
 
 def malformed_names(device: Device) -> Iterator[Problem]:
     """Yield sections of objects whose names other programs do not find."""
-    for name, section in device.document.sections.items():
-        if looks_like_object(name) and (parse_object_name(section.name) is None):
-            yield Problem(
-                section, f"[{section.name}] is not how an object's section is named, such as [1018] or [1018sub1]"
-            )
+    wrong = [each for each in device.other_sections if looks_like_object(each.name.strip().lower())]
+    for section in wrong + [each for _, each in device.object_sections if each.name != each.name.strip()]:
+        yield Problem(section, f"[{section.name}] is not how an object's section is named, as [1018] or [1018sub1] is")
 
 
 def unknown_keys(device: Device) -> Iterator[Problem]:
@@ -422,7 +420,8 @@ INFO_RULES = (
     Rule("W207", "EDSVersion is 4.0 or later.", "CiA 306, [FileInfo]", old_edition),
     Rule("E208", "Times are hh:mm and AM or PM.", "CiA 306, [FileInfo]",
          form_of("fileinfo", TIMES, is_time, "like 09:30AM")),
-    Rule("E209", "Dates are mm-dd-yyyy.", "CiA 306, [FileInfo]", form_of("fileinfo", DATES, is_date, "like 05-28-2014")),
+    Rule("E209", "Dates are mm-dd-yyyy.", "CiA 306, [FileInfo]",
+         form_of("fileinfo", DATES, is_date, "like 05-28-2014")),
     Rule("W210", "FileName is the file's name.", "CiA 306, [FileInfo]", other_file_name),
     Rule("I211", "A file is not modified before it is created.", "CiA 306, [FileInfo]", modified_before_created),
     Rule("E212", "[DeviceInfo] names vendor, product and revision, as far as 0x1018 does.", "CiA 306, [DeviceInfo]",

@@ -5,11 +5,9 @@ Rule of this file: values only; the letter of a code is its severity, and nowher
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
-from typing import NamedTuple, Protocol, TypeVar
-
-Subject = TypeVar("Subject")
+from typing import Any, NamedTuple, Protocol
 
 
 class Severity(Enum):
@@ -46,13 +44,13 @@ class Rule(NamedTuple):
     """A rule: `code` (E, W or I and three digits), what it demands, where that is written, and the check itself.
 
     `clause` names the standard by its section or object; where the text of the standard was not at hand, it names the
-    public source that says the same.
+    public source that says the same. A check gets what it is for, a device or a network, and yields places with texts.
     """
 
     code: str
     demand: str
     clause: str
-    check: Callable[..., Problems]
+    check: Callable[..., Iterable[Any]]
 
     @property
     def severity(self) -> Severity:
@@ -76,13 +74,6 @@ class Finding(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}: {self.code} {self.message}"
-
-
-def check(rules: Iterable[Rule], file: str, subject: object) -> Iterator[Finding]:
-    """Apply rules to what they are for: a device, or a network."""
-    for rule in rules:
-        for at, text in rule.check(subject):
-            yield Finding(file, at.line, at.column, rule.code, text)
 
 
 def chosen(findings: Iterable[Finding], select: Sequence[str], ignore: Sequence[str]) -> list[Finding]:

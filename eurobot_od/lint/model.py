@@ -45,20 +45,20 @@ def parse_number(text: str) -> Number | None:
 
 
 def _integer(text: str) -> int | None:
+    """Read a whole number; its digits are looked at first, because int() takes blanks, underscores and more signs."""
     digits = text.removeprefix("-")
-    if not digits.isalnum():  # int() would take blanks, underscores and signs
+    base = 16 if digits.startswith("0X") else 8 if digits.startswith("0") else 10
+    digits = digits.removeprefix("0X")
+    if not digits or digits.strip(DIGITS[base]) or len(digits) > LONGEST_NUMBER:
         return None
-    try:
-        value = _natural(digits)
-    except ValueError:
-        return None
-    return -value if text.startswith("-") else value
+    return -int(digits, base) if text.startswith("-") else int(digits, base)
 
 
-def _natural(digits: str) -> int:
-    if digits.startswith("0X"):
-        return int(digits[2:], 16)
-    return int(digits, 8 if digits.startswith("0") else 10)
+DIGITS = {8: "01234567", 10: "0123456789", 16: "0123456789ABCDEFabcdef"}
+"""The digits of each base."""
+
+LONGEST_NUMBER = 100
+"""More digits than any type has; what is longer is no number, so that nobody has to convert a megabyte of digits."""
 
 
 class Kind(Enum):
@@ -118,53 +118,36 @@ REALS = ("REAL32", "REAL64")
 UNSIGNED8, UNSIGNED16, UNSIGNED32 = TYPES[0x05], TYPES[0x06], TYPES[0x07]
 
 
+WRITABLE = ("rw", "wo", "rwr", "rww")
+"""Access types that let an SDO write."""
+
+
 class Variable:
-    """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it."""
+    """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it.
+
+    `type` is its basic data type (None: missing, unknown or no basic one), `access` its AccessType in lower case,
+    `value_entry` the entry with its value, the ParameterValue (DCF) or else the DefaultValue, `value` that as a number.
+    """
 
     def __init__(self, index: int, sub: int, section: Section) -> None:
         self.index, self.sub, self.section = index, sub, section
+        entries = section.entries
+        code = parse_number(section.text("datatype"))
+        self.type = TYPES.get(code.value) if code else None
+        self.access = section.text("accesstype").lower()
+        self.value_entry = entries.get("parametervalue") or entries.get("defaultvalue")
+        self.value = parse_number(self.value_entry.value) if self.value_entry else None
+        self.is_mappable = parse_number(section.text("pdomapping")) == (1, False)
+        self.is_writable = self.access in WRITABLE
 
     @property
     def name(self) -> str:
         """Return its ParameterName."""
         return self.section.text("parametername")
 
-    @cached_property
-    def type(self) -> DataType | None:
-        """Return its basic data type; None if that is missing, unknown or no basic one."""
-        code = parse_number(self.section.text("datatype"))
-        return TYPES.get(code.value) if code else None
-
-    @cached_property
-    def access(self) -> str:
-        """Return its AccessType in lower case."""
-        return self.section.text("accesstype").lower()
-
-    @cached_property
-    def is_mappable(self) -> bool:
-        """Whether it may be mapped into a PDO."""
-        return self.number("pdomapping") == Number(1)
-
-    @cached_property
-    def is_writable(self) -> bool:
-        """Whether an SDO may write it."""
-        return self.access in ("rw", "wo", "rwr", "rww")
-
     def number(self, key: str) -> Number | None:
         """Return the number a key (in lower case) has; None without one."""
         return parse_number(self.section.text(key))
-
-    @cached_property
-    def value_entry(self) -> Entry | None:
-        """Return the entry with its value: the ParameterValue (DCF), or else the DefaultValue."""
-        entries = self.section.entries
-        return entries.get("parametervalue") or entries.get("defaultvalue")
-
-    @cached_property
-    def value(self) -> Number | None:
-        """Return its ParameterValue (DCF) or DefaultValue as a number."""
-        entry = self.value_entry
-        return parse_number(entry.value) if entry else None
 
     @property
     def where(self) -> str:
@@ -173,7 +156,7 @@ class Variable:
 
 
 class Object:
-    """An object: its section (None if only sub-indices are described), its sub-indices, its [Name] and [Value] lists."""
+    """An object: its section (None if only sub-indices are described), its sub-indices, its lists."""
 
     def __init__(
         self, index: int, section: Section | None, subs: dict[int, Variable], lists: dict[str, Section]
@@ -272,7 +255,24 @@ def parse_object_name(name: str) -> ObjectName | None:
 
 
 def _is_hexadecimal(text: str) -> bool:
-    return bool(text) and not text.strip("0123456789abcdefABCDEF")
+    return bool(text) and not text.strip(DIGITS[16])
+
+
+class Value(NamedTuple):
+    """A limit or value of a variable, and its number if it is one.
+
+    `key` is the entry's in lower case; `parametervalue` for an entry of a [xxxxValue] section.
+    """
+
+    variable: Variable
+    type: DataType | None
+    key: str
+    entry: Entry
+    number: Number | None
+
+
+LIMITS = ("lowlimit", "highlimit")
+VALUES = ("defaultvalue", "parametervalue")
 
 
 class Direction(Enum):
@@ -394,10 +394,18 @@ class Device:
         return self.commissioning is not None or self.name.lower().endswith(".dcf")
 
     @cached_property
+    def _named_sections(self) -> list[tuple[ObjectName | None, Section]]:
+        return [(parse_object_name(each.name.strip()), each) for each in self.document.sections.values()]
+
+    @cached_property
     def object_sections(self) -> list[tuple[ObjectName, Section]]:
         """All sections of objects, in the file's order."""
-        named = ((parse_object_name(each.name.strip()), each) for each in self.document.sections.values())
-        return [(name, each) for name, each in named if name]
+        return [(name, each) for name, each in self._named_sections if name]
+
+    @cached_property
+    def other_sections(self) -> list[Section]:
+        """All sections that are no object's, in the file's order."""
+        return [each for name, each in self._named_sections if name is None]
 
     @cached_property
     def objects(self) -> dict[int, Object]:
@@ -430,6 +438,37 @@ class Device:
         """Return the value a variable has in the file."""
         variable = self.variable(index, sub)
         return variable.value if variable else None
+
+    @cached_property
+    def values(self) -> list[Value]:
+        """All limits, defaults and parameter values of all variables."""
+        return [
+            Value(each, each.type, key, entry, parse_number(entry.value))
+            for each in self.variables
+            for key in LIMITS + VALUES
+            for entry in [each.section.entries.get(key)]
+            if entry and entry.value
+        ] + list(self._listed_values())
+
+    def _listed_values(self) -> Iterator[Value]:
+        """Give the values of [xxxxValue]."""
+        for name, section in self.object_sections:
+            head = self.objects[name.object_index].section
+            if name.list == "value" and head:
+                variable = Variable(name.object_index, 1, head)
+                for key, entry in section.entries.items():
+                    if key != "nrofentries" and entry.value:
+                        yield Value(variable, variable.type, VALUES[1], entry, parse_number(entry.value))
+
+    @cached_property
+    def integers(self) -> list[Value]:
+        """The limits and values of variables with an integer type."""
+        return [each for each in self.values if each.type and each.type.is_integer]
+
+    @cached_property
+    def others(self) -> list[Value]:
+        """The limits and values of variables with another basic type."""
+        return [each for each in self.values if each.type and not each.type.is_integer]
 
     @cached_property
     def pdos(self) -> list[Pdo]:

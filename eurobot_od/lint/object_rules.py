@@ -13,6 +13,7 @@ from eurobot_od.lint.findings import Problem, Problems, Rule
 from eurobot_od.lint.model import (
     COMPOSED,
     EXTENDED,
+    LIMITS,
     NODE_ID,
     NOT_VALID,
     REALS,
@@ -20,11 +21,13 @@ from eurobot_od.lint.model import (
     UNSIGNED8,
     UNSIGNED16,
     UNSIGNED32,
+    VALUES,
     DataType,
     Device,
     Kind,
     Number,
     Object,
+    Value,
     Variable,
     parse_number,
     parse_object_name,
@@ -33,6 +36,7 @@ from eurobot_od.lint.reader import Entry, Section
 
 # Objects and their keys
 
+KINDS = frozenset(each.value for each in Kind)
 ACCESS = ("ro", "wo", "rw", "rwr", "rww", "const")
 COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
 """Data types of whole records (CiA 301: standard ones; manufacturer's and device profiles')."""
@@ -51,7 +55,7 @@ def unknown_kind(device: Device) -> Iterator[Problem]:
     """Yield object types that are none."""
     for section, entry in device.entries("objecttype"):
         number = parse_number(entry.value)
-        if entry.value and (number is None or number.value not in [each.value for each in Kind]):
+        if entry.value and (number is None or number.value not in KINDS):
             yield Problem(entry, f"ObjectType {entry.value[:20]} of [{section.name}] is none of 0, 2, 5, 6, 7, 8, 9")
 
 
@@ -227,8 +231,8 @@ OBJECT_RULES = (
     Rule("E414", "Sub-index 0 is an UNSIGNED8.", "CiA 301, sub-index 0", type_of_sub_0),
     Rule("E415", "A constant sub-index 0 is the highest sub-index.", "CiA 301, sub-index 0", highest_sub),
     Rule("W416", "The sub-indices of an array have one type.", "CiA 301, object codes", mixed_array),
-    Rule("I417", "The sub-indices of an object have different names.", "custom; tools that look up by name find one only",
-         same_names),
+    Rule("I417", "The sub-indices of an object have different names.",
+         "custom; tools that look up by name find one only", same_names),
 )  # fmt: skip
 
 # CompactSubObj
@@ -295,51 +299,15 @@ COMPACT_RULES = (
 
 # Values
 
+BOTH = (Number(0), Number(1))
 NUMERIC_KEYS = ("subnumber", "objflags", "pdomapping", "objecttype", "datatype", "compactsubobj")
-LIMITS = ("lowlimit", "highlimit")
-VALUES = ("defaultvalue", "parametervalue")
-
-
-class Value(NamedTuple):
-    """A limit or value of a variable: the variable, its basic type, the entry, and the number if it is one."""
-
-    variable: Variable
-    type: DataType | None
-    entry: Entry
-    number: Number | None
-
-
-def _values(device: Device, keys: tuple[str, ...]) -> Iterator[Value]:
-    """Give the limits or values of all variables that have any."""
-    for each in device.variables:
-        entries = each.section.entries
-        for key in keys:
-            entry = entries.get(key)
-            if entry and entry.value:
-                yield Value(each, each.type, entry, parse_number(entry.value))
-    yield from _listed_values(device) if "parametervalue" in keys else ()
-
-
-def _listed_values(device: Device) -> Iterator[Value]:
-    """Give the values of [xxxxValue]."""
-    for name, section in device.object_sections:
-        head = device.objects[name.object_index].section
-        if name.list == "value" and head:
-            variable = Variable(name.object_index, 1, head)
-            for key, entry in section.entries.items():
-                if key != "nrofentries" and entry.value:
-                    yield Value(variable, variable.type, entry, parse_number(entry.value))
-
-
-def _integers(device: Device, keys: tuple[str, ...]) -> Iterator[Value]:
-    return (each for each in _values(device, keys) if each.type and each.type.is_integer)
 
 
 def no_number(device: Device) -> Iterator[Problem]:
     """Yield entries that have to be numbers and are none."""
     numeric = (entry for key in NUMERIC_KEYS[:3] for _, entry in device.entries(key) if entry.value)
     malformed = [e for e in numeric if parse_number(e.value) is None]
-    malformed += [v.entry for v in _integers(device, LIMITS + VALUES) if v.number is None]
+    malformed += [each.entry for each in device.integers if each.number is None]
     for entry in malformed:
         if not is_wrong_octal(entry.value) and NODE_ID not in entry.value.upper():
             yield Problem(entry, f"{entry.key} {entry.value[:40]} is no number")
@@ -351,31 +319,32 @@ def is_wrong_octal(text: str) -> bool:
     return digits[:1] == "0" and digits.isdecimal() and len(digits) > 1 and bool(set(digits) & {"8", "9"})
 
 
-def _all_numeric(device: Device) -> Iterator[Entry]:
-    yield from (entry for key in NUMERIC_KEYS for _, entry in device.entries(key))
-    yield from (each.entry for each in _integers(device, LIMITS + VALUES))
+def _octals(device: Device) -> Iterator[Entry]:
+    """Give the entries whose value starts with a 0 and a further digit."""
+    entries = [entry for key in NUMERIC_KEYS for _, entry in device.entries(key)]
+    for entry in entries + [each.entry for each in device.integers]:
+        if entry.value[:1] in "0-" and entry.value.removeprefix("-")[1:].strip("0").isdecimal():
+            yield entry
 
 
 def wrong_octal(device: Device) -> Iterator[Problem]:
     """Yield octal numbers with an 8 or a 9."""
-    for entry in _all_numeric(device):
-        if entry.value[:1] in "0-" and is_wrong_octal(entry.value):
+    for entry in _octals(device):
+        if is_wrong_octal(entry.value):
             yield Problem(entry, f"{entry.key} {entry.value[:40]} is octal (it starts with 0), but has an 8 or a 9")
 
 
 def octal(device: Device) -> Iterator[Problem]:
     """Yield octal numbers."""
-    for entry in _all_numeric(device):
-        digits = entry.value.removeprefix("-")
-        if digits[:1] == "0" and digits.strip("0") and digits.isdecimal() and not is_wrong_octal(digits):
-            number = parse_number(entry.value)
-            meaning = number.value if number else 0
-            yield Problem(entry, f"{entry.key} {entry.value[:40]} is octal, that is {meaning}; is that meant?")
+    for entry in _octals(device):
+        number = parse_number(entry.value)
+        if number and entry.value.removeprefix("-").startswith("0"):
+            yield Problem(entry, f"{entry.key} {entry.value[:40]} is octal, that is {number.value}; is that meant?")
 
 
 def misplaced_node_id(device: Device) -> Iterator[Problem]:
     """Yield values with $NODEID that are not `$NODEID` or `$NODEID+number`."""
-    for each in _integers(device, LIMITS + VALUES):
+    for each in device.integers:
         if each.number is None and NODE_ID in each.entry.value.upper():
             yield Problem(
                 each.entry,
@@ -385,8 +354,8 @@ def misplaced_node_id(device: Device) -> Iterator[Problem]:
 
 def node_id_in_text(device: Device) -> Iterator[Problem]:
     """Yield $NODEID in values that are no integers."""
-    for each in _values(device, LIMITS + VALUES):
-        if each.type and not each.type.is_integer and NODE_ID in each.entry.value.upper():
+    for each in device.others:
+        if each.type and NODE_ID in each.entry.value.upper():
             yield Problem(each.entry, f"$NODEID in a {each.type.name}, where it means nothing")
 
 
@@ -399,13 +368,14 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
     """Make the rule that limits, or values, fit into the variable's type."""
 
     def check(device: Device) -> Iterator[Problem]:
-        for each in _integers(device, keys):
+        for each in device.integers:
             if (
-                each.number
+                each.key in keys
+                and each.number
                 and each.type
                 and not each.type.low <= each.number.value <= each.type.high - _reach(device, each)
             ):
-                text = f"{each.entry.key} {each.entry.value[:40]} of {each.variable.where} is outside {each.type.name}"
+                text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside {each.type.name}"
                 yield Problem(each.entry, text)
 
     return check
@@ -431,11 +401,11 @@ def outside_limits_of(key: str) -> Check:
     """Make the rule that a value is inside its limits."""
 
     def check(device: Device) -> Iterator[Problem]:
-        for each in _integers(device, (key,)):
+        for each in (value for value in device.integers if value.key == key):
             low, high = (each.variable.number(limit) for limit in LIMITS)
             lowest, highest = _extremes(device, each.number) if each.number else (0, 0)
             if (low and lowest < low.at(device.node_ids[0])) or (high and highest > high.at(device.node_ids[-1])):
-                text = f"{each.entry.key} {each.entry.value[:40]} of {each.variable.where} is outside its limits"
+                text = f"{each.entry.key}={each.entry.value[:40]} of {each.variable.where} is outside its limits"
                 yield Problem(each.entry, text)
 
     return check
@@ -443,8 +413,8 @@ def outside_limits_of(key: str) -> Check:
 
 def limits_without_meaning(device: Device) -> Iterator[Problem]:
     """Yield limits of a variable that is no number."""
-    for each in _values(device, LIMITS):
-        if each.type and not each.type.is_integer and each.type.name not in REALS:
+    for each in (value for value in device.others if value.key in LIMITS):
+        if each.type and each.type.name not in REALS:
             yield Problem(
                 each.entry, f"{each.entry.key} of {each.variable.where}, a {each.type.name}, which has no order"
             )
@@ -463,7 +433,7 @@ def real_form(text: str) -> str:
 
 def malformed_real(device: Device) -> Iterator[Problem]:
     """Yield REAL values that are neither decimal nor a bit pattern."""
-    for each in _values(device, LIMITS + VALUES):
+    for each in device.others:
         if (
             each.type
             and each.type.name in REALS
@@ -475,15 +445,17 @@ def malformed_real(device: Device) -> Iterator[Problem]:
 
 def ambiguous_real(device: Device) -> Iterator[Problem]:
     """Yield REAL values that tools read in different ways; 0 is the same in all of them."""
-    for each in _values(device, LIMITS + VALUES):
+    for each in device.others:
         if each.type and each.type.name in REALS and real_form(each.entry.value) and each.number != Number(0):
-            text = f"{each.entry.key} {each.entry.value[:40]} is a {each.type.name}: tools read it as decimal or as bit pattern"
+            text = (
+                f"{each.entry.key} {each.entry.value[:40]} is a {each.type.name}: some tools read decimals, others bits"
+            )
             yield Problem(each.entry, text)
 
 
 def odd_octets(device: Device) -> Iterator[Problem]:
     """Yield OCTET_STRING values that are no bytes in hexadecimal."""
-    for each in _values(device, VALUES):
+    for each in (value for value in device.others if value.key in VALUES):
         text = each.entry.value.replace(" ", "")
         if each.type is TYPES[0x0A] and (len(text) % 2 or text.strip("0123456789abcdefABCDEF")):
             yield Problem(
@@ -495,7 +467,7 @@ def pdo_mapping_flag(device: Device) -> Iterator[Problem]:
     """Yield a PDOMapping other than 0 and 1."""
     for section, entry in device.entries("pdomapping"):
         number = parse_number(entry.value)
-        if number and number not in (Number(0), Number(1)):
+        if number and number not in BOTH:
             yield Problem(entry, f"PDOMapping of [{section.name}] is {entry.value[:20]}, not 0 or 1")
 
 
@@ -568,7 +540,8 @@ VALUE_RULES = (
     Rule("E441", "A REAL is a decimal number or a bit pattern.", "CiA 306, numbers", malformed_real),
     Rule("W442", "A REAL has no value but 0.", "public: dcf-tools reads bit patterns, canopen decimal numbers",
          ambiguous_real),
-    Rule("W443", "An OCTET_STRING is written in hexadecimal.", "public: dcf-tools and canopen both read it so", odd_octets),
+    Rule("W443", "An OCTET_STRING is written in hexadecimal.",
+         "public: dcf-tools and canopen both read it so", odd_octets),
     Rule("E444", "PDOMapping is 0 or 1.", "CiA 306, object description", pdo_mapping_flag),
     Rule("E445", "ObjFlags has bits 0 and 1 only.", "CiA 306, ObjFlags", object_flags),
     Rule("W446", "A constant has a value.", "CiA 306, object description", constant_without_value),

@@ -38,13 +38,18 @@ class Range(NamedTuple):
     low: int
     high: int
     owner: str
+    is_per_node: bool = False
+
+    def whose(self, identifier: int) -> str:
+        """Say whose an identifier of the range is: SYNC, or EMCY of node 64."""
+        return f"{self.owner} of node {identifier - self.low + 1}" if self.is_per_node else self.owner
 
 
 RESTRICTED = (
     Range(0x000, 0x000, "NMT"),
-    Range(0x581, 0x5FF, "SDO answers"),
-    Range(0x601, 0x67F, "SDO requests"),
-    Range(0x701, 0x77F, "boot-up and heartbeat"),
+    Range(0x581, 0x5FF, "the SDO answer", is_per_node=True),
+    Range(0x601, 0x67F, "the SDO request", is_per_node=True),
+    Range(0x701, 0x77F, "the heartbeat", is_per_node=True),
     Range(0x780, 0x7FF, "LSS and further services"),
 )
 """Restricted identifiers under which every device, or every tool, speaks."""
@@ -58,10 +63,10 @@ RESERVED = (
 
 PREDEFINED = (
     Range(0x080, 0x080, "SYNC"),
-    Range(0x081, 0x0FF, "EMCY"),
+    Range(0x081, 0x0FF, "EMCY", is_per_node=True),
     Range(0x100, 0x100, "TIME"),
     *(
-        Range(base + 1, base + 0x7F, f"{direction.name} {number}")
+        Range(base + 1, base + 0x7F, f"{direction.name} {number}", is_per_node=True)
         for direction, first in ((Direction.TPDO, 0x180), (Direction.RPDO, 0x200))
         for number, base in enumerate(range(first, first + 0x400, 0x100), start=1)
     ),
@@ -157,7 +162,7 @@ def in_range_of(ranges: tuple[Range, ...], sentence: str) -> Check:
         for pdo, at, identifier in _identifiers(device):
             found = owner(identifier, ranges)
             if found:
-                yield Problem(at, f"{pdo.name} has identifier 0x{identifier:03X}, {sentence} {found.owner}")
+                yield Problem(at, f"{pdo.name} has identifier 0x{identifier:03X}, {sentence} {found.whose(identifier)}")
 
     return check
 
@@ -167,7 +172,7 @@ def in_predefined(device: Device) -> Iterator[Problem]:
     for pdo, at, identifier in _identifiers(device):
         found = owner(identifier, PREDEFINED)
         if found and not _is_own(device, pdo):
-            text = f"{pdo.name} has the custom identifier 0x{identifier:03X}, where some node has its {found.owner} by default"
+            text = f"{pdo.name} has the custom identifier 0x{identifier:03X}, by default {found.whose(identifier)}"
             yield Problem(at, text)
 
 
@@ -281,16 +286,17 @@ def slower_than_event(device: Device) -> Iterator[Problem]:
         if pdo.direction is Direction.TPDO and inhibit and 0 < milliseconds * 10 < inhibit.value:
             yield Problem(
                 at,
-                f"event timer {milliseconds} ms of {pdo.name} is shorter than its inhibit time {inhibit.value} x 100 us",
+                f"event timer {milliseconds} ms of {pdo.name} is shorter than its inhibit time {inhibit.value}",
             )
 
 
 TRANSMISSION_RULES = (
     Rule("E620", "A TPDO's transmission type is 0 to 240 or 252 to 255.",
          "CiA 301, object 0x1800 sub 2; public: manuals of Lika RD4, Applied Motion ST10, Gefran RK5C",
-         transmission_of(Direction.TPDO, lambda v: not (v in SYNCHRONOUS or 252 <= v <= 255), "241 to 251 are reserved")),
+         transmission_of(Direction.TPDO, lambda v: not (v in SYNCHRONOUS or 252 <= v <= 255),
+                         "241 to 251 are reserved")),
     Rule("E621", "An RPDO's transmission type is 0 to 240, 254 or 255.",
-         "CiA 301, object 0x1400 sub 2; public: heig-vd canopen-stack and a PDO manual of another stack list just these",
+         "CiA 301, object 0x1400 sub 2; public: manual of Lika RD4, object 1400",
          transmission_of(Direction.RPDO, lambda v: not (v in SYNCHRONOUS or v in (252, 253, 254, 255)),
                          "241 to 253 are reserved")),
     Rule("W622", "No RPDO is for remote frames only.",
@@ -427,7 +433,7 @@ def shortened(device: Device) -> Iterator[Problem]:
     """Yield mapped lengths below the type's that cut no value."""
     for pdo, each, variable in _shorter(device):
         if _fits(each, variable) and variable.type:
-            text = f"{pdo.name} maps {each.bits} of {variable.type.bits} bits of {each.where}; its limits fit, but CANopenNode maps whole bytes only"
+            text = f"{pdo.name} maps {each.bits} of {variable.type.bits} bits of {each.where}; CANopenNode maps bytes"
             yield Problem(each.at, text)
 
 
@@ -526,7 +532,8 @@ MAPPING_RULES = (
     Rule("E638", "A mapped length is not above the type's.", "CiA 301, PDO mapping (abort 0604 0042)",
          longer_than_type),
     Rule("W639", "A mapped length leaves room for every value of the object.", "CiA 301, PDO mapping", cut),
-    Rule("I640", "A mapped length is the type's.", "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes",
+    Rule("I640", "A mapped length is the type's.",
+         "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes",
          shortened),
     Rule("E641", "An RPDO maps objects that a PDO may write: wo, rww, rw.", "CiA 306, AccessType",
          direction_of(Direction.RPDO, ("ro", "const", "rwr"))),

@@ -132,12 +132,15 @@ class _Reader:
     def __init__(self, oddities: list[Oddity]) -> None:
         self.sections: dict[str, Section] = {}
         self._oddities = oddities
-        self._entries: dict[str, Entry] | None = None
+        self._before: dict[str, Entry] = {}  # what stands before the first section
+        self._entries = self._before
 
     def read(self, lines: list[str]) -> None:
         for number, line in enumerate(lines, start=1):
-            if line[:1].isalnum() and "=" in line:
-                self._entry(number, line, 0)
+            key, equals, value = line.partition("=")
+            is_plain = equals and key.isalnum() and value.strip() is value and ";" not in value
+            if is_plain and len(line) <= LONGEST + 1:
+                self._keep(Entry(key, value, number, len(key) + 2), 0)
             elif line:
                 self._other(number, line)
 
@@ -184,13 +187,17 @@ class _Reader:
         self._keep(Entry(key, value, number, column), indent)
 
     def _keep(self, entry: Entry, indent: int) -> None:
-        if self._entries is None:
-            self._note(Odd.NO_SECTION, entry.line, indent + 1, entry.key[:40])
-            return
-        if not entry.key:
-            self._note(Odd.NO_KEY, entry.line, indent + 1)
         first = self._entries.setdefault(entry.key.lower(), entry)
-        if first is not entry:
+        if first is not entry or not entry.key or self._entries is self._before:
+            self._doubt(entry, first, indent)
+
+    def _doubt(self, entry: Entry, first: Entry, indent: int) -> None:
+        """Note what is odd about an entry: it is in no section, it has no key, it is there already."""
+        if self._entries is self._before:
+            self._note(Odd.NO_SECTION, entry.line, indent + 1, entry.key[:40])
+        elif not entry.key:
+            self._note(Odd.NO_KEY, entry.line, indent + 1)
+        else:
             self._note(Odd.TWO_ENTRIES, entry.line, indent + 1, f"{entry.key[:40]}, first in line {first.line}")
 
     def _without_comment(self, number: int, column: int, value: str) -> str:

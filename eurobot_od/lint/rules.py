@@ -7,7 +7,7 @@ own defect in the tests.
 from __future__ import annotations
 
 from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
-from eurobot_od.lint.findings import Finding, Rule, check
+from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import Device
 from eurobot_od.lint.reader import read
 
@@ -27,4 +27,7 @@ def load(data: bytes, file: str) -> Device:
 
 def lint_device(device: Device, file: str) -> list[Finding]:
     """Check a device that is read already."""
-    return sorted(set(check(FILE_RULES, file, device)), key=lambda each: (each.line, each.column, each.code))
+    found = {
+        Finding(file, at.line, at.column, rule.code, text) for rule in FILE_RULES for at, text in rule.check(device)
+    }
+    return sorted(found, key=lambda each: each[1:])

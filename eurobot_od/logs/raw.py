@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from enum import Enum
-from typing import Generic, NamedTuple, TypeAlias, TypeVar
+from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.frame import Frame
 
@@ -47,23 +47,19 @@ Understand: TypeAlias = Callable[[Raw], Understood]
 """What the user of a reader makes of a frame; it is asked once for each distinct frame."""
 
 
-class Entry(NamedTuple, Generic[Understood]):
-    """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what it means."""
-
-    line: int
-    time: float
-    channel: str
-    what: Understood
-
+Entry: TypeAlias = tuple[int, float, str, Understood]
+"""One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what it means."""
 
 Entries: TypeAlias = Iterator[Entry[Understood]]
+Read: TypeAlias = Callable[[BinaryIO, Understand[Understood]], Entries[Understood]]
+"""A reader of a format: an open file in, entries out."""
 
 
 def frame(cob_id: int, data: bytes) -> Frame:
     """Return a classic base data frame; raises ValueError for an identifier or length that it cannot have."""
     if cob_id > MAX_COB_ID or len(data) > MAX_LENGTH:
         raise ValueError(cob_id)
-    return Frame(cob_id, data)
+    return tuple.__new__(Frame, (cob_id, data))
 
 
 def shortened(text: str | bytes, length: int = 60) -> str:

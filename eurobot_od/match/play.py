@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from itertools import cycle
 from typing import NamedTuple
 
+from eurobot_od.errors import LocalError
 from eurobot_od.field import WIDTH, Point, normalise
 from eurobot_od.match.options import ENEMY_DIAMETER, Options
 from eurobot_od.match.timeline import EventKind, Timeline
@@ -77,7 +78,10 @@ def _count(number: int, one: str, several: str = "") -> str:
 
 
 class Player:
-    """A match being played by `core` in `world`; what happens goes into `timeline`."""
+    """A match being played by `core` in `world`; what happens goes into `timeline`.
+
+    Raises LocalError for an emergency that is not within the match.
+    """
 
     def __init__(
         self, core: Core, world: World, options: Options, timeline: Timeline, clock: Callable[[], float]
@@ -85,8 +89,16 @@ class Player:
         self.core, self.world, self.options, self.timeline, self.clock = core, world, options, timeline, clock
         self.errors: list[float] = []
         """Distance between estimated and true place at each arrival, mm."""
+        self._duration = options.duration or float(core.setting("Match.Match duration"))
+        self._check_emergency()
         self._end = 0.0
         self._mushroom: float | None = None
+        self._stopped = False
+
+    def _check_emergency(self) -> None:
+        at, duration = self.options.emergency_at, self._duration
+        if at is not None and at >= duration:
+            raise LocalError(f"an emergency at {at:g} s is not within the match of {duration:g} s")
 
     async def play(self) -> None:
         """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
@@ -120,12 +132,11 @@ class Player:
     # Match (document 5.2)
 
     async def _drive_until_end(self) -> None:
-        duration = self.options.duration or float(self.core.setting("Match.Match duration"))
         start = self.clock()
-        self._end = start + duration
-        if self.options.emergency_at is not None and self.options.emergency_at < duration:
+        self._end = start + self._duration
+        if self.options.emergency_at is not None:
             self._mushroom = start + self.options.emergency_at
-        self.timeline.tell(EventKind.MATCH, f"{duration:g} s begin", duration=duration)
+        self.timeline.tell(EventKind.MATCH, f"{self._duration:g} s begin", duration=self._duration)
         await self._drive()
         await self._stand_still()
 
@@ -133,13 +144,12 @@ class Player:
         for task in self._tasks():
             report = await self._drive_to(task)
             await self._tell(report)
-            if self._over():
-                return
             if report.outcome is not Outcome.ARRIVED:
                 await asyncio.sleep(max(min(PATIENCE, self._next_stop() - self.clock()), 0))
-                if self._over():
-                    self._stop_for_good()
-                    return
+            if self._over():
+                break
+        if not self._stopped:
+            self._stop_for_good()
 
     def _tasks(self) -> Iterator[Task]:
         return (task.seen_by(self.options.team) for task in cycle(TASKS))
@@ -175,6 +185,7 @@ class Player:
         self.timeline.tell(EventKind.STOP, f"emergency stop: {obstacle.name.lower()} ahead", obstacle=obstacle.name)
 
     def _stop_for_good(self) -> None:
+        self._stopped = True
         if self._mushroom is None:
             self.core.stop()
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")

@@ -6,9 +6,11 @@ Rule of this file: what takes time is a flow that asks and waits; a stop goes ou
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from enum import Enum
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
+from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.errors import StateError
 from eurobot_od.messages import (
@@ -111,8 +113,8 @@ class Core(Node):
     first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration.
     """
 
-    def __init__(self, dictionary: Dictionary) -> None:
-        super().__init__(dictionary)
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+        super().__init__(dictionary, store=store)
         self._flows: list[Flow[Any]] = []
         self._forget()
 
@@ -121,6 +123,7 @@ class Core(Node):
         self.positions: dict[type[PositionResponse], Sighting] = {}
         self.shut_down = False
         self._driving: Flow[GotoReport] | None = None
+        self._configuring: Flow[float] | None = None
         self._stopped: Message | None = None
         self._polling = 0
 
@@ -151,11 +154,15 @@ class Core(Node):
         """Set the start configuration; the result is the seconds until its confirm (document 2.3).
 
         Diameters in cm, 0..50. The confirms of drive and navigation have one identifier: one of them is enough.
-        Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer.
+        Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a newer
+        start configuration or an Emergency Shutdown comes before the confirm.
         """
         configuration = StartConfigurationSet(team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter)
         self.device.transmit(configuration)
-        return self._run(self._configure(configuration))
+        with self.guard:
+            self._end_configuring("replaced by a newer start configuration")
+            self._configuring = self._begin(self._configure(configuration))
+            return self._configuring.call
 
     def goto(
         self,
@@ -196,13 +203,15 @@ class Core(Node):
     def emergency_shutdown(self) -> None:
         """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
         self._stop(EmergencyShutdown())
+        with self.guard:
+            self._end_configuring("emergency shutdown before the start configuration was confirmed")
 
     def _run(self, script: Script[Result]) -> Call[Result]:
         with self.guard:
             return self._begin(script).call
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
-        flow = Flow(script, self._timers, self.send, self._ended)
+        flow = Flow(script, self._timers, self.offer, self._ended)
         self._flows.append(flow)
         self.soon(flow.start)
         return flow
@@ -211,6 +220,8 @@ class Core(Node):
         self._flows.remove(flow)
         if flow is self._driving:
             self._driving = None
+        if flow is self._configuring:
+            self._configuring = None
 
     def _stop(self, stop: Message) -> None:
         with self.guard:
@@ -222,6 +233,10 @@ class Core(Node):
     def _end_driving(self, outcome: Outcome) -> None:
         if self._driving is not None:
             self._driving.fail(_Ended(outcome), self.now)
+
+    def _end_configuring(self, why: str) -> None:
+        if self._configuring is not None:
+            self._configuring.fail(StateError(why), self.now)
 
     # Flows
 
@@ -286,15 +301,15 @@ class Core(Node):
     def _poll_at(self, poll: Poll, time: float, series: int) -> None:
         def ask(now: float) -> None:
             if series == self._polling:
-                self.send(poll.request)
+                self.offer(poll.request)
                 self._poll_at(poll, now + self.seconds("Position polling.Polling period"), series)
 
         self.at(time, ask)
 
     # Messages
 
-    def _handle(self, message: Message) -> None:
-        super()._handle(message)
+    def _act(self, message: Message) -> None:
+        super()._act(message)
         for flow in list(self._flows):
             flow.heard(message, self.now)
 
@@ -302,11 +317,21 @@ class Core(Node):
         """Stop again if a goto is confirmed after the stop: the more urgent stop can overtake it on the bus."""
         return self._stopped
 
+    def _configured(self, _: StartConfigurationConfirm) -> Message | None:
+        """Shut down again if a start configuration from before the shutdown is confirmed after it."""
+        return EmergencyShutdown() if self.shut_down and self._configuring is None else None
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Stop the drive: a robot with a silent node does not go on."""
+        with suppress(StateError):  # a master has taken the TPDO away
+            self._stop(StopDrive())
+
     def _saw(self, position: PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
         GotoConfirm: _confirmed,
+        StartConfigurationConfirm: _configured,
         NaviPositionResponse: _saw,
         KalmanPositionResponse: _saw,
         Enemy1PositionResponse: _saw,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, TypeAlias
 
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.kinds import Remaining
@@ -31,13 +32,16 @@ from eurobot_od.messages import (
     StopDrive,
 )
 from eurobot_od.nodes.estimate import Estimate
-from eurobot_od.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Limits, Motion
+from eurobot_od.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Limits, Motion, Odometry
 from eurobot_od.nodes.node import Node
 from eurobot_od.nodes.route import Clearances, find_route
 from eurobot_od.nodes.timers import Timer
 from eurobot_od.values import Barriers, Direction, GotoFault, Obstacle, OutOfRange, Passage, Route, Source
 
 Stop: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
+
+FOLLOWED = 0.1
+"""Share of what they are told that wheels do at least, unless they are blocked."""
 
 
 class Drive(Node):
@@ -47,8 +51,8 @@ class Drive(Node):
     obstacle is the reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
 
-    def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None) -> None:
-        super().__init__(dictionary)
+    def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None, *, store: Store | None = None) -> None:
+        super().__init__(dictionary, store=store)
         self.chassis: Chassis = chassis or IdealChassis()
         self._forget()
 
@@ -59,12 +63,14 @@ class Drive(Node):
         self.fault: GotoFault | None = None
         self.stopped_by: Stop | None = None
         self.safe = False
+        self._stuck = 0.0
         self._motion: Motion | Braking | None = None
         self._control: Timer | None = None
 
     def reset(self) -> None:
         """Stop at once and forget everything, as after power-on."""
         super().reset()
+        self.chassis.advance(AT_REST, 0.0)
         self._forget()
 
     @property
@@ -84,6 +90,7 @@ class Drive(Node):
         if self.safe:
             return None
         self.goto, self.stopped_by = goto, None
+        self._forget_obstruction()
         way = self._way(goto)
         self.fault = None if way else GotoFault.NOT_POSSIBLE
         if way is None:
@@ -138,6 +145,7 @@ class Drive(Node):
     def _stop(self, stop: Stop) -> None:
         """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1)."""
         self.goto, self.fault, self.stopped_by = None, None, stop
+        self._forget_obstruction()
         self._brake()
 
     def _shut_down(self, shutdown: EmergencyShutdown) -> None:
@@ -165,9 +173,24 @@ class Drive(Node):
         motion, pose = self._motion, self.estimate.pose
         dt = self.seconds("Motion.Control period")
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
-        self.estimate.moved(self.chassis.advance(command, dt))
+        rolled = self.chassis.advance(command, dt)
+        self.estimate.moved(rolled)
+        if isinstance(motion, Motion):
+            self._watch_wheels(command, rolled, dt)
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         self._control = None if done else self.at(now + dt, self._step)
+
+    def _watch_wheels(self, command: Command, rolled: Odometry, dt: float) -> None:
+        """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
+        self._stuck = 0.0 if _followed(command, rolled, dt) else self._stuck + dt
+        if self._stuck >= self.seconds("Motion.Blocked time"):
+            self.fault = GotoFault.BLOCKED
+            self.raise_error(ErrorCode.DRIVE_BLOCKED, GotoFault.BLOCKED)
+            self._brake()
+
+    def _forget_obstruction(self) -> None:
+        self._stuck = 0.0
+        self.clear_error(GotoFault.BLOCKED)
 
     # Position
 
@@ -206,3 +229,10 @@ class Drive(Node):
         StartConfigurationSet: _configure,
         CheckDriveRequest: lambda *_: CheckDriveResponse(),
     }
+
+
+def _followed(command: Command, rolled: Odometry, dt: float) -> bool:
+    """Tell whether the wheels did something of what they were told."""
+    driven = abs(rolled.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
+    turned = abs(rolled.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
+    return driven or turned or command == AT_REST

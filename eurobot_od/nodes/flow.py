@@ -10,6 +10,8 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Generator
 from concurrent.futures import Future
+from functools import partial
+from inspect import GEN_CLOSED, getgeneratorstate
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.errors import NoAnswer
@@ -67,8 +69,8 @@ class Flow(Generic[Result]):
         next(script)
 
     def start(self, now: float) -> None:
-        """Run the script from its START to its first Ask or Pause."""
-        if not self.call.done():
+        """Run the script from its START to its first Ask or Pause, unless it was made to end before."""
+        if getgeneratorstate(self._script) != GEN_CLOSED:
             self._resume(lambda: self._script.send(now), now)
 
     def heard(self, message: Message, now: float) -> bool:
@@ -93,13 +95,16 @@ class Flow(Generic[Result]):
         try:
             wanted = step()
         except StopIteration as end:
-            self._ended(self)
-            self.call.set_result(end.value)
+            self._end(partial(self.call.set_result, end.value))
         except Exception as error:
-            self._ended(self)
-            self.call.set_exception(error)
+            self._end(partial(self.call.set_exception, error))
         else:
             self._await(wanted, now)
+
+    def _end(self, settle: Callable[[], None]) -> None:
+        self._ended(self)
+        if self.call.set_running_or_notify_cancel():  # from here on nobody can cancel it any more
+            settle()
 
     def _await(self, wanted: Ask | Pause, now: float) -> None:
         if isinstance(wanted, Pause):
@@ -115,7 +120,7 @@ class Flow(Generic[Result]):
         ask = self._ask
         if ask is None:
             return
-        if self._sent == ask.attempts:
+        if self._sent == ask.attempts or self.call.cancelled():
             error = NoAnswer(type(ask.request).__name__, ask.answer.__name__, ask.attempts, ask.wait)
             self.fail(error, now)
             return

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.field import HEIGHT, WIDTH
 from eurobot_od.messages import (
@@ -65,8 +66,8 @@ class Navigation(Node):
     until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
     """
 
-    def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None) -> None:
-        super().__init__(dictionary)
+    def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
+        super().__init__(dictionary, store=store)
         self.beacons: Beacons = beacons or NoBeacons()
         self.configuration: StartConfigurationSet | None = None
         self.safe = False

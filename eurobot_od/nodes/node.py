@@ -10,29 +10,32 @@ from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
-from eurobot_od.device import ALWAYS, Device
+from eurobot_od.device import ALWAYS, Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
+from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.messages import Message, flagged_fields
 from eurobot_od.nodes.timers import Action, Timer, Timers
 
 
 class Node:
-    """A node of the robot, made from its EDS.
+    """A node of the robot, made from its EDS; `store` keeps its settings over a restart, None while it runs only.
 
     `HANDLERS` says for each message type what is done; a handler returns the message to answer with, or None.
-    `ignored` counts messages that were not acted on because of a value out of range. Whoever runs the node from
+    `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
+    sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from
     several threads sets `guard` to their lock, and `wake` to what makes them call `tick` soon.
     """
 
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
 
-    def __init__(self, dictionary: Dictionary) -> None:
-        self.device = Device(dictionary)
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+        self.device = Device(dictionary, store)
         self.name = dictionary.name
         self.now = 0.0
-        self.ignored = 0
+        self.ignored = self.withheld = 0
         self.guard: AbstractContextManager[object] = nullcontext()
         self.wake: Callable[[], None] = _nobody
         self._soon: list[Action] = []
@@ -65,12 +68,7 @@ class Node:
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         """Take in one frame and return the frames to send."""
         self.now = now
-        reaction = self.device.receive(frame, now)
-        self._out += reaction.frames
-        if reaction.reset:
-            self.reset()
-        if reaction.message is not None:
-            self._handle(reaction.message)
+        self._react(self.device.receive(frame, now))
         return self._flush()
 
     def tick(self, now: float) -> list[Frame]:
@@ -81,8 +79,22 @@ class Node:
             action(now)
         for action, time in self._timers.due(now):
             action(time)
-        self._out += self.device.tick(now)
+        self._react(self.device.tick(now))
         return self._flush()
+
+    def bus_error(self, code: ErrorCode, now: float) -> None:
+        """Take in what the CAN controller reports, such as an overrun."""
+        self.device.bus_error(code, now)
+        self.wake()
+
+    def _react(self, reaction: Reaction) -> None:
+        self._out += reaction.frames
+        if reaction.reset:
+            self.reset()
+        for node_id in reaction.lost:
+            self.heartbeat_lost(node_id)
+        if reaction.message is not None:
+            self._handle(reaction.message)
 
     # For the nodes
 
@@ -91,6 +103,9 @@ class Node:
         self._timers.clear()
         self._soon.clear()
 
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Do what is to be done when another node has fallen silent; the nodes that care say what."""
+
     def soon(self, action: Action) -> None:
         """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""
         self._soon.append(action)
@@ -98,8 +113,15 @@ class Node:
 
     def send(self, message: Message) -> None:
         """Put a message among the frames to send, and wake whoever runs the node."""
-        self._out.append(self.device.transmit(message))
+        self._out += self.device.send(message, self.now)
         self.wake()
+
+    def offer(self, message: Message) -> None:
+        """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
+        try:
+            self.send(message)
+        except StateError:
+            self.withheld += 1
 
     def at(self, time: float, action: Action) -> Timer:
         """Have `action` called when the time comes."""
@@ -107,24 +129,27 @@ class Node:
 
     def raise_error(self, code: ErrorCode, what: Hashable) -> None:
         """Report an error by EMCY, once."""
-        self._out += self.device.emergencies.raised(code, what)
+        self.device.emergencies.raised(code, what)
 
     def clear_error(self, what: Hashable) -> None:
         """Report by EMCY that an error is gone."""
-        self._out += self.device.emergencies.cleared(what)
+        self.device.emergencies.cleared(what)
 
     def _handle(self, message: Message) -> None:
-        handler = self.HANDLERS.get(type(message))
         if flagged_fields(message) and not isinstance(message, ALWAYS):
             self.ignored += 1
-        elif handler is not None:
-            answer = handler(self, message)
-            if answer is not None:
-                self.send(answer)
+        else:
+            self._act(message)
+
+    def _act(self, message: Message) -> None:
+        handler = self.HANDLERS.get(type(message))
+        answer = handler(self, message) if handler is not None else None
+        if answer is not None:
+            self.offer(answer)
 
     def _flush(self) -> list[Frame]:
         frames, self._out = self._out, []
-        return frames
+        return frames + self.device.emergency_frames(self.now)
 
 
 def _nobody() -> None:

@@ -57,6 +57,8 @@ class Network:
         times += [time for station in self._stations if (time := station.next_wakeup) is not None]
         if self._sending:
             times.append(self._sending.end)
+        elif any(station.gatekeeper.mailboxes.next_expiry is not None for station in self._stations):
+            times.append(self.now)  # a frame submitted from outside, between two events
         return max(min(times), self.now) if times else None
 
     def advance(self, until: float) -> bool:

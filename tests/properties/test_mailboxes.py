@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -29,8 +31,9 @@ class Bench:
         self.reports: list[Report] = []
         self.boxes = Mailboxes(self.reports.append, count, WAIT)
         self.count, self.now = count, 0.0
-        self.submitted: dict[Frame, float] = {}
-        self.waiting: list[Frame] = []
+        self.submitted: list[Frame] = []
+        self.waiting: dict[Frame, float] = {}
+        """Until when each frame may wait: without end if a mailbox was free for it."""
         self.loaded: list[Frame] = []
         self.done: list[Frame] = []
         self.dropped = 0
@@ -38,19 +41,20 @@ class Bench:
     def submit(self, cob_id: int) -> None:
         frame = Frame(cob_id, len(self.submitted).to_bytes(2, "big"))
         self.boxes.submit(frame, self.now)
-        self.submitted[frame] = self.now
-        self.waiting.append(frame)
+        full = len(self.loaded) + len(self.waiting) >= self.count
+        self.submitted.append(frame)
+        self.waiting[frame] = self.now + WAIT if full else inf
 
     def pass_(self, seconds: int) -> None:
         self.now += seconds
 
     def load(self, _: int) -> None:
         loaded = self.boxes.load(self.now)
-        in_time = [frame for frame in self.waiting if self.now < self.submitted[frame] + WAIT]
+        in_time = sorted(frame for frame, until in self.waiting.items() if self.now < until)
         self.dropped += len(self.waiting) - len(in_time)
         free = self.count - len(self.loaded)
-        assert loaded == sorted(in_time)[:free]  # a frame sorts by COB-ID, then by its number
-        self.waiting = sorted(in_time)[free:]
+        assert loaded == in_time[:free]  # a frame sorts by COB-ID, then by its number
+        self.waiting = {frame: min(self.waiting[frame], self.now + WAIT) for frame in in_time[free:]}
         self.loaded += loaded
 
     def complete(self, place: int) -> None:
@@ -64,7 +68,7 @@ class Bench:
         assert (counts.completed, counts.dropped, counts.loaded) == (len(self.done), self.dropped, len(self.loaded))
         assert len(self.reports) == self.dropped
         assert self.boxes.urgent() == min(self.loaded, default=None)
-        assert self.boxes.next_expiry == min((self.submitted[frame] + WAIT for frame in self.waiting), default=None)
+        assert self.boxes.next_expiry == min(self.waiting.values(), default=None)
 
 
 def run(bench: Bench, steps: list[tuple[str, int]]) -> None:

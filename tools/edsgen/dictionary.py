@@ -11,7 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from edsgen.layout import Layout, Slice, layouts
-from edsgen.marked_yaml import Number, Text
+from eurobot_od.yaml_places import Number, Text
 from edsgen.table import OWN_NODE_ID, Dialect, Field, Message, Node, Record, Table
 
 

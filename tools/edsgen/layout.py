@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from edsgen.marked_yaml import Place, Text
+from eurobot_od.yaml_places import Place, Text
 from edsgen.table import Dialect, Field, Record, Table
 
 PADDING = Text("Padding", Place(0, 0))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
-from edsgen.marked_yaml import (
+from eurobot_od.yaml_places import (
     Number,
     Place,
     Problem,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from edsgen.dictionary import Entry, Kind, Object, Type, object_dictionary
-from edsgen.marked_yaml import Text
+from eurobot_od.yaml_places import Text
 from edsgen.table import Node, Table
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)

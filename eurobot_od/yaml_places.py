@@ -91,13 +91,26 @@ def number(node: yaml.Node, problems: Problems) -> Number:
     return Number(int(node.value, 0), place_of(node.start_mark))
 
 
-def text(node: yaml.Node, problems: Problems) -> Text:
+def any_text(node: yaml.Node, problems: Problems) -> Text:
     """Read a text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
     if not isinstance(node, yaml.ScalarNode) or node.tag != TAG + "str":
         hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
         refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
-    if not (node.value.isascii() and node.value.isprintable()):
+    return Text(node.value, place_of(node.start_mark))
+
+
+def text(node: yaml.Node, problems: Problems) -> Text:
+    """Read a text of printable ASCII characters."""
+    value = any_text(node, problems)
+    if not (value.isascii() and value.isprintable()):
         refuse(node, problems, f"expected printable ASCII characters, found {shown(node)}")
+    return value
+
+
+def scalar(node: yaml.Node, problems: Problems) -> Text:
+    """Read what stands there as it is written, whatever YAML takes it for."""
+    if not isinstance(node, yaml.ScalarNode):
+        refuse(node, problems, f"expected a single value, found {shown(node)}")
     return Text(node.value, place_of(node.start_mark))
 
 
@@ -200,8 +213,26 @@ def read_yaml(source: str, reader: Reader[T], problems: Problems) -> T:
 
 def compose(source: str, problems: Problems) -> yaml.Node:
     """Parse the one document of `source` into nodes; what is no YAML at all is one problem."""
+    node = _parsed(lambda: yaml.compose(source, Loader=yaml.SafeLoader), source, problems)
+    if node is None:
+        problems.append(Problem(START, "the file is empty"))
+        raise ReadError
+    return node
+
+
+def compose_all(source: str, problems: Problems) -> list[yaml.Node]:
+    """Parse all documents of `source`; what is no YAML at all is one problem."""
+    nodes = _parsed(lambda: list(yaml.compose_all(source, Loader=yaml.SafeLoader)), source, problems)
+    if not nodes:
+        problems.append(Problem(START, "the file is empty"))
+        raise ReadError
+    return nodes
+
+
+def _parsed(parse: Callable[[], T], source: str, problems: Problems) -> T:
+    """Call the parser and turn its errors into a problem."""
     try:
-        node = yaml.compose(source, Loader=yaml.SafeLoader)
+        return parse()
     except yaml.reader.ReaderError as error:
         lines = source[: error.position].split("\n")
         problems.append(Problem(Place(len(lines), len(lines[-1]) + 1), error.reason))
@@ -210,7 +241,19 @@ def compose(source: str, problems: Problems) -> yaml.Node:
         place = place_of(error.problem_mark) if error.problem_mark else START
         problems.append(Problem(place, str(error.problem)))
         raise ReadError from error
-    if node is None:
-        problems.append(Problem(START, "the file is empty"))
-        raise ReadError
-    return node
+    except RecursionError as error:
+        problems.append(Problem(START, "the file is nested too deeply"))
+        raise ReadError from error
+
+
+def refuse_aliases(root: yaml.Node, problems: Problems) -> None:
+    """Note every part that an alias uses again: what stands there once should be read once, and in one place."""
+    seen: set[int] = set()
+    waiting = [root]
+    while waiting:
+        node = waiting.pop()
+        if id(node) in seen:
+            refuse(node, problems, "an alias refers to this; write it out")
+        seen.add(id(node))
+        if isinstance(node, yaml.CollectionNode):
+            waiting += (part for each in node.value for part in (each if isinstance(each, tuple) else (each,)))

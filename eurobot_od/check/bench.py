@@ -1,0 +1,18 @@
+"""What a runner needs of a bus; rule: nothing else is asked of it, so a simulated one and a real one are alike."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from eurobot_od.check.trace import Trace
+from eurobot_od.frame import Frame
+
+
+class Bench(Protocol):
+    """A bus with the nodes under test; the tester is another participant, with no node of its own."""
+
+    async def begin(self, trace: Trace) -> None:
+        """Put every frame of the others into a trace from now on, and return when the nodes are up; called once."""
+
+    async def send(self, frame: Frame) -> float:
+        """Send a frame and return, once it is on its way, its time by the loop's clock; raises BusError."""

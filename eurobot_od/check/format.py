@@ -1,0 +1,238 @@
+"""The format of suites: tables of keys, from which come reading, checking and the JSON Schema.
+
+Rule of this file: a key stands in one table, with its shape, what it is for, and whether it has to be there. Every
+problem is told with its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from eurobot_od import dialects
+from eurobot_od.check import shapes
+from eurobot_od.check.frames import Frames
+from eurobot_od.check.patterns import Pattern
+from eurobot_od.check.services import Services
+from eurobot_od.check.shapes import DURATION, NAME, SCALAR, TEXT, Key, Schema, Shape, converted, problem_at, problem_of
+from eurobot_od.check.suite import (
+    Action,
+    Expect,
+    Group,
+    Never,
+    Order,
+    Patterns,
+    Period,
+    Poll,
+    Save,
+    SdoRead,
+    SdoWrite,
+    Send,
+    Step,
+    Suite,
+    Wait,
+)
+from eurobot_od.check.vocabulary import Vocabulary
+from eurobot_od.errors import UnknownName
+from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
+
+VERSION = 1
+"""Value of the key `spec`."""
+
+TIMEOUT = 1.0
+"""Seconds that an answer may take where the suite does not say."""
+
+MAX_COUNT = 100_000
+"""Most repetitions of a step, most periods measured."""
+
+
+class Row(NamedTuple):
+    """An action of a step: its shape, what makes it, and the keys beside it with the names `make` has for them."""
+
+    shape: Shape[Any]
+    make: Callable[..., Action]
+    help: str
+    beside: Mapping[str, tuple[str, Key]] = {}
+
+
+class Format:
+    """The format with the words of one document."""
+
+    def __init__(self, words: Vocabulary) -> None:
+        self._words = words
+        self._services = Services(words)
+        self._frames = Frames(words, self._services)
+        self._step: Shape[Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
+        self._actions = self._action_table()
+        self._common = {
+            "name": Key(TEXT, "what the step is for; left out: what it does"),
+            "repeat": Key(shapes.whole(1, MAX_COUNT), "how many times the step is done"),
+        }
+        self._suite: Shape[dict[str, Any]] = shapes.record(dict, self._suite_table())
+
+    # Tables
+
+    def _suite_table(self) -> dict[str, Key]:
+        nodes = shapes.one_or_more(shapes.named({name: name for name in self._words.dictionaries}, "node"))
+        steps = shapes.listing(self._step)
+        return {
+            "spec": Key(_version(), "version of the format", needed=True),
+            "name": Key(TEXT, "what the suite is for", needed=True),
+            "node": Key(nodes, "node or nodes under test; left out: all"),
+            "dialect": Key(converted(TEXT, _dialect), "EDS files that the suite is for; left out: any"),
+            "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {TIMEOUT:g} s"),
+            "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
+            "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
+            "setup": Key(steps, "steps before; if one fails, the others are not done"),
+            "steps": Key(steps, "the steps", needed=True),
+            "teardown": Key(steps, "steps afterwards, done in any case"),
+        }
+
+    def _action_table(self) -> dict[str, Row]:
+        within = {"within": ("within", Key(DURATION, "longest time; left out: the suite's timeout"))}
+        span = {"for": ("span", Key(DURATION, "how long to watch", needed=True))}
+        until = {"until": ("until", Key(self._frames.pattern, "the frame that ends the polling", needed=True))} | within
+        services = self._services
+        return {
+            "send": Row(self._frames.sent, Send, "send a message or a raw frame"),
+            "expect": Row(self._frames.patterns, Expect, "wait for a frame, or several", within),
+            "never": Row(self._frames.pattern, Never, "see that no such frame comes", span),
+            "poll": Row(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
+            "period": Row(shapes.record(_period, self._period_table()), _same, "measure how often a frame comes"),
+            "sdo": Row(services.sdo, _within, "read or write an object", within),
+            "nmt": Row(services.nmt, _same, "send an NMT command"),
+            "heartbeat": Row(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
+            "emcy": Row(services.emcy, _expect_one, "wait for an emergency message", within),
+            "save": Row(shapes.mapping(NAME, self._frames.field), Save, "keep fields of the messages received last"),
+            "wait": Row(DURATION, Wait, "let time pass"),
+            "steps": Row(shapes.listing(self._step), Group, "steps that belong together"),
+        }
+
+    def _poll_table(self) -> dict[str, Key]:
+        return {
+            "send": Key(self._frames.sent, "what is sent", needed=True),
+            "every": Key(DURATION, "time from one to the next", needed=True),
+        }
+
+    def _period_table(self) -> dict[str, Key]:
+        return {
+            "message": Key(self._frames.pattern, "which frame", needed=True),
+            "every": Key(DURATION, "time from one to the next", needed=True),
+            "tolerance": Key(DURATION, "by how much it may be off", needed=True),
+            "count": Key(shapes.whole(1, MAX_COUNT), "how many periods are measured", needed=True),
+        }
+
+    # Reading
+
+    def read(self, file: Path, root: yaml.Node, problems: Problems) -> Suite:
+        """Read the document; raises ReadError with the problems noted."""
+        parts = self._suite.read(root, problems)
+        return Suite(
+            file=file,
+            place=place_of(root.start_mark),
+            name=parts["name"],
+            nodes=parts.get("node", tuple(self._words.dictionaries)),
+            dialect=parts.get("dialect"),
+            timeout=parts.get("timeout", TIMEOUT),
+            tags=parts.get("tags", ()),
+            setup=parts.get("setup", ()),
+            steps=parts["steps"],
+            teardown=parts.get("teardown", ()),
+            dictionaries=self._words.dictionaries,
+            decoder=self._words.decoder,
+        )
+
+    def _read_step(self, node: yaml.Node, problems: Problems) -> Step:
+        pairs = pairs_of(node, problems)
+        key = self._action_key(node, pairs, problems)
+        row = self._actions[key]
+        wrong = list(self._key_problems(node, key, pairs))
+        problems += wrong
+        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.beside.items()} | self._common
+        names = [name for name in pairs if name in known]
+        given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
+        if wrong:
+            raise ReadError
+        beside = {attribute: given[name] for name, (attribute, _) in row.beside.items() if name in given}
+        action = row.make(given[key], **beside)
+        return Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+
+    def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
+        """Return the key of a step's one action."""
+        found = [key for key in pairs if key in self._actions]
+        unknown = [key for key in pairs if key not in self._actions and key not in self._common]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            problems.append(problem_at(found[1], f"a step has one action, and {str(found[0])!r} is one already"))
+        elif unknown:
+            problems.append(problem_at(unknown[0], UnknownName("action", str(unknown[0]), self._actions)))
+        else:
+            refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
+        raise ReadError
+
+    def _key_problems(self, node: yaml.Node, action: str, pairs: Mapping[Text, yaml.Node]) -> Iterator[Problem]:
+        """Yield what is wrong with the keys beside a step's action."""
+        beside = self._actions[action].beside
+        for key in pairs:
+            if key != action and key not in beside and key not in self._common:
+                known = [*beside, *self._common]
+                yield problem_at(key, UnknownName(f"key beside {action}", str(key), known))
+        for name, (_, each) in beside.items():
+            if each.needed and name not in list(pairs):
+                yield problem_of(node, f"{action} needs the key '{name}'")
+
+    # Schema
+
+    def schema(self) -> Schema:
+        """Return the JSON Schema of a document."""
+        steps = [self._step_schema(name, row) for name, row in self._actions.items()]
+        return {
+            "$schema": "http://json-schema.org/draft-07/schema#",
+            "title": "Check suite of eurobot-od",
+            **self._suite.schema,
+            "$defs": {"step": {"oneOf": steps}} | self._frames.definitions(),
+        }
+
+    def _step_schema(self, name: str, row: Row) -> Schema:
+        keys = {name: Key(row.shape, row.help, needed=True)}
+        return shapes.object_schema(keys | {key: each for key, (_, each) in row.beside.items()} | self._common)
+
+
+# What actions are made by
+
+
+def _same(action: Action) -> Action:
+    return action
+
+
+def _expect_one(pattern: Pattern, within: float | None = None) -> Action:
+    return Expect(Patterns(Order.IN_ORDER, (pattern,)), within)
+
+
+def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> Action:
+    return Poll(parts["send"], parts["every"], until, within)
+
+
+def _period(message: Pattern, every: float, tolerance: float, count: int) -> Action:
+    return Period(message, every, tolerance, count)
+
+
+def _within(action: SdoRead | SdoWrite, within: float | None = None) -> Action:
+    return replace(action, within=within)
+
+
+# Small shapes
+
+
+def _version() -> Shape[int]:
+    return Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
+
+
+def _dialect(text: Text) -> str:
+    dialects.folder(str(text))
+    return str(text)

@@ -1,0 +1,224 @@
+"""Frames in suites: what is sent and what is expected, messages by name or raw.
+
+Rule of this file: names, fields, ranges are those of the EDS files; fields may be named as there or short, `X position`
+or `x`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+import yaml
+
+from eurobot_od.check import shapes
+from eurobot_od.check.patterns import FramePattern, MessagePattern, Pattern, Sent, SentFrame, SentMessage
+from eurobot_od.check.services import Services
+from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
+from eurobot_od.check.suite import FieldOf, Order, Patterns
+from eurobot_od.check.values import Scale, expectation
+from eurobot_od.check.vocabulary import Vocabulary
+from eurobot_od.errors import FieldError, LocalError, UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.kinds import BarrierFlags, Kind
+from eurobot_od.messages import TYPES, field_name, kinds
+from eurobot_od.protocol import Binding
+from eurobot_od.values import BARRIER_NAMES, Passage, barrier_number
+from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, refuse
+
+T = TypeVar("T")
+
+RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f]{2}){0,8})")
+RAW_PATTERN = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f?]{2}){0,8})")
+ORDERS = {"any": Order.ANY, "all": Order.ALL}
+VALUE: Schema = {"type": ["string", "number"]}
+BARRIERS = shapes.mapping(
+    converted(SCALAR, barrier_number, {"enum": list(BARRIER_NAMES)}),
+    shapes.named({each.name.lower(): each.name for each in Passage}, "passage"),
+)
+
+
+class Frames:
+    """The shapes of frames, with the words of one document."""
+
+    def __init__(self, words: Vocabulary, services: Services) -> None:
+        self._words = words
+        self._others: dict[str, Shape[Pattern]] = {
+            "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),
+            "heartbeat": services.heartbeat,
+            "emcy": services.emcy,
+        }
+        self.sent: Shape[Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
+        self.pattern: Shape[Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
+        self.patterns: Shape[Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
+        self.field: Shape[FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
+
+    # What is sent
+
+    def _read_sent(self, node: yaml.Node, problems: Problems) -> Sent:
+        name, value = _named(node, problems)
+        if name == "raw" and value is not None:
+            match = _match(RAW, value, problems, "a frame such as 008#D27423")
+            return SentFrame(Frame(int(match["id"], 16), bytes.fromhex(match["data"])))
+        binding = taken(name, problems, self._words.protocol.binding)
+        fields = self._fields(binding, value, problems, lambda text, scale: scale.operand(text))
+        sent = SentMessage(self._words.protocol, binding, fields)
+        _check_sent(sent, node, problems)
+        return sent
+
+    # What is expected
+
+    def _read_pattern(self, node: yaml.Node, problems: Problems) -> Pattern:
+        name, value = _named(node, problems)
+        if value is not None and name in self._others:
+            return self._others[name].read(value, problems)
+        binding = taken(name, problems, self._words.protocol.binding)
+        return MessagePattern(self._words.protocol, binding, self._fields(binding, value, problems, expectation))
+
+    def _read_patterns(self, node: yaml.Node, problems: Problems) -> Patterns:
+        several = shapes.listing(self.pattern).read
+        if isinstance(node, yaml.SequenceNode):
+            return Patterns(Order.IN_ORDER, several(node, problems))
+        if isinstance(node, yaml.MappingNode):
+            name, value = shapes.only_pair(node, problems, "one message")
+            if name in ORDERS:
+                return Patterns(ORDERS[name], several(value, problems))
+        return Patterns(Order.IN_ORDER, (self.pattern.read(node, problems),))
+
+    # Fields
+
+    def _fields(
+        self, binding: Binding, node: yaml.Node | None, problems: Problems, read: Callable[[str, Scale], T]
+    ) -> dict[str, T]:
+        """Read a message's fields and their values; all problems of them are told."""
+        if node is None or _is_nothing(node):
+            return {}
+        before, fields = len(problems), {}
+        for key, value in pairs_of(node, problems).items():
+            try:
+                field = taken(key, problems, lambda name: _field(binding, name))
+                scale = self._words.scale(binding.kinds[field], binding.limits[field])
+                fields[field] = _read_value(value, scale, problems, read)
+            except ReadError:
+                continue
+        if len(problems) > before:
+            raise ReadError
+        return fields
+
+    def _field_of(self, text: Text) -> FieldOf:
+        message, _, field = text.rpartition(".")
+        binding = self._words.protocol.binding(message or str(text))
+        return FieldOf(binding, _field(binding, field))
+
+    # Schema
+
+    def definitions(self) -> dict[str, Schema]:
+        """Return the schemas that others refer to."""
+        names = {self._words.protocol.name(each): kinds(each) for each in TYPES}
+        others = {name: shape.schema for name, shape in self._others.items()}
+        return {
+            "sent": _message_schema(names, {"raw": _pattern_schema(RAW)}, needs_fields=True),
+            "pattern": _message_schema(names, others, needs_fields=False),
+            "patterns": self._patterns_schema(),
+        }
+
+    def _patterns_schema(self) -> Schema:
+        several = shapes.listing(self.pattern).schema
+        orders = [{"type": "object", "properties": {name: several}, "required": [name]} for name in ORDERS]
+        return {"anyOf": [self.pattern.schema, several, *orders]}
+
+
+def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]:
+    """Return the name of a message, and what stands behind it."""
+    if isinstance(node, yaml.ScalarNode):
+        return SCALAR.read(node, problems), None
+    return shapes.only_pair(node, problems, "one message")
+
+
+def _check_sent(sent: SentMessage, node: yaml.Node, problems: Problems) -> None:
+    binding = sent.binding
+    missing = [each for each in binding.kinds if each not in sent.fields and each not in binding.defaults]
+    if missing:
+        refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
+    if sent.is_constant:
+        try:
+            sent.frame({})
+        except FieldError as error:
+            refuse(node, problems, str(error))
+
+
+def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:
+    match = _match(RAW_PATTERN, node, problems, "a frame such as 008#D274?? with ? for any digit")
+    return FramePattern(int(match["id"], 16), match["data"].upper())
+
+
+def _match(form: re.Pattern[str], node: yaml.Node, problems: Problems, what: str) -> re.Match[str]:
+    text = SCALAR.read(node, problems)
+    match = form.fullmatch(text)
+    if match is None:
+        refuse(node, problems, f"expected {what}, found {str(text)!r}")
+    return match
+
+
+def _is_nothing(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.ScalarNode) and node.value == "" and node.style is None
+
+
+def _field(binding: Binding, name: str) -> str:
+    """Return a field by its name; raises UnknownName for one that the EDS does not map."""
+    field = field_name(name)
+    if field not in binding.limits:
+        raise UnknownName(f"field of {binding.name}", str(name), binding.limits)
+    return field
+
+
+def _read_value(node: yaml.Node, scale: Scale, problems: Problems, read: Callable[[str, Scale], T]) -> T:
+    """Read a field's value; barriers may also be a mapping from names to passages."""
+    if isinstance(scale.kind, BarrierFlags) and isinstance(node, yaml.MappingNode):
+        passages = BARRIERS.read(node, problems)
+        text = ",".join(f"{name}:{passage}" for name, passage in passages.items()) or "none"
+    else:
+        text = str(SCALAR.read(node, problems))
+    try:
+        return read(text, scale)
+    except LocalError as error:
+        refuse(node, problems, str(error))
+
+
+# Small schemas
+
+
+def _pattern_schema(form: re.Pattern[str]) -> Schema:
+    return {"type": "string", "pattern": f"^{re.sub(r'[?]P<[a-z]+>', '', form.pattern)}$"}
+
+
+def _message_schema(
+    names: Mapping[str, Mapping[str, Kind]], others: Mapping[str, Schema], needs_fields: bool
+) -> Schema:
+    """Return the schema of a message: its name alone, or a mapping with its fields."""
+    properties = {name: _fields_schema(fields) for name, fields in names.items()} | dict(others)
+    alone = [name for name, fields in names.items() if not (needs_fields and fields)]
+    one = {"type": "object", "properties": properties, "minProperties": 1, "maxProperties": 1}
+    return {"anyOf": [{"enum": alone}, one | {"additionalProperties": False}]}
+
+
+def _fields_schema(fields: Mapping[str, Kind]) -> Schema:
+    """Return the schema of a message's fields: their names as people write them, and all other ways to write them."""
+    values = {field: _value_schema(kind) for field, kind in fields.items()}
+    return {
+        "type": ["object", "null"],
+        "properties": {field.replace("_", " "): value for field, value in values.items()},
+        "patternProperties": {_spellings(field): value for field, value in values.items()},
+        "additionalProperties": False,
+    }
+
+
+def _spellings(field: str) -> str:
+    """Return the pattern of a field's names: `enemy_1_diameter`, `Enemy 1 diameter`, `x`, `X position`."""
+    words = [f"[{word[0].upper()}{word[0]}]{word[1:]}" for word in field.split("_")]
+    return f"^{'[ _]'.join(words)}( position)?$"
+
+
+def _value_schema(kind: Kind) -> Schema:
+    return {"anyOf": [VALUE, BARRIERS.schema]} if isinstance(kind, BarrierFlags) else VALUE

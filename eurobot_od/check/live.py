@@ -1,0 +1,85 @@
+"""Suites on a real bus: the tester is one more participant on whatever python-can can reach.
+
+Rule of this file: the bus is read by `runtime.Watch`; what it sees goes to the event loop and is judged there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from eurobot_od import runtime
+from eurobot_od.check.results import StepResult, SuiteResult
+from eurobot_od.check.runner import Interrupt, Options, Runner
+from eurobot_od.check.suite import Suite
+from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+
+if TYPE_CHECKING:
+    import can
+
+SEND_WAIT = 0.5
+"""Seconds for which a frame is tried again if the driver does not take it."""
+
+RETRY = 0.001
+"""Seconds from one try to the next."""
+
+
+class LiveBench:
+    """The bench of a python-can bus; `seen` and `failed` may be called from any thread, once it has begun."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self._bus = bus
+        self._loop = asyncio.get_running_loop()
+        self._trace: Trace | None = None
+
+    async def begin(self, trace: Trace) -> None:
+        """Put every frame of the others into a trace."""
+        self._trace = trace
+
+    def seen(self, now: float, frame: Frame) -> None:
+        """Take in a frame."""
+        self._loop.call_soon_threadsafe(self._add, Seen(now, frame))
+
+    def failed(self, failure: BusError) -> None:
+        """Take in that the bus has failed."""
+        self._loop.call_soon_threadsafe(self._fail, failure)
+
+    def _add(self, seen: Seen) -> None:
+        if self._trace is not None:
+            self._trace.add(seen)
+
+    def _fail(self, failure: BusError) -> None:
+        if self._trace is not None:
+            self._trace.fail(failure)
+
+    async def send(self, frame: Frame) -> float:
+        """Hand a frame to the driver; raises BusError if it does not take it."""
+        begun = now = self._loop.time()
+        while not runtime.transmit(self._bus, frame):
+            if now > begun + SEND_WAIT:
+                raise BusError(f"the bus {self._bus.channel_info} did not take {frame}")
+            await asyncio.sleep(RETRY)
+            now = self._loop.time()
+        return now
+
+
+def run_live(
+    suite: Suite,
+    options: Options,
+    interrupt: Interrupt,
+    show: Callable[[StepResult], None],
+    open_bus: Callable[[], can.BusABC],
+) -> SuiteResult:
+    """Run a suite against the nodes on a bus; raises BusError if it cannot be opened."""
+
+    async def main() -> SuiteResult:
+        bus = open_bus()
+        bench = LiveBench(bus)
+        with runtime.Watch(bus, bench.seen, time.monotonic, bench.failed):
+            return await Runner(suite, bench, options, interrupt, show).run(f"on {bus.channel_info}")
+
+    return asyncio.run(main())

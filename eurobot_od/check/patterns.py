@@ -1,0 +1,208 @@
+"""What a suite sends and expects: messages, raw frames, heartbeats and emergencies, as frames and against frames.
+
+Rule of this file: a pattern knows the one identifier its frames have, and says of such a frame, thing by thing, how it
+differs from what is expected; no difference is a match.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, TypeAlias
+
+from eurobot_od.check.values import Expected, Operand, Variables
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.frame import Frame
+from eurobot_od.messages import flagged_fields
+from eurobot_od.protocol import Binding, Protocol
+
+STATE_NAMES = {
+    NmtState.INITIALISING: "boot-up",
+    NmtState.STOPPED: "stopped",
+    NmtState.OPERATIONAL: "operational",
+    NmtState.PRE_OPERATIONAL: "pre-operational",
+}
+"""What a heartbeat says, by its state (CiA 301, 7.2.8.3.2.2)."""
+
+ANY = "any"
+"""Any state in a heartbeat, any code in an EMCY."""
+
+
+class Difference(NamedTuple):
+    """One thing in which a frame is not as expected."""
+
+    what: str
+    expected: str
+    came: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: expected {self.expected}, came {self.came}"
+
+
+# Sent
+
+
+@dataclass(frozen=True)
+class SentMessage:
+    """A message to be sent; fields may be variables."""
+
+    protocol: Protocol
+    binding: Binding
+    fields: Mapping[str, Operand]
+
+    def frame(self, variables: Variables) -> Frame:
+        """Return the frame; raises FieldError, NotSaved."""
+        values = {field: operand.resolve(variables) for field, operand in self.fields.items()}
+        return self.protocol.encode(self.binding.type(**values))
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether no field is a variable."""
+        return all(operand.variable is None for operand in self.fields.values())
+
+    def __str__(self) -> str:
+        return self.binding.name
+
+
+@dataclass(frozen=True)
+class SentFrame:
+    """A frame to be sent as it is."""
+
+    raw: Frame
+
+    def frame(self, _: Variables) -> Frame:
+        """Return the frame."""
+        return self.raw
+
+    def __str__(self) -> str:
+        return str(self.raw)
+
+
+Sent: TypeAlias = "SentMessage | SentFrame"
+
+
+# Expected
+
+
+@dataclass(frozen=True)
+class MessagePattern:
+    """A message whose `fields` are as expected; the others may be anything in their range."""
+
+    protocol: Protocol
+    binding: Binding
+    fields: Mapping[str, Expected]
+    decisive: ClassVar[bool] = True
+
+    @property
+    def cob_id(self) -> int:
+        """Identifier of the frames that may match."""
+        return self.binding.cob_id
+
+    def differences(self, frame: Frame, variables: Variables) -> list[Difference]:
+        """Return how a frame of this identifier differs; raises NotSaved."""
+        lengths = self.binding.lengths
+        if len(frame.data) not in lengths:
+            return [Difference("length", f"{' or '.join(map(str, lengths))} bytes", f"{len(frame.data)} bytes")]
+        return list(self._field_differences(frame, variables))
+
+    def _field_differences(self, frame: Frame, variables: Variables) -> Iterator[Difference]:
+        message = self.protocol.decode(*frame)
+        came = message._asdict()
+        for field, expected in self.fields.items():
+            if not expected.fits(came[field], variables):
+                yield Difference(field, expected.text(variables), self.binding.kinds[field].text(came[field]))
+        for field in flagged_fields(message):
+            if field not in self.fields:
+                kind = self.binding.kinds[field]
+                yield Difference(field, kind.allowed(self.binding.limits[field]), kind.text(came[field]))
+
+    def text(self, variables: Variables) -> str:
+        """Write what is expected, variables with their values."""
+        fields = ", ".join(f"{field} {expected.text(variables)}" for field, expected in self.fields.items())
+        return f"{self.binding.name}: {fields}" if fields else self.binding.name
+
+    def __str__(self) -> str:
+        return self.binding.name
+
+
+@dataclass(frozen=True)
+class FramePattern:
+    """A frame with these hexadecimal digits as its data, `?` for any digit."""
+
+    cob_id: int
+    digits: str
+    decisive: ClassVar[bool] = True
+
+    def differences(self, frame: Frame, _: Variables) -> list[Difference]:
+        """Return how a frame of this identifier differs."""
+        came = frame.data.hex().upper()
+        if re.fullmatch(self.digits.replace("?", "."), came):
+            return []
+        return [Difference("data", self.digits or "none", came or "none")]
+
+    def text(self, _: Variables) -> str:
+        """Write what is expected."""
+        return str(self)
+
+    def __str__(self) -> str:
+        return f"{self.cob_id:03X}#{self.digits}"
+
+
+@dataclass(frozen=True)
+class HeartbeatPattern:
+    """A node's heartbeat with a state, None for any; a heartbeat with another state is no failure yet."""
+
+    node: str
+    cob_id: int
+    state: NmtState | None
+    decisive: ClassVar[bool] = False
+
+    def differences(self, frame: Frame, _: Variables) -> list[Difference]:
+        """Return how a heartbeat differs."""
+        if len(frame.data) != 1:
+            return [Difference("length", "1 byte", f"{len(frame.data)} bytes")]
+        came = STATE_NAMES[NmtState(frame.data[0])] if frame.data[0] in set(NmtState) else f"0x{frame.data[0]:02X}"
+        return [] if self.state is None or frame.data[0] == self.state else [Difference("state", self._state, came)]
+
+    @property
+    def _state(self) -> str:
+        return ANY if self.state is None else STATE_NAMES[self.state]
+
+    def text(self, _: Variables) -> str:
+        """Write what is expected."""
+        return f"{self}: {self._state}"
+
+    def __str__(self) -> str:
+        return f"heartbeat of {self.node}"
+
+
+@dataclass(frozen=True)
+class EmergencyPattern:
+    """A node's EMCY with an error code, None for any (CiA 301, 7.2.7)."""
+
+    node: str
+    cob_id: int
+    code: int | None
+    decisive: ClassVar[bool] = True
+
+    def differences(self, frame: Frame, _: Variables) -> list[Difference]:
+        """Return how an EMCY differs."""
+        if len(frame.data) != 8:
+            return [Difference("length", "8 bytes", f"{len(frame.data)} bytes")]
+        came = int.from_bytes(frame.data[:2], "little")
+        return [] if self.code in (None, came) else [Difference("code", self._code, f"0x{came:04X}")]
+
+    @property
+    def _code(self) -> str:
+        return ANY if self.code is None else f"0x{self.code:04X}"
+
+    def text(self, _: Variables) -> str:
+        """Write what is expected."""
+        return f"{self}: {self._code}"
+
+    def __str__(self) -> str:
+        return f"EMCY of {self.node}"
+
+
+Pattern: TypeAlias = "MessagePattern | FramePattern | HeartbeatPattern | EmergencyPattern"

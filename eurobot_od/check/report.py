@@ -1,0 +1,196 @@
+"""Results as text: for the console, as TAP, as JUnit XML, and as JSON.
+
+Rule of this file: results in, text out; nothing is printed here, and no report says what another one hides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+from xml.etree import ElementTree
+
+from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+
+COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
+"""Terminal colours of steps."""
+
+RED = (Status.FAILED, Status.BUS_FAILED)
+
+
+# Console
+
+
+def heading(result: SuiteResult) -> str:
+    """Return the line above a suite's steps."""
+    return f"{result.file.name}: {result.name} ({result.how})"
+
+
+def step_line(step: StepResult, in_colour: bool = False) -> str:
+    """Return the line of a step: how it ended, when it began, how long it took, and its name."""
+    status = f"{step.status.value:<11}"
+    if in_colour:
+        status = f"\x1b[{COLOURS[step.status]}m{status}\x1b[0m"
+    section = "" if step.section is Section.STEPS else f"[{step.section.value}] "
+    return f"  {status} {step.started:9.3f} s {step.seconds * 1000:9.1f} ms  {section}{step.name}"
+
+
+def finding_lines(finding: Finding) -> Iterator[str]:
+    """Yield the lines that say why a step failed: what was expected, what came, field by field, and the last frames."""
+    yield f"    {finding.what}"
+    if finding.expected:
+        yield f"      expected  {finding.expected}"
+        yield f"      came      {finding.came}"
+    yield from (f"        {difference}" for difference in finding.differences)
+    if finding.frames:
+        yield "      last frames (> sent, < received)"
+        yield from (f"        {frame_line(frame)}" for frame in finding.frames)
+
+
+def frame_line(line: Line) -> str:
+    """Return a frame's line: when, which way, and what it means."""
+    return f"{line.time:9.4f} s {'>' if line.own else '<'} {line.frame!s:<21} {line.meaning}".rstrip()
+
+
+def summary(results: Sequence[SuiteResult]) -> str:
+    """Return the last line: how many steps of how many suites ended how."""
+    counts = {status: sum(result.count(status) for result in results) for status in Status}
+    steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
+    seconds = sum(result.seconds for result in results)
+    return f"{_count(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+# TAP
+
+
+def tap(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield the lines of a TAP 13 report."""
+    number = 0
+    yield "TAP version 13"
+    for result in results:
+        if result.skipped:
+            number += 1
+            yield f"ok {number} - {_plain(result.name)} # SKIP {result.skipped}"
+        for step in result.steps:
+            number += 1
+            yield from _tap_step(number, result, step)
+        if result.error is not None:
+            yield f"Bail out! {result.error}"
+    yield f"1..{number}"
+
+
+def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[str]:
+    verdict = "ok" if step.status in (Status.PASSED, Status.SKIPPED) else "not ok"
+    directive = " # SKIP a step before failed" if step.status is Status.SKIPPED else ""
+    yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
+    if step.finding is not None:
+        yield "  ---"
+        yield "  message: |"
+        yield from (f"  {line}" for line in finding_lines(step.finding))
+        yield "  ..."
+
+
+def _plain(text: str) -> str:
+    """Return a text without the sign that begins a directive."""
+    return text.replace("#", "no. ")
+
+
+# JUnit
+
+
+def junit(results: Sequence[SuiteResult]) -> str:
+    """Return a JUnit XML report: a test suite for each suite, a test case for each step."""
+    root = ElementTree.Element("testsuites", _totals(results))
+    for result in results:
+        suite = ElementTree.SubElement(root, "testsuite", {"name": result.name} | _totals([result]))
+        if result.skipped:
+            case = ElementTree.SubElement(suite, "testcase", {"classname": result.file.stem, "name": result.name})
+            ElementTree.SubElement(case, "skipped", {"message": result.skipped})
+        for step in result.steps:
+            suite.append(_test_case(result, step))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
+    skipped = sum(result.count(Status.SKIPPED) + bool(result.skipped) for result in results)
+    counts = {
+        "tests": sum(len(result.steps) + bool(result.skipped) for result in results),
+        "failures": sum(result.count(Status.FAILED) for result in results),
+        "errors": sum(result.count(Status.BUS_FAILED, Status.INTERRUPTED) for result in results),
+        "skipped": skipped,
+    }
+    return {name: str(count) for name, count in counts.items()} | {"time": f"{sum(r.seconds for r in results):.6f}"}
+
+
+JUNIT_ELEMENTS = {
+    Status.FAILED: "failure",
+    Status.BUS_FAILED: "error",
+    Status.INTERRUPTED: "error",
+    Status.SKIPPED: "skipped",
+}
+
+
+def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
+    name = step.name if step.section is Section.STEPS else f"{step.section.value}: {step.name}"
+    attributes = {"classname": result.file.stem, "name": name, "time": f"{step.seconds:.6f}"}
+    case = ElementTree.Element("testcase", attributes | {"file": str(result.file), "line": str(step.place.line)})
+    if step.status in JUNIT_ELEMENTS:
+        message = step.finding.what if step.finding else step.status.value
+        element = ElementTree.SubElement(case, JUNIT_ELEMENTS[step.status], {"message": message})
+        element.text = "\n".join(finding_lines(step.finding)) if step.finding else None
+    return case
+
+
+# JSON
+
+
+def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
+    """Return everything as plain data."""
+    return [_suite_data(result) for result in results]
+
+
+def _suite_data(result: SuiteResult) -> dict[str, Any]:
+    return {
+        "file": str(result.file),
+        "name": result.name,
+        "how": result.how,
+        "seconds": round(result.seconds, 6),
+        "skipped": result.skipped or None,
+        "error": None if result.error is None else str(result.error),
+        "steps": [_step_data(step) for step in result.steps],
+    }
+
+
+def _step_data(step: StepResult) -> dict[str, Any]:
+    return {
+        "section": step.section.value,
+        "name": step.name,
+        "line": step.place.line,
+        "status": step.status.value.lower(),
+        "started": round(step.started, 6),
+        "seconds": round(step.seconds, 6),
+        "finding": None if step.finding is None else _finding_data(step.finding),
+    }
+
+
+def _finding_data(finding: Finding) -> dict[str, Any]:
+    return {
+        "what": finding.what,
+        "expected": finding.expected,
+        "came": finding.came,
+        "differences": [difference._asdict() for difference in finding.differences],
+        "frames": [_frame_data(line) for line in finding.frames],
+    }
+
+
+def _frame_data(line: Line) -> dict[str, Any]:
+    return {
+        "time": round(line.time, 6),
+        "direction": "sent" if line.own else "received",
+        "frame": str(line.frame),
+        "meaning": line.meaning,
+    }

@@ -1,0 +1,86 @@
+"""What came out of a suite, step by step; rule: values only, with everything that a report may want to say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import NamedTuple
+
+from eurobot_od.check.patterns import Difference
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.yaml_places import Place
+
+
+class Status(Enum):
+    """How a step ended; the value is the word in reports."""
+
+    PASSED = "ok"
+    FAILED = "FAILED"
+    SKIPPED = "skipped"
+    INTERRUPTED = "interrupted"
+    BUS_FAILED = "bus failed"
+
+
+class Section(Enum):
+    """The part of a suite that a step belongs to."""
+
+    SETUP = "setup"
+    STEPS = "steps"
+    TEARDOWN = "teardown"
+
+
+class Line(NamedTuple):
+    """A frame on the bus: seconds since the suite's start, whether the tester sent it, and what it means."""
+
+    time: float
+    own: bool
+    frame: Frame
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Why a step failed: in words, thing by thing, and the frames on the bus up to then."""
+
+    what: str
+    expected: str = ""
+    came: str = ""
+    differences: tuple[Difference, ...] = ()
+    frames: tuple[Line, ...] = ()
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """How a step ended: `started` seconds after the suite's start, it took `seconds`."""
+
+    section: Section
+    name: str
+    place: Place
+    status: Status
+    started: float
+    seconds: float
+    finding: Finding | None = None
+
+
+@dataclass(frozen=True)
+class SuiteResult:
+    """How a suite ended; `skipped` says why it was not run at all, `error` what ended it before its time."""
+
+    file: Path
+    name: str
+    how: str
+    steps: tuple[StepResult, ...] = ()
+    seconds: float = 0.0
+    skipped: str = ""
+    error: BusError | None = None
+
+    def count(self, *statuses: Status) -> int:
+        """Return how many steps ended in one of some ways."""
+        return sum(step.status in statuses for step in self.steps)
+
+    @property
+    def failed(self) -> bool:
+        """Whether a step is red."""
+        return self.count(Status.FAILED) > 0

@@ -1,0 +1,203 @@
+"""CANopen services in suites: heartbeats, emergencies, NMT commands, SDO transfers, each of a node.
+
+Rule of this file: COB-IDs, objects, types and limits are those of the node's EDS. A service whose node is not given is
+that of the one node under test.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple, TypeVar
+
+import yaml
+
+from eurobot_od.check import shapes
+from eurobot_od.check.objects import ObjectType, find_address, object_type, services
+from eurobot_od.check.patterns import ANY, STATE_NAMES, EmergencyPattern, HeartbeatPattern, Pattern
+from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
+from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
+from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
+from eurobot_od.check.vocabulary import Vocabulary
+from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NmtCommand
+from eurobot_od.dictionary import NOT_VALID, Address, Dictionary
+from eurobot_od.errors import LocalError
+from eurobot_od.yaml_places import Problems, Text, refuse
+
+T = TypeVar("T")
+
+EMCY: Address = (0x1014, 0)
+COB_ID = 0x7FF
+NMT_COMMANDS = {
+    "start": NmtCommand.START,
+    "stop": NmtCommand.STOP,
+    "pre-operational": NmtCommand.ENTER_PRE_OPERATIONAL,
+    "reset": NmtCommand.RESET_NODE,
+    "reset communication": NmtCommand.RESET_COMMUNICATION,
+}
+STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
+BYTES = re.compile(r"(?:[0-9A-Fa-f]{2}\s*)*")
+
+
+class Services:
+    """The shapes of services, with the words of one document."""
+
+    def __init__(self, words: Vocabulary) -> None:
+        self._words = words
+        self._node = shapes.named(words.dictionaries, "node")
+        state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
+        code = Key(_code(), "error code, or any", needed=True)
+        command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
+        self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
+        self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
+        self.nmt: Shape[Action] = self._service("command", command, self._nmt)
+        self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, self._sdo_keys())
+        self.sdo: Shape[Action] = Shape(self._read_sdo, self._sdo_parts.schema)
+
+    def _dictionary(self, given: Dictionary | None) -> Dictionary:
+        """Return the EDS of the node that is meant; raises LocalError."""
+        if given is not None:
+            return given
+        if len(self._words.nodes) != 1:
+            raise LocalError("which node? Write it beside this, `node: drive`, or give the suite one node")
+        return self._words.dictionaries[self._words.nodes[0]]
+
+    def _service(self, name: str, key: Key, make: Callable[[Any, Dictionary | None], T]) -> Shape[T]:
+        """Make the shape of a service: its one value, or a mapping that also says which node."""
+        keys = {name: key, "node": Key(self._node, "which node; left out: the node under test")}
+        long: Shape[dict[str, Any]] = shapes.record(dict, keys)
+
+        def read(node: yaml.Node, problems: Problems) -> T:
+            is_long = isinstance(node, yaml.MappingNode)
+            parts = long.read(node, problems) if is_long else {name: key.shape.read(node, problems)}
+            try:
+                return make(parts[name], parts.get("node"))
+            except LocalError as error:
+                refuse(node, problems, str(error))
+
+        return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
+
+    def _heartbeat(self, state: Any, given: Dictionary | None) -> Pattern:
+        node = self._dictionary(given)
+        return HeartbeatPattern(node.name, ERROR_CONTROL_BASE + node.node_id, state)
+
+    def _emergency(self, code: int | None, given: Dictionary | None) -> Pattern:
+        node = self._dictionary(given)
+        entry = node.default(EMCY)
+        if not isinstance(entry, int) or entry & NOT_VALID:
+            raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
+        return EmergencyPattern(node.name, entry & COB_ID, code)
+
+    def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
+        to_all = given is None and len(self._words.nodes) != 1
+        return Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
+
+    # SDO
+
+    def _sdo_keys(self) -> dict[str, Key]:
+        return {
+            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
+            "write": Key(SCALAR, "object to write"),
+            "value": Key(SCALAR, "value to write"),
+            "data": Key(TEXT, "bytes to write, in hexadecimal, instead of a value"),
+            "expect": Key(SCALAR, "the value to be read"),
+            "abort": Key(NUMBER, "the abort code with which the node has to refuse"),
+            "save": Key(NAME, "variable that gets the value"),
+            "node": Key(self._node, "whose object; left out: the node under test"),
+        }
+
+    def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
+        given = self._sdo_parts.read(node, problems)
+        try:
+            verb = _verb(given)
+            dictionary = self._dictionary(given.get("node"))
+        except LocalError as error:
+            refuse(node, problems, str(error))
+        name: Text = given[verb]
+        address = taken(name, problems, lambda text: find_address(dictionary, text))
+        target = Target(dictionary, address, _label(address, name), object_type(dictionary, address))
+        return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
+
+    def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
+        expected = None
+        if "expect" in given:
+            expected = taken(given["expect"], problems, lambda text: expectation(text, self._scale(target.typed)))
+        decode = bytes.hex if target.type is None else target.type.decode
+        return SdoRead(
+            services(target.node), target.address, target.label, decode, expected, given.get("abort"), given.get("save")
+        )
+
+    def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
+        widened = "abort" in given
+        if "data" in given:
+            encode = taken(given["data"], problems, _bytes)
+        else:
+            encode = taken(given["value"], problems, lambda text: self._encoder(target.typed, text, widened))
+        return SdoWrite(services(target.node), target.address, target.label, encode, given.get("abort"))
+
+    def _encoder(self, kind: ObjectType, text: str, widened: bool) -> Callable[[Variables], bytes]:
+        """Return what makes the bytes of a value; `widened` takes all that its type can carry."""
+        operand = self._scale(kind._replace(limits=kind.widest) if widened else kind).operand(text)
+        return lambda variables: kind.encode(operand.resolve(variables))
+
+    def _scale(self, kind: ObjectType) -> Scale:
+        return self._words.scale(kind.kind, kind.limits)
+
+
+class Target(NamedTuple):
+    """The object of an SDO step; `type` is None if the EDS does not have it."""
+
+    node: Dictionary
+    address: Address
+    label: str
+    type: ObjectType | None
+
+    @property
+    def typed(self) -> ObjectType:
+        """The type; raises ValueProblem without one."""
+        if self.type is None:
+            raise ValueProblem(f"{self.label} is no number or text in the EDS of {self.node.name}; use 'data'")
+        return self.type
+
+
+EXCLUDED = {"read": ("value", "data"), "write": ("expect", "save")}
+"""Keys that an SDO step of a kind must not have."""
+
+
+def _verb(given: Mapping[str, Any]) -> str:
+    """Return whether an SDO step reads or writes; raises LocalError for keys that do not go together."""
+    _one_of(given, "an SDO step", "read", "write")
+    verb = "read" if "read" in given else "write"
+    wrong = [key for key in EXCLUDED[verb] if key in given]
+    if wrong:
+        raise LocalError(f"'{wrong[0]}' does not belong to an SDO {verb}")
+    if verb == "write":
+        _one_of(given, "an SDO write", "value", "data")
+    return verb
+
+
+def _one_of(given: Mapping[str, Any], what: str, one: str, other: str) -> None:
+    if (one in given) == (other in given):
+        raise LocalError(f"{what} has either '{one}' or '{other}'")
+
+
+def _bytes(text: str) -> Callable[[Variables], bytes]:
+    if not BYTES.fullmatch(text):
+        raise ValueProblem(f"{text!r} is not hexadecimal bytes such as 'E8 03'")
+    data = bytes.fromhex(text)
+    return lambda _: data
+
+
+def _label(address: Address, name: str) -> str:
+    place = f"0x{address[0]:04X}:{address[1]}"
+    return place if name.lower().startswith("0x") else f"{place} {name}"
+
+
+def _code() -> Shape[int | None]:
+    """Make the shape of an error code, or `any`."""
+    number = shapes.whole(0, 0xFFFF)
+
+    def read(node: yaml.Node, problems: Problems) -> int | None:
+        return None if node.value == ANY else number.read(node, problems)
+
+    return Shape(read, {"anyOf": [{"const": ANY}, NUMBER.schema]})

@@ -1,0 +1,168 @@
+"""Shapes of YAML: a reader and the JSON Schema that says the same, put together from small ones.
+
+Rule of this file: whoever builds a reader builds its schema with it, so that editor and checker cannot disagree.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Generic, TypeAlias, TypeVar
+
+import yaml
+
+from eurobot_od import durations, yaml_places
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.yaml_places import Problem, Problems, Reader, ReadError, Text, place_of, refuse
+
+T = TypeVar("T")
+S = TypeVar("S")
+Schema: TypeAlias = "dict[str, Any]"
+
+
+@dataclass(frozen=True)
+class Shape(Generic[T]):
+    """What may stand at a place: `read` takes it from the YAML, `schema` describes it."""
+
+    read: Reader[T]
+    schema: Schema
+
+    def described(self, text: str) -> Shape[T]:
+        """Return the shape with an explanation for editors."""
+        return Shape(self.read, self.schema | {"description": text})
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a mapping: its shape, what it is for, and whether it has to be there."""
+
+    shape: Shape[Any]
+    help: str
+    needed: bool = False
+
+    @property
+    def schema(self) -> Schema:
+        """The shape's schema with the explanation."""
+        return self.shape.schema | {"description": self.help}
+
+
+Keys: TypeAlias = Mapping[str, Key]
+
+
+def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None = None) -> Shape[S]:
+    """Make a shape of what `convert` makes from another; it raises LocalError for what it does not take."""
+
+    def read(node: yaml.Node, problems: Problems) -> S:
+        value = shape.read(node, problems)
+        try:
+            return convert(value)
+        except LocalError as error:
+            refuse(node, problems, str(error))
+
+    return Shape(read, shape.schema if schema is None else schema)
+
+
+TEXT = Shape(yaml_places.any_text, {"type": "string"})
+NAME = Shape(
+    yaml_places.matching(r"[A-Za-z_][A-Za-z0-9_]*", "a name of letters, digits and _"),
+    {"type": "string", "pattern": "^[A-Za-z_][A-Za-z0-9_]*$"},
+)
+SCALAR = Shape(yaml_places.scalar, {"type": ["string", "number"]})
+NUMBER = Shape(yaml_places.number, {"type": ["integer", "string"], "pattern": "^(0x[0-9A-Fa-f]+|[0-9]+)$"})
+DURATION = converted(SCALAR, durations.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
+
+
+def whole(low: int, high: int) -> Shape[int]:
+    """Make a shape of a whole number in a range, both ends included."""
+
+    def read(node: yaml.Node, problems: Problems) -> int:
+        value = yaml_places.number(node, problems)
+        if not low <= value <= high:
+            refuse(node, problems, f"{node.value} is not in {low}..{high}")
+        return int(value)
+
+    return Shape(read, {"type": "integer", "minimum": low, "maximum": high})
+
+
+def named(table: Mapping[str, T], kind: str) -> Shape[T]:
+    """Make a shape of one of a table's names, read as what the table has for it."""
+
+    def find(text: Text) -> T:
+        if text not in table:
+            raise UnknownName(kind, str(text), table)
+        return table[text]
+
+    return converted(Shape(yaml_places.scalar, {}), find, {"enum": list(table)})
+
+
+def listing(item: Shape[T]) -> Shape[tuple[T, ...]]:
+    """Make a shape of a list."""
+    return Shape(yaml_places.listing(item.read), {"type": "array", "items": item.schema})
+
+
+def one_or_more(item: Shape[T]) -> Shape[tuple[T, ...]]:
+    """Make a shape of one item, or of a list of them."""
+    several = listing(item)
+
+    def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
+        return several.read(node, problems) if isinstance(node, yaml.SequenceNode) else (item.read(node, problems),)
+
+    return Shape(read, {"anyOf": [item.schema, several.schema]})
+
+
+def mapping(key: Shape[Any], value: Shape[T]) -> Shape[dict[Text, T]]:
+    """Make a shape of a mapping whose keys have a shape, too."""
+
+    def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
+        pairs = yaml_places.pairs_of(node, problems)
+        keys: list[tuple[Reader[Any], yaml.Node]] = [(key.read, each) for each, _ in node.value]
+        values = [(value.read, each) for each in pairs.values()]
+        return dict(zip(pairs, yaml_places.read_all(iter(keys + values), problems)[len(keys) :]))
+
+    names = {name: key.schema[name] for name in ("pattern", "enum") if name in key.schema}
+    return Shape(read, {"type": "object", "propertyNames": names, "additionalProperties": value.schema})
+
+
+def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
+    """Make a shape of a mapping with fixed keys, given to `make` by their names."""
+    needed = {name: key.shape.read for name, key in keys.items() if key.needed}
+    may = {name: key.shape.read for name, key in keys.items() if not key.needed}
+    return Shape(yaml_places.record(make, needed, may), object_schema(keys))
+
+
+def object_schema(keys: Keys) -> Schema:
+    """Return the schema of a mapping with fixed keys."""
+    schema: Schema = {
+        "type": "object",
+        "properties": {name: key.schema for name, key in keys.items()},
+        "additionalProperties": False,
+    }
+    needed = [name for name, key in keys.items() if key.needed]
+    return schema | {"required": needed} if needed else schema
+
+
+def only_pair(node: yaml.Node, problems: Problems, what: str) -> tuple[Text, yaml.Node]:
+    """Return the one key of a mapping and its value's node."""
+    pairs = yaml_places.pairs_of(node, problems)
+    if len(pairs) != 1:
+        refuse(node, problems, f"expected {what}, found {len(pairs)} keys")
+    return next(iter(pairs.items()))
+
+
+def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
+    """Convert a text that knows its place; the LocalError of one that cannot be converted is noted there."""
+    try:
+        return convert(str(text))
+    except LocalError as error:
+        problems.append(problem_at(text, error))
+        raise ReadError from None
+
+
+def problem_at(text: Text, what: object) -> Problem:
+    """Return a problem of a text that knows its place."""
+    return Problem(text.place, str(what))
+
+
+def problem_of(node: yaml.Node, what: object) -> Problem:
+    """Return a problem of a node."""
+    return Problem(place_of(node.start_mark), str(what))

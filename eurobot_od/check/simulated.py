@@ -1,0 +1,173 @@
+"""Suites on a simulated bus: our nodes, simulated time, the tester in place of the nodes that are not there.
+
+Rule of this file: the same suite and the same seed give the same frames to the bit.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+
+from eurobot_od.check.results import StepResult, SuiteResult
+from eurobot_od.check.runner import Interrupt, Options, Runner
+from eurobot_od.check.suite import Suite
+from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.device.nmt import NmtState, error_control
+from eurobot_od.errors import RemoteError
+from eurobot_od.frame import Frame
+from eurobot_od.match.drill import drill
+from eurobot_od.match.options import Options as MatchOptions
+from eurobot_od.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.simulation import loop
+from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.world import World
+
+POWER_UP = 0.1
+"""Seconds after which all nodes are up; then the suite begins, and the core's program."""
+
+BOOT_STEP = 0.02
+"""Seconds from one node's boot-up to the next one's."""
+
+SEND_WAIT = 0.5
+"""Seconds that a frame may wait for the bus."""
+
+
+class NotSent(RemoteError):
+    """A frame that the tester could not send, because others did not let go of the bus."""
+
+    def __init__(self, frame: Frame) -> None:
+        super().__init__(f"the bus was never free for {frame}")
+
+
+class Tester(Node):
+    """The tester's place on the bus: it sends what it is told to, and does nothing by itself."""
+
+    def start(self, now: float) -> list[Frame]:
+        self.now = now
+        return []
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        return []
+
+    def put(self, frame: Frame) -> None:
+        """Have a frame sent."""
+        self._out.append(frame)
+
+
+class SimulatedBench:
+    """The bench of a network on which the tester is a node."""
+
+    def __init__(self, network: Network, tester: Tester) -> None:
+        self._network, self._tester = network, tester
+        self._sending: tuple[Frame, asyncio.Future[float]] | None = None
+
+    async def begin(self, trace: Trace) -> None:
+        """Put every frame of the others into a trace, and let the nodes boot."""
+        running = asyncio.get_running_loop()
+
+        def seen(now: float, frame: Frame) -> None:
+            if self._sending is not None and self._sending[0] == frame:
+                running.call_soon_threadsafe(_settle, self._sending[1], now)
+                self._sending = None
+            else:
+                running.call_soon_threadsafe(trace.add, Seen(now, frame))
+
+        self._network.observers.append(seen)
+        await asyncio.sleep(POWER_UP)
+
+    async def send(self, frame: Frame) -> float:
+        """Send a frame and return when it is through; raises NotSent."""
+        sent: asyncio.Future[float] = asyncio.get_running_loop().create_future()
+        self._sending = frame, sent
+        self._tester.put(frame)
+        await asyncio.wait([sent], timeout=SEND_WAIT)
+        self._sending = None
+        if not sent.done():
+            raise NotSent(frame)
+        return sent.result()
+
+
+def _settle(sent: asyncio.Future[float], now: float) -> None:
+    if not sent.done():
+        sent.set_result(now)
+
+
+class Program:
+    """What a simulated core does after each boot: its drill."""
+
+    def __init__(self, core: Core, network: Network) -> None:
+        self._core, self._network = core, network
+        self._boot_up = error_control(core.device.node_id, NmtState.INITIALISING)
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin, and begin anew with every boot-up message of the core."""
+        running = asyncio.get_running_loop()
+        self._restart()
+
+        def seen(_: float, frame: Frame) -> None:
+            if frame == self._boot_up:
+                running.call_soon_threadsafe(self._restart)
+
+        self._network.observers.append(seen)
+
+    def _restart(self) -> None:
+        self.stop()
+        self._task = asyncio.ensure_future(self._play())
+
+    def stop(self) -> None:
+        """End the program."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _play(self) -> None:
+        await asyncio.sleep(POWER_UP)
+        await drill(self._core)
+
+
+def run_simulated(
+    suite: Suite,
+    options: Options,
+    interrupt: Interrupt,
+    show: Callable[[StepResult], None],
+    seed: int = 1,
+    roles: Mapping[str, type[Node]] = ROLES,
+) -> SuiteResult:
+    """Run a suite against nodes of ours, made from `roles`, with all chance from `seed`."""
+    network = Network()
+    nodes = {name: roles[name](suite.dictionaries[name]) for name in suite.nodes}
+    _put_into_world(nodes, seed, lambda: network.now)
+    for number, node in enumerate(nodes.values()):
+        network.attach(node, number * BOOT_STEP)
+    tester = Tester(next(iter(suite.dictionaries.values())))
+    network.attach(tester)
+    runner = Runner(suite, SimulatedBench(network, tester), options, interrupt, show)
+    programs = [Program(node, network) for node in nodes.values() if isinstance(node, Core)]
+
+    async def main() -> SuiteResult:
+        for program in programs:
+            program.start()
+        try:
+            return await runner.run("simulated")
+        finally:
+            for program in programs:
+                program.stop()
+            await asyncio.sleep(0)
+
+    return loop.run(network, main())
+
+
+def _put_into_world(nodes: Mapping[str, Node], seed: int, clock: Callable[[], float]) -> None:
+    """Make the world around the nodes: the drive's wheels and the navigation's beacons are in it."""
+    match, drive, navigation = MatchOptions(), nodes.get("drive"), nodes.get("navigation")
+
+    def deviations() -> tuple[float, float]:
+        if navigation is None:
+            return 0.0, 0.0
+        return navigation.setting("Noise.Position deviation"), navigation.setting("Noise.Angle deviation")
+
+    world = World(seed, match.team, match.enemies, match.confederates, deviations, clock)
+    if isinstance(drive, Drive):
+        drive.chassis = world
+    if isinstance(navigation, Navigation):
+        navigation.beacons = world

@@ -1,0 +1,223 @@
+"""A suite as values: what is to be done and seen, step by step.
+
+Rule of this file: values only, times in seconds; how a suite is written stands in `format`, what is done in `runner`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from eurobot_od.check.patterns import Pattern, Sent
+from eurobot_od.check.values import Expected, Variables
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.dictionary import Address, Dictionary
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.protocol import Binding
+from eurobot_od.yaml_places import Place
+
+
+@dataclass(frozen=True)
+class Send:
+    """Send a message or frame."""
+
+    sent: Sent
+
+    def __str__(self) -> str:
+        return f"send {self.sent}"
+
+
+class Order(Enum):
+    """How several expected frames belong together."""
+
+    IN_ORDER = "in this order"
+    ALL = "all, in any order"
+    ANY = "any of them"
+
+
+@dataclass(frozen=True)
+class Patterns:
+    """Frames to be expected together."""
+
+    order: Order
+    patterns: tuple[Pattern, ...]
+
+    def __str__(self) -> str:
+        return ", ".join(map(str, self.patterns))
+
+
+@dataclass(frozen=True)
+class Expect:
+    """Wait for frames, `within` seconds at most (None: the suite's timeout)."""
+
+    expected: Patterns
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"expect {self.expected}"
+
+
+@dataclass(frozen=True)
+class Never:
+    """See that no such frame comes for `span` seconds."""
+
+    pattern: Pattern
+    span: float
+
+    def __str__(self) -> str:
+        return f"never {self.pattern}"
+
+
+@dataclass(frozen=True)
+class Poll:
+    """Send again and again until a frame is as wanted, `within` seconds at most."""
+
+    sent: Sent
+    every: float
+    until: Pattern
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"poll {self.sent}"
+
+
+@dataclass(frozen=True)
+class Period:
+    """See that `count` distances between frames are `every` seconds, give or take `tolerance`."""
+
+    pattern: Pattern
+    every: float
+    tolerance: float
+    count: int
+
+    def __str__(self) -> str:
+        return f"period of {self.pattern}"
+
+
+@dataclass(frozen=True)
+class NodeServices:
+    """Where a node's CANopen services are: its name, node-ID, and the COB-IDs of its SDO server."""
+
+    name: str
+    node_id: int
+    sdo_request: int
+    sdo_answer: int
+
+
+@dataclass(frozen=True)
+class SdoRead:
+    """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable."""
+
+    node: NodeServices
+    address: Address
+    label: str
+    decode: Callable[[bytes], Any]
+    expected: Expected | None = None
+    abort: int | None = None
+    save: str | None = None
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"SDO read {self.label}"
+
+
+@dataclass(frozen=True)
+class SdoWrite:
+    """Write an object; the node takes it, or aborts with `abort`."""
+
+    node: NodeServices
+    address: Address
+    label: str
+    encode: Callable[[Variables], bytes]
+    abort: int | None = None
+    within: float | None = None
+
+    def __str__(self) -> str:
+        return f"SDO write {self.label}"
+
+
+@dataclass(frozen=True)
+class Nmt:
+    """Send an NMT command to a node, 0 for all."""
+
+    command: NmtCommand
+    node_id: int
+
+    def __str__(self) -> str:
+        return f"NMT {self.command.name.lower().replace('_', ' ')}"
+
+
+@dataclass(frozen=True)
+class FieldOf:
+    """A field of the last message of a type."""
+
+    binding: Binding
+    field: str
+
+
+@dataclass(frozen=True)
+class Save:
+    """Give variables the values of fields of the messages received last."""
+
+    variables: Mapping[str, FieldOf]
+
+    def __str__(self) -> str:
+        return f"save {', '.join(self.variables)}"
+
+
+@dataclass(frozen=True)
+class Wait:
+    """Let time pass."""
+
+    seconds: float
+
+    def __str__(self) -> str:
+        return f"wait {self.seconds:g} s"
+
+
+@dataclass(frozen=True)
+class Group:
+    """Steps that belong together."""
+
+    steps: tuple[Step, ...]
+
+    def __str__(self) -> str:
+        return f"{len(self.steps)} steps"
+
+
+Action: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: its name, where it stands, what is done, and how many times."""
+
+    name: str
+    place: Place
+    action: Action
+    repeat: int = 1
+
+
+@dataclass(frozen=True)
+class Suite:
+    """One document: `nodes` are under test, `dialect` is that of the EDS files it is for (None: any).
+
+    `timeout` is in seconds; `dictionaries` are the EDS files that it was checked against, by node, and `decoder` tells
+    what frames mean by them.
+    """
+
+    file: Path
+    place: Place
+    name: str
+    nodes: tuple[str, ...]
+    dialect: str | None
+    timeout: float
+    tags: tuple[str, ...]
+    setup: tuple[Step, ...]
+    steps: tuple[Step, ...]
+    teardown: tuple[Step, ...]
+    dictionaries: Mapping[str, Dictionary]
+    decoder: Decoder

@@ -1,0 +1,87 @@
+"""What was on the bus while a suite runs: every frame with its time, and waiting for the next one.
+
+Rule of this file: frames are kept in the order in which they came and never taken away; who looks for one says from
+where on. One waits at a time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from typing import NamedTuple
+
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+
+
+class Seen(NamedTuple):
+    """A frame, its time in seconds by the loop's clock, and whether the tester sent it."""
+
+    time: float
+    frame: Frame
+    own: bool = False
+
+
+class Trace:
+    """The frames of a run; made inside the event loop."""
+
+    def __init__(self) -> None:
+        self.frames: list[Seen] = []
+        self._loop = asyncio.get_running_loop()
+        self._waiting: asyncio.Future[None] | None = None
+        self._failure: BusError | None = None
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    @property
+    def now(self) -> float:
+        """The time in seconds."""
+        return self._loop.time()
+
+    def add(self, seen: Seen) -> None:
+        """Take in a frame."""
+        self.frames.append(seen)
+        self._wake()
+
+    def fail(self, failure: BusError) -> None:
+        """End all waiting: the bus is gone."""
+        self._failure = failure
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._waiting is not None and not self._waiting.done():
+            self._waiting.set_result(None)
+
+    async def first(self, cob_ids: frozenset[int], start: int, deadline: float) -> int | None:
+        """Return the number of the first foreign frame with one of these identifiers, from number `start` on.
+
+        Waits for it until the time is `deadline`; None if none came by then. Raises BusError.
+        """
+        while True:
+            for number in range(start, len(self.frames)):
+                time, frame, own = self.frames[number]
+                if time > deadline:
+                    return None
+                if frame.cob_id in cob_ids and not own:
+                    return number
+            start = len(self.frames)
+            if not await self._news(start, deadline):
+                return None
+
+    async def _news(self, known: int, deadline: float) -> bool:
+        """Wait for more than the `known` frames until a time; raises BusError."""
+        self._waiting = self._loop.create_future()
+        timer = self._loop.call_at(deadline, self._wake)
+        try:
+            if self._failure is None and self._loop.time() < deadline:
+                await self._waiting
+        finally:
+            timer.cancel()
+            self._waiting = None
+        if self._failure is not None:
+            raise self._failure
+        return len(self.frames) > known or self._loop.time() < deadline
+
+    async def sleep(self, seconds: float) -> None:
+        """Let time pass; raises BusError if the bus fails meanwhile."""
+        await self.first(frozenset(), len(self.frames), self.now + seconds)

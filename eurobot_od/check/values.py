@@ -1,0 +1,174 @@
+"""Values as suites write them: `1200`, `1200 +- 15`, `88..92`, `< 500`, `not red`, `unknown`, `"{t}"`.
+
+Rule of this file: what a value means and what is allowed is the kind's business; here is only how a received value
+may relate to a written one. Everything is checked while it is read; what a variable holds is known when it is used.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Mapping
+from enum import Enum
+from typing import Any, NamedTuple, TypeAlias
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.kinds import Angle, Kind, Limits
+from eurobot_od.values import OutOfRange
+
+Variables: TypeAlias = Mapping[str, Any]
+
+VARIABLE = re.compile(r"\{\s*(?P<name>[A-Za-z_][A-Za-z0-9_]*)\s*\}")
+
+
+class ValueProblem(LocalError):
+    """A written value that is none; the text says what is allowed."""
+
+
+class NotSaved(LocalError):
+    """A variable that no step has given a value yet."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"no step before has saved {name!r}")
+
+
+class Scale(NamedTuple):
+    """What a value is measured on: its kind, its limits in the EDS, and the variables that there are.
+
+    `constants` are the variables that have their value from the start, `saved` those that get it from a step.
+    """
+
+    kind: Kind
+    limits: Limits
+    constants: Variables
+    saved: frozenset[str]
+
+    def operand(self, text: str) -> Operand:
+        """Read one value or variable; raises ValueProblem, UnknownName."""
+        match = VARIABLE.fullmatch(text)
+        if match is None:
+            return Operand(self._checked(text), None, self.kind)
+        name = match["name"]
+        if name in self.constants:
+            return Operand(self._checked(str(self.constants[name])), None, self.kind)
+        if name not in self.saved:
+            raise UnknownName("variable", name, sorted({*self.constants, *self.saved}))
+        return Operand(None, name, self.kind)
+
+    def _checked(self, text: str) -> Any:
+        """Return the meaning of a text; what could not be sent cannot be expected either."""
+        try:
+            value = self.kind.parse(self._without_unit(text))
+            if value is None:
+                return None
+            raw = self.kind.write(value, self.limits)
+        except (ValueError, KeyError, TypeError):
+            raise ValueProblem(f"{text!r} is not allowed; allowed: {self.kind.allowed(self.limits)}") from None
+        return raw if isinstance(self.kind, Angle) else value
+
+    def _without_unit(self, text: str) -> str:
+        unit = self.kind.unit
+        return text[: -len(unit)].rstrip() if unit and text.endswith(unit) and text[:1].isdigit() else text
+
+
+class Operand(NamedTuple):
+    """A value, or the variable that will have it, of a kind."""
+
+    value: Any
+    variable: str | None
+    kind: Kind
+
+    def resolve(self, variables: Variables) -> Any:
+        """Return the value now; raises NotSaved."""
+        if self.variable is None:
+            return self.value
+        if self.variable not in variables:
+            raise NotSaved(self.variable)
+        return variables[self.variable]
+
+    def text(self, variables: Variables) -> str:
+        """Write the value for a person, with the variable it came from."""
+        if self.variable is None:
+            return self.kind.text(self.value)
+        return f"{{{self.variable}}} = {self.kind.text(self.resolve(variables))}"
+
+
+# How a received value may relate to the written ones
+
+Test: TypeAlias = "Callable[..., bool]"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, (Enum, OutOfRange))
+
+
+def _equal(_: Kind, value: Any, wanted: Any) -> bool:
+    return type(value) is not OutOfRange and bool(value == wanted)
+
+
+def _near(kind: Kind, value: Any, middle: Any, tolerance: Any) -> bool:
+    """Compare with a tolerance; angles go round."""
+    distance = abs(value - middle)
+    return bool(min(distance, kind.FULL - distance) <= tolerance if isinstance(kind, Angle) else distance <= tolerance)
+
+
+def _between(kind: Kind, value: Any, low: Any, high: Any) -> bool:
+    """Compare with a range, both ends included; one of angles may go through 0."""
+    if isinstance(kind, Angle):
+        return bool((value - low) % kind.FULL <= (high - low) % kind.FULL)
+    return bool(low <= value <= high)
+
+
+def _ordering(compare: Callable[[Any, Any], bool]) -> Test:
+    return lambda _, value, bound: compare(value, bound)
+
+
+class Form(NamedTuple):
+    """A way to write an expectation: what it looks like, how it is shown, and when a value fulfils it.
+
+    A form that is `ordered` is fulfilled by plain numbers in their range only, by no `unknown` and by no name.
+    """
+
+    pattern: re.Pattern[str]
+    shown: str
+    test: Test
+    ordered: bool = True
+
+
+FORMS = (
+    Form(re.compile(r"any"), "anything", lambda *_: True, ordered=False),
+    Form(re.compile(r"(.+?)\s*(?:\+-|±)\s*(.+)"), "{} +- {}", _near),
+    Form(re.compile(r"(.+?)\s*\.\.\s*(.+)"), "{} .. {}", _between),
+    Form(re.compile(r"<=\s*(.+)"), "<= {}", _ordering(operator.le)),
+    Form(re.compile(r">=\s*(.+)"), ">= {}", _ordering(operator.ge)),
+    Form(re.compile(r"<\s*(.+)"), "< {}", _ordering(operator.lt)),
+    Form(re.compile(r">\s*(.+)"), "> {}", _ordering(operator.gt)),
+    Form(re.compile(r"not\s+(?!possible)(.+)"), "not {}", lambda *a: not _equal(*a), ordered=False),
+    Form(re.compile(r"(.+)"), "{}", _equal, ordered=False),
+)
+"""The forms in the order in which they are tried; `not possible` is a value's name (see GotoFault)."""
+
+
+class Expected(NamedTuple):
+    """What a received value has to be."""
+
+    form: Form
+    operands: tuple[Operand, ...]
+    kind: Kind
+
+    def fits(self, value: Any, variables: Variables) -> bool:
+        """Tell whether a value is as expected; raises NotSaved."""
+        operands = [operand.resolve(variables) for operand in self.operands]
+        if self.form.ordered and not all(map(_is_number, (value, *operands))):
+            return False
+        return self.form.test(self.kind, value, *operands)
+
+    def text(self, variables: Variables) -> str:
+        """Write the expectation for a person, variables with their values."""
+        return self.form.shown.format(*(operand.text(variables) for operand in self.operands))
+
+
+def expectation(text: str, scale: Scale) -> Expected:
+    """Read an expectation; raises ValueProblem, UnknownName."""
+    form, match = next((form, match) for form in FORMS if (match := form.pattern.fullmatch(text.strip() or "''")))
+    return Expected(form, tuple(map(scale.operand, match.groups())), scale.kind)

@@ -1,0 +1,203 @@
+"""Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
+
+Rule of this file: parse, run the suites one after the other, print; all files are read before anything is sent.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od import dialects
+from eurobot_od.cli import options as shared
+from eurobot_od.errors import LocalError
+
+if TYPE_CHECKING:
+    from eurobot_od.check.results import StepResult, SuiteResult
+    from eurobot_od.check.runner import Interrupt
+    from eurobot_od.check.suite import Suite
+    from eurobot_od.nodes import Node
+
+FINE, RED, WRONG_INPUT, BUS_TROUBLE, INTERRUPTED = 0, 1, 2, 3, 130
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("files", nargs="*", metavar="FILE", help="suite files, or names of shipped suites (--list)")
+    parser.add_argument("--list", action="store_true", help="list the shipped suites, or the given ones, and end")
+    parser.add_argument("--simulate", action="store_true", help="check simulated nodes, in simulated time")
+    parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
+    parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
+    parser.add_argument("--step", action="append", default=[], metavar="TEXT", help="do the steps named like this")
+    parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
+    parser.add_argument("--repeat", type=_count, default=1, metavar="N", help="run everything N times, seed by seed")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all chance in the simulation (default: 1)")
+    parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit XML report")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--tap", action="store_true", help="print as TAP")
+    form.add_argument("--json", action="store_true", help="print as JSON")
+    shared.add_dialect(parser)
+    shared.add_bus(parser)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of times")
+    return int(text)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Read the suites, run them, and report."""
+    from eurobot_od.check import shipped
+    from eurobot_od.check.reader import SuiteError, SuiteReader
+
+    files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
+    if arguments.fault and not arguments.simulate:
+        raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
+    try:
+        suites = _tagged(SuiteReader(arguments.dialect).read_files(files), arguments.tag)
+    except SuiteError as error:
+        print(error, file=sys.stderr)
+        return WRONG_INPUT
+    if arguments.list:
+        print("\n".join(_list_line(suite) for suite in suites))
+        return FINE
+    return _check(arguments, suites)
+
+
+def _tagged(suites: list[Suite], tags: Sequence[str]) -> list[Suite]:
+    """Return the suites that have one of the tags; all if there are none. Raises LocalError if that leaves nothing."""
+    chosen = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
+    if suites and not chosen:
+        known = sorted({tag for suite in suites for tag in suite.tags})
+        raise LocalError(f"no suite is tagged {' or '.join(tags)}; tags: {', '.join(known) or 'none'}")
+    return chosen
+
+
+def _list_line(suite: Suite) -> str:
+    where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
+    tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
+    return f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}"
+
+
+def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> int:
+    from eurobot_od.check.runner import Interrupt
+
+    interrupt = Interrupt()
+    with _on_interrupt(interrupt):
+        results = list(_results(arguments, suites, interrupt))
+    _report(arguments, results)
+    if interrupt.requested:
+        return INTERRUPTED
+    return BUS_TROUBLE if any(result.error for result in results) else int(any(result.failed for result in results))
+
+
+@contextmanager
+def _on_interrupt(interrupt: Interrupt) -> Iterator[None]:
+    """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
+
+    def handle(*_: object) -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        interrupt.request()
+
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: Interrupt) -> Iterator[SuiteResult]:
+    """Run the suites, as often as asked for, until an interrupt or until the bus fails."""
+    for seed in range(arguments.seed, arguments.seed + arguments.repeat):
+        for suite in suites:
+            if interrupt.requested:
+                return
+            result = _run_one(arguments, suite, seed, interrupt)
+            yield result
+            if result.error is not None:
+                return
+
+
+def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: Interrupt) -> SuiteResult:
+    from eurobot_od.check.results import SuiteResult
+    from eurobot_od.check.runner import Options
+
+    how = f"simulated, seed {seed}" if arguments.simulate else "on the bus"
+    reason = _unfit(arguments, suite)
+    if not _silent(arguments):
+        print(f"{suite.file.name}: {suite.name} ({reason or how})", flush=True)
+    if reason:
+        return SuiteResult(suite.file, suite.name, how, skipped=reason)
+    options = Options(arguments.keep_going, partial(_is_chosen, arguments.step))
+    if arguments.simulate:
+        from eurobot_od.check.simulated import run_simulated
+
+        return run_simulated(suite, options, interrupt, partial(_show, arguments), seed, _roles(arguments.fault))
+    from eurobot_od.check.live import run_live
+
+    return run_live(suite, options, interrupt, partial(_show, arguments), partial(shared.open_bus, arguments))
+
+
+def _unfit(arguments: argparse.Namespace, suite: Suite) -> str:
+    """Say why a suite is not for the dialect of the command line; nothing if it is."""
+    if suite.dialect is None or arguments.dialect is None:
+        return ""
+    same = dialects.folder(suite.dialect) == dialects.folder(arguments.dialect)
+    return "" if same else f"skipped: it is for the dialect {suite.dialect}"
+
+
+def _is_chosen(texts: Sequence[str], name: str) -> bool:
+    return not texts or any(text.lower() in name.lower() for text in texts)
+
+
+def _roles(faults: Sequence[str]) -> dict[str, type[Node]]:
+    """Return the classes of the simulated nodes; those that can have a fault have it."""
+    from eurobot_od.nodes import ROLES
+    from eurobot_od.simulation.faults import faulty, find
+
+    roles = dict(ROLES)
+    for fault in faults:
+        owner, _ = find(fault)
+        roles |= {name: faulty(role, fault) for name, role in roles.items() if issubclass(role, owner)}
+    return roles
+
+
+# Reports
+
+
+def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> None:
+    """Print what is left to be said, and write the JUnit report."""
+    from eurobot_od.check import report
+
+    if arguments.tap:
+        print("\n".join(report.tap(results)))
+    elif arguments.json:
+        print(json.dumps(report.as_data(results), indent=2))
+    else:
+        print(report.summary(results))
+    if arguments.junit is not None:
+        arguments.junit.write_text(report.junit(results), encoding="utf-8")
+
+
+def _silent(arguments: argparse.Namespace) -> bool:
+    """Whether nothing is printed while the suites run: standard output is one document."""
+    return bool(arguments.tap or arguments.json)
+
+
+def _show(arguments: argparse.Namespace, step: StepResult) -> None:
+    """Print a step's lines as it ends."""
+    from eurobot_od.check import report
+
+    if not _silent(arguments):
+        print(report.step_line(step, sys.stdout.isatty()))
+        if step.finding is not None:
+            print("\n".join(report.finding_lines(step.finding)))
+        sys.stdout.flush()

@@ -1,0 +1,194 @@
+"""Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
+
+Rule of this file: parse, call `logs`, print. Lines go to standard output, progress and the report to standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import stat
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from eurobot_od.cli import options
+
+if TYPE_CHECKING:
+    from eurobot_od.logs.filters import Wanted
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.logs.output import Output
+
+STANDARD_INPUT = "-"
+CHUNK = 1 << 16
+"""Bytes read from a pipe at once."""
+
+PROGRESS_FROM = 8 << 20
+PROGRESS_STEP = 1 << 14
+"""A log of this many bytes or more shows its progress, every so many lines."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    add_log(parser)
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="one JSON object a line")
+    form.add_argument("--csv", action="store_true", help="comma-separated values")
+    add_filters(parser)
+    parser.add_argument("--since", type=float, default=0.0, metavar="S", help="from this time on, in s")
+    parser.add_argument("--until", type=float, default=float("inf"), metavar="S", help="up to this time, in s")
+    parser.add_argument("--relative", action="store_true", help="count the time from a log's first entry")
+    parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
+    options.add_dialect(parser)
+
+
+def add_log(parser: argparse.ArgumentParser) -> None:
+    """Add the logs to read and their format."""
+    from eurobot_od.logs.formats import FORMATS, STANDARD_INPUT
+
+    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; left out or -: standard input")
+    parser.add_argument(
+        "--format",
+        choices=FORMATS,
+        help=f"format of the logs; left out: by suffix, for standard input {STANDARD_INPUT}",
+    )
+
+
+def add_filters(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say which frames are wanted."""
+    group = parser.add_argument_group("filters", "an entry has to pass all kinds of them that are given")
+    group.add_argument(
+        "--message",
+        action="append",
+        metavar="NAME",
+        help="message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable",
+    )
+    group.add_argument("--node", action="append", metavar="NAME", help="what a node sends or receives; repeatable")
+    group.add_argument(
+        "--where",
+        action="append",
+        metavar="CONDITION",
+        help="field value: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; several must all hold",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Decode all logs; report what is wrong in them."""
+    from eurobot_od import dialects
+    from eurobot_od.logs import formats
+    from eurobot_od.logs.filters import Window
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.logs.output import Text, showing, written
+    from eurobot_od.logs.quick import quick_rows
+    from eurobot_od.logs.tally import Tally
+
+    decoder = Decoder(dialects.load_all(arguments.dialect))
+    output, tally = _output(arguments), Tally()
+    window = Window(arguments.since, arguments.until, arguments.relative)
+    sys.stdout.write(output.header)
+    show = showing(decoder, filters(arguments, decoder), output)
+    quick = quick_rows(decoder.protocol, output) if isinstance(output, Text) and not _filtered(arguments) else None
+    for log in arguments.logs:
+        with opened(log) as file:
+            entries = formats.read(file, show, form_of(log, arguments.format), quick)
+            sys.stdout.writelines(_watched(written(entries, log, output, tally, window), file))
+    sys.stdout.flush()
+    sys.stderr.writelines(f"{line}\n" for line in tally.report())
+    return 1 if arguments.strict and tally.total else 0
+
+
+def _output(arguments: argparse.Namespace) -> Output:
+    from eurobot_od.logs.output import Csv, JsonLines, Text, TextOfSeveral
+
+    if arguments.json:
+        return JsonLines()
+    if arguments.csv:
+        return Csv()
+    return TextOfSeveral() if len(arguments.logs) > 1 else Text()
+
+
+def _filtered(arguments: argparse.Namespace) -> bool:
+    return bool(arguments.message or arguments.node or arguments.where)
+
+
+def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted:
+    """Return the filter that the options describe; raises LocalError for a name or value that cannot be."""
+    from eurobot_od.logs.filters import by_name, by_node, by_value
+
+    wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in arguments.where or ()]
+    if arguments.message:
+        wanted.append(by_name(arguments.message, decoder.protocol))
+    if arguments.node:
+        wanted.append(by_node(arguments.node, [each.name for each in decoder.dictionaries]))
+    return lambda meaning: all(each(meaning) for each in wanted)
+
+
+# Input
+
+
+def form_of(log: str, form: str | None) -> str | None:
+    """Return the format of a log: what was asked for, standard input's, or None for that of its suffix."""
+    from eurobot_od.logs import formats
+
+    return form or (formats.STANDARD_INPUT if log == STANDARD_INPUT else None)
+
+
+@contextmanager
+def opened(log: str) -> Iterator[BinaryIO]:
+    """Open a log; standard input gives its lines as they come."""
+    if log == STANDARD_INPUT:
+        yield _standard_input()
+    else:
+        with Path(log).open("rb") as file:
+            yield file
+
+
+def _standard_input() -> BinaryIO:
+    """Return standard input; from a pipe, what was decoded is shown before the next lines are waited for."""
+    file = sys.stdin.buffer
+    if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        return file
+    return io.BufferedReader(Pipe(file.fileno(), sys.stdout.flush), CHUNK)
+
+
+class Pipe(io.RawIOBase):
+    """The reading end of a pipe or a terminal; `before_waiting` is called before each read."""
+
+    def __init__(self, descriptor: int, before_waiting: Callable[[], object]) -> None:
+        self._descriptor, self._before_waiting = descriptor, before_waiting
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        self._before_waiting()
+        data = os.read(self._descriptor, len(buffer))
+        buffer[: len(data)] = data
+        return len(data)
+
+
+# Progress
+
+
+def _watched(lines: Iterable[str], file: BinaryIO) -> Iterable[str]:
+    """Show on a terminal how far a long log is read."""
+    if not sys.stderr.isatty() or sys.stdout.isatty() or not file.seekable():
+        return lines
+    size = os.fstat(file.fileno()).st_size
+    return _with_progress(lines, file, size) if size >= PROGRESS_FROM else lines
+
+
+def _with_progress(lines: Iterable[str], file: BinaryIO, size: int) -> Iterator[str]:
+    for number, line in enumerate(lines):
+        if number % PROGRESS_STEP == 0:
+            sys.stderr.write(f"\r{bar(file.tell() / size)}")
+        yield line
+    sys.stderr.write("\r" + " " * len(bar(1.0)) + "\r")
+
+
+def bar(share: float, width: int = 40) -> str:
+    """Draw a bar for a share of 0.0 to 1.0."""
+    return f"[{'#' * round(share * width):{width}}] {share:4.0%}"

@@ -1,0 +1,121 @@
+"""Compare two EDS or DCF files, or one with a live node.
+
+Rule of this file: it parses, reads (a file, or a node by SDO) and prints; what a difference is says `lint.diff`. Exit
+status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus trouble.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from eurobot_od.errors import BusError, LocalError, NoAnswer
+from eurobot_od.lint.diff import (
+    NO_OBJECT,
+    Address,
+    Difference,
+    Reading,
+    compare,
+    compare_live,
+    place,
+    readable,
+)
+from eurobot_od.lint.files import read_device
+from eurobot_od.lint.model import Device
+
+if TYPE_CHECKING:
+    from canopen import Network
+    from canopen.sdo.client import SdoClient
+
+SAME, DIFFERENT = 0, 1
+SDO_REQUEST, SDO_RESPONSE = 0x600, 0x580
+ANSWER_WAIT = 0.5
+"""Seconds until a node counts as one that does not answer (CiA 301 leaves that to the client)."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of `eurobot-od diff`."""
+    parser.add_argument("left", metavar="A", help="an EDS or DCF")
+    parser.add_argument("right", metavar="B", nargs="?", help="the EDS or DCF to compare it with")
+    parser.add_argument("--node", type=int, metavar="ID", help="node-ID: of the live node, or to fill in for $NODEID")
+    parser.add_argument("-i", "--interface", help="python-can interface, such as socketcan (live node)")
+    parser.add_argument("-c", "--channel", help="channel of the interface, such as can0")
+    parser.add_argument("-b", "--bitrate", type=int, help="bit rate in bit/s, where the interface sets it")
+    parser.add_argument("--names", action="store_true", help="compare the ParameterNames too")
+    parser.add_argument("--json", action="store_true", help="write a JSON list instead of lines")
+
+
+def run(arguments: Namespace) -> int:
+    """Compare, print, and return the exit status."""
+    if arguments.node is not None and not 1 <= arguments.node <= 127:
+        raise LocalError(f"node-ID {arguments.node} is not in 1..127")
+    left = read_device(arguments.left)
+    if arguments.right:
+        found = compare(left, read_device(arguments.right), arguments.node, arguments.names)
+    else:
+        found = _compare_live(left, arguments)
+    _print(found, arguments.json)
+    return DIFFERENT if found else SAME
+
+
+def _compare_live(device: Device, arguments: Namespace) -> list[Difference]:
+    node_id = arguments.node or device.node_id
+    if node_id is None:
+        raise LocalError("nothing to compare with: name a second file, or a live node with --node")
+    import canopen
+
+    with canopen.Network() as network:
+        _connect(network, arguments)
+        return compare_live(device, read_node(network, node_id, readable(device)), node_id)
+
+
+def _connect(network: Network, arguments: Namespace) -> None:
+    given = {key: getattr(arguments, key) for key in ("interface", "channel", "bitrate")}
+    try:
+        network.connect(**{key: value for key, value in given.items() if value is not None})
+    except Exception as error:  # every driver raises its own
+        raise BusError(f"cannot open the CAN bus: {error}") from error
+
+
+def read_node(network: Network, node_id: int, addresses: Sequence[Address]) -> dict[Address, Reading]:
+    """Read variables of a node by SDO: their bytes, or the abort code; a missing object is asked for once.
+
+    Raises NoAnswer if the node does not answer.
+    """
+    from canopen.objectdictionary import ObjectDictionary
+    from canopen.sdo.client import SdoClient
+
+    objects = ObjectDictionary()  # type: ignore[no-untyped-call]  # canopen has no types there
+    client = SdoClient(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, objects)  # type: ignore[no-untyped-call]
+    client.RESPONSE_TIMEOUT = ANSWER_WAIT
+    client.network = network
+    network.subscribe(client.tx_cobid, client.on_response)
+    found: dict[Address, Reading] = {}
+    missing: set[int] = set()
+    for address in addresses:
+        found[address] = NO_OBJECT if address[0] in missing else _read(client, address)
+        missing |= {address[0]} if found[address] == NO_OBJECT else set()
+    return found
+
+
+def _read(client: SdoClient, address: Address) -> Reading:
+    from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
+
+    try:
+        return bytes(client.upload(*address))
+    except SdoAbortedError as error:
+        return int(error.code)
+    except SdoCommunicationError as error:
+        raise NoAnswer(f"SDO upload of {place(address)}", "SDO answer", client.MAX_RETRIES, ANSWER_WAIT) from error
+
+
+def _print(found: Sequence[Difference], as_json: bool) -> None:
+    if as_json:
+        import json
+
+        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
+        print()
+    else:
+        sys.stdout.writelines(f"{each}\n" for each in found)

@@ -1,0 +1,25 @@
+"""Print all objects of a CANopen node that can be read, with their values."""
+
+from __future__ import annotations
+
+import argparse
+
+from eurobot_od.cli import remote
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    remote.add_node(parser)
+    parser.add_argument("--json", action="store_true", help="print as JSON")
+    remote.add_eds(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the objects; an object that the node refuses is listed with its reason."""
+    from eurobot_od.client.reading import read_all, readable
+
+    with remote.node(arguments) as node:
+        dictionary = remote.needed_description(arguments, node).dictionary
+        readings = list(read_all(node, readable(dictionary)))
+    remote.print_readings(readings, arguments.json)
+    return 0

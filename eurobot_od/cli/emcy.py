@@ -1,0 +1,44 @@
+"""Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003)."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.cli import remote
+
+if TYPE_CHECKING:
+    from eurobot_od.client.history import History
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    remote.add_node(parser)
+    parser.add_argument("--clear", action="store_true", help="empty the history")
+    parser.add_argument("--json", action="store_true", help="print as JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the history; 1 if there is an error now."""
+    from eurobot_od.client.history import clear, history
+
+    with remote.node(arguments) as node:
+        if arguments.clear:
+            clear(node)
+        found = history(node)
+    print(json.dumps(as_data(found), indent=2) if arguments.json else text(found, node.node_id))
+    return 1 if found.register else 0
+
+
+def as_data(found: History) -> dict[str, Any]:
+    """Return a history as plain data."""
+    return {"register": found.register, "history": [each._asdict() | {"text": each.text} for each in found.entries]}
+
+
+def text(found: History, node_id: int) -> str:
+    """Return a history for a person."""
+    register = ", ".join(found.register_bits) or "no error"
+    head = f"node {node_id}: {register} (error register 0x{found.register:02X})"
+    rows = [(f"0x{each.code:04X}", each.text, f"0x{each.info:04X}" if each.info else "") for each in found.entries]
+    return f"{head}\n{remote.columns(rows)}" if rows else f"{head}\nno error remembered"

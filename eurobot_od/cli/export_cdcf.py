@@ -1,0 +1,109 @@
+"""Write the concise DCF of a DCF, or show what a concise DCF writes, or make a DCF of it again.
+
+Rule of this file: the file that is read says the direction; the writes stand in the order of CiA 301's PDO procedure.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import remote
+from eurobot_od.errors import DictionaryError, LocalError
+
+if TYPE_CHECKING:
+    from eurobot_od.client.description import Description
+    from eurobot_od.client.pdo_order import Step
+    from eurobot_od.client.reading import Reading
+    from eurobot_od.dictionary import Address, Dictionary
+
+SOURCES = (".dcf", ".eds")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF")
+    parser.add_argument("-o", "--output", metavar="FILE", help="left out: the writes are printed")
+    parser.add_argument("--eds", metavar="FILE", help="of the device that a concise DCF is for")
+    parser.add_argument("--node-id", type=int, metavar="N", help="of the DCF that is made (default: the EDS's)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Convert the file."""
+    from_dcf = Path(arguments.file).suffix.lower() in SOURCES
+    return write_concise(arguments) if from_dcf else read_concise(arguments)
+
+
+def write_concise(arguments: argparse.Namespace) -> int:
+    """Write or print the concise DCF of a DCF."""
+    from eurobot_od.client.configure import check_file
+    from eurobot_od.client.description import from_file
+    from eurobot_od.export.cdcf import pack
+
+    description = from_file(arguments.file)
+    check_file(description, description.dictionary.node_id)
+    writes = concise(description)
+    if not arguments.output:
+        return _print(writes, description.dictionary)
+    Path(arguments.output).write_bytes(pack(writes))
+    print(f"{arguments.output}: {len(writes)} writes for node {description.dictionary.node_id}")
+    return 0
+
+
+def concise(description: Description) -> list[Step]:
+    """Return the writes that configure a device of which nothing is known, in their order."""
+    from eurobot_od.client.configure import settings
+    from eurobot_od.client.objects import encode, find_one
+    from eurobot_od.client.pdo_order import procedure_objects, steps
+
+    wanted = {thing.address: data for thing, data in settings(description)}
+    dictionary = description.dictionary
+    for index, subindex in set(procedure_objects(wanted)) - set(wanted):
+        thing = find_one(f"0x{index:04X}:{subindex}", dictionary)
+        wanted[index, subindex] = encode(thing, dictionary.default((index, subindex)))
+    return steps(wanted, {})
+
+
+def read_concise(arguments: argparse.Namespace) -> int:
+    """Print a concise DCF, or write the DCF that says the same."""
+    from eurobot_od.client.description import from_file
+    from eurobot_od.export.cdcf import Truncated, unpack
+
+    try:
+        writes = unpack(Path(arguments.file).read_bytes())
+    except Truncated as error:
+        raise DictionaryError(arguments.file, None, f"not a concise DCF: {error}") from error
+    description = from_file(arguments.eds, arguments.node_id) if arguments.eds else None
+    if not arguments.output:
+        return _print(writes, description.dictionary if description else None)
+    if description is None:
+        raise LocalError("a DCF is made of an EDS and a concise DCF: name the EDS by --eds")
+    text = verbose(description, writes)
+    Path(arguments.output).write_text(text, encoding="utf-8", errors="surrogateescape")
+    print(f"{arguments.output}: for node {description.dictionary.node_id}")
+    return 0
+
+
+def verbose(description: Description, writes: Iterable[tuple[Address, bytes]]) -> str:
+    """Return the DCF of what objects have after all writes; raises UnknownName for one that the EDS does not have."""
+    from eurobot_od import dcf
+    from eurobot_od.runtime import BITRATE
+
+    dictionary = description.dictionary
+    values = {address: _reading(address, data, dictionary).value for address, data in writes}
+    return dcf.with_values(description.text, values, dictionary.node_id, dictionary.name, BITRATE // 1000)
+
+
+def _print(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> int:
+    remote.print_readings((_reading(address, data, dictionary) for address, data in writes), as_json=False)
+    return 0
+
+
+def _reading(address: Address, data: bytes, dictionary: Dictionary | None) -> Reading:
+    from eurobot_od.client.objects import decode, find_one
+    from eurobot_od.client.reading import Reading
+
+    thing = find_one(f"0x{address[0]:04X}:{address[1]}", dictionary)
+    return Reading(thing, decode(thing, data))

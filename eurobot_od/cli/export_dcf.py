@@ -1,0 +1,33 @@
+"""Write the DCF of a live CANopen node: its EDS with the values that its parameters have now."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from eurobot_od.cli import remote
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    remote.add_node(parser)
+    parser.add_argument("-o", "--output", metavar="FILE", help="left out: standard output")
+    remote.add_eds(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the file; 1 if the node refuses objects of its EDS, which are left out."""
+    from eurobot_od.client.reading import dcf_text
+    from eurobot_od.runtime import BITRATE
+
+    with remote.node(arguments) as node:
+        description = remote.needed_description(arguments, node)
+        text, refused = dcf_text(node, description, (arguments.bitrate or BITRATE) // 1000)
+    if arguments.output:
+        Path(arguments.output).write_text(text, encoding="utf-8", errors="surrogateescape")
+    else:
+        print(text, end="")
+    for thing, _, reason in refused:
+        print(f"left out 0x{thing.address[0]:04X}:{thing.address[1]} {thing.name}: {reason}", file=sys.stderr)
+    return 1 if refused else 0

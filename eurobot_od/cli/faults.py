@@ -1,0 +1,56 @@
+"""List the faults that simulated nodes can be given, to see whether a check finds them.
+
+Rule of this file: names and sentences are the fault tables'; here they are only printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from eurobot_od.nodes import Node
+    from eurobot_od.simulation.faults import Fault
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("node", nargs="?", choices=("core", "drive", "navigation"), help="only the faults of this node")
+    parser.add_argument("--json", action="store_true", help="print them as JSON, with the step that finds each")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the faults."""
+    from eurobot_od.nodes import ROLES
+    from eurobot_od.simulation import faults
+
+    role = ROLES[arguments.node] if arguments.node else None
+    chosen = {owner: rows for owner, rows in faults.FAULTS.items() if role is None or issubclass(role, owner)}
+    print(json.dumps(as_data(chosen), indent=2) if arguments.json else as_text(chosen))
+    return 0
+
+
+def as_data(faults: Mapping[type[Node], Iterable[Fault]]) -> list[dict[str, str]]:
+    """Return the faults as plain data."""
+    return [
+        {"name": fault.name, "node": _owner(owner), "text": fault.text, **fault.caught_by._asdict()}
+        for owner, rows in faults.items()
+        for fault in rows
+    ]
+
+
+def as_text(faults: Mapping[type[Node], Iterable[Fault]]) -> str:
+    """Return the faults as paragraphs, one for each node."""
+    width = max(len(fault.name) for rows in faults.values() for fault in rows)
+    paragraphs = (
+        "\n".join([f"{_owner(owner)}:", *(f"  {fault.name:{width}}  {fault.text}" for fault in rows)])
+        for owner, rows in faults.items()
+    )
+    return "\n\n".join(paragraphs)
+
+
+def _owner(owner: type[Node]) -> str:
+    """Name the node that has the faults; those of the base class any node can have."""
+    return "any node" if owner.__name__ == "Node" else owner.__name__.lower()

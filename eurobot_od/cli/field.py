@@ -1,0 +1,59 @@
+"""Draw the playing field to scale with what a log says of the match: path, gotos, stops, enemies, barriers.
+
+Rule of this file: parse, call `logs` and `view`, print.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import options
+from eurobot_od.cli.decode import add_log, form_of, opened
+from eurobot_od.errors import RemoteError
+
+if TYPE_CHECKING:
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.logs.tally import Tally
+    from eurobot_od.messages import Message
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    add_log(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="picture: .svg, .html or .png")
+    parser.add_argument("--title", help="heading of the picture; left out: the log's name")
+    options.add_dialect(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Draw the match; say what was wrong in the log."""
+    from eurobot_od import dialects
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.logs.tally import Tally
+    from eurobot_od.view.files import form, save
+    from eurobot_od.view.recording import record
+
+    form(arguments.output)
+    decoder, tally = Decoder(dialects.load_all(arguments.dialect)), Tally()
+    recording = record(
+        event for log in arguments.logs for event in _messages(log, form_of(log, arguments.format), decoder, tally)
+    )
+    sys.stderr.writelines(f"{line}\n" for line in tally.report())
+    if not recording.path and not recording.gotos:
+        raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
+    save(recording, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
+    return 0
+
+
+def _messages(log: str, form: str | None, decoder: Decoder, tally: Tally) -> Iterator[tuple[float, Message]]:
+    from eurobot_od.logs import formats
+
+    with opened(log) as file:
+        for line, time, _, meaning in formats.read(file, decoder, form):
+            tally.add(log, line, meaning.findings)
+            if meaning.message is not None:
+                yield time, meaning.message

@@ -1,0 +1,137 @@
+"""Check EDS and DCF files, one by one or as a network.
+
+Rule of this file: it parses, calls the checker and prints. Exit status 0 nothing found, 1 something found (errors; with
+--strict warnings too), 2 a file that cannot be read or wrong usage.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from eurobot_od.errors import DictionaryError, LocalError, UnknownName
+from eurobot_od.lint.files import read_bytes
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count
+from eurobot_od.lint.rules import FILE_RULES, lint, load
+
+if TYPE_CHECKING:
+    from eurobot_od.lint.network import Network
+
+FINE, FOUND, UNREADABLE = 0, 1, 2
+YAML_ENDS = (".yaml", ".yml")
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Add the arguments of `eurobot-od lint`."""
+    parser.add_argument("files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also one network YAML")
+    parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
+    parser.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
+    parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
+    parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
+    parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    parser.add_argument("--explain", metavar="CODE", help="say what a rule demands, and where that is written")
+
+
+def _codes(text: str) -> tuple[str, ...]:
+    return tuple(each.strip().upper() for each in text.split(",") if each.strip())
+
+
+def run(arguments: Namespace) -> int:
+    """Check, print, and return the exit status."""
+    if arguments.explain:
+        print(explanation(arguments.explain.upper()))
+        return FINE
+    if not arguments.files:
+        raise LocalError("no files to check")
+    gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
+    try:
+        return _run_network(arguments) if arguments.network else _run_files(arguments)
+    finally:
+        gc.enable()
+
+
+def _run_files(arguments: Namespace) -> int:
+    findings: list[Finding] = []
+    unreadable: list[DictionaryError] = []
+    for file in arguments.files:
+        try:
+            findings += lint(read_bytes(file), file)
+        except DictionaryError as error:
+            unreadable.append(error)
+    status = _report(arguments, findings, [])
+    for each in unreadable:
+        print(f"eurobot-od: {each}", file=sys.stderr)
+    return UNREADABLE if unreadable else status
+
+
+def _run_network(arguments: Namespace) -> int:
+    from eurobot_od.lint.network import lint_network, overview
+
+    network = read_network(arguments.files)
+    return _report(arguments, lint_network(network), overview(network))
+
+
+def read_network(files: Sequence[str]) -> Network:
+    """Read a network: one YAML file that names the nodes, or their EDS and DCF files; raises DictionaryError."""
+    from eurobot_od.lint.network import Member, Network, nodes_of
+
+    if len(files) == 1 and files[0].lower().endswith(YAML_ENDS):
+        return _read_network_file(files[0])
+    devices = [(file, load(read_bytes(file), file)) for file in files]
+    return Network(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
+
+
+def _read_network_file(file: str) -> Network:
+    from eurobot_od.lint.network import Member, Network, nodes_of
+    from eurobot_od.lint.network_file import read_network_file
+
+    said = read_network_file(read_bytes(file).decode("utf-8", "replace"), file)
+    members = [
+        Member(name, path, load(read_bytes(path), path), said.node_ids.get(name)) for name, path in said.files.items()
+    ]
+    return Network(nodes_of(members), said.shared, said.order, said.bit_rate)
+
+
+def explanation(code: str) -> str:
+    """Return what a rule demands, how bad it is not to keep it, and its clause; raises UnknownName."""
+    from eurobot_od.lint.network import RULES
+
+    rules: dict[str, Rule] = {each.code: each for each in (*FILE_RULES, *RULES)}
+    if code not in rules:
+        raise UnknownName("rule", code)
+    rule = rules[code]
+    return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
+
+
+def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> int:
+    wanted = chosen(findings, arguments.select, arguments.ignore)
+    if arguments.json:
+        _print_json(wanted, identifiers)
+    else:
+        _print_text(wanted, identifiers)
+    errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
+    return FOUND if errors or (arguments.strict and warnings) else FINE
+
+
+def _print_text(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
+    for identifier, name, producers, consumers in identifiers:
+        print(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
+    sys.stdout.writelines(f"{each}\n" for each in findings)
+
+
+def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
+    import json
+
+    rows = [_row(*each) for each in identifiers]
+    found = [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings]
+    counts = {each.name.lower(): count(findings, each) for each in Severity}
+    json.dump({"findings": found, "counts": counts, **({"identifiers": rows} if rows else {})}, sys.stdout, indent=1)
+    print()
+
+
+def _row(identifier: str, name: str, producers: str, consumers: str) -> dict[str, object]:
+    ends = {"producers": producers.split(", "), "consumers": consumers.split(", ")}
+    return {"identifier": identifier, "name": name, **{end: list(filter(None, names)) for end, names in ends.items()}}

@@ -1,0 +1,157 @@
+"""Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
+
+Rule of this file: parse, connect a source of frames with what is shown, print.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from collections.abc import Callable, Generator, Iterator
+from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+from eurobot_od.cli import options
+from eurobot_od.cli.decode import form_of, opened
+from eurobot_od.cli.keyboard import keys
+
+if TYPE_CHECKING:
+    from eurobot_od.cli.sources import BusSource, LogSource, Timed
+    from eurobot_od.logs.meaning import Meaning
+    from eurobot_od.view.controls import Controls
+    from eurobot_od.view.traffic import Traffic
+
+    Source: TypeAlias = BusSource | LogSource
+    Took: TypeAlias = Callable[[float, Meaning], None]
+    Refresh: TypeAlias = Callable[[], None]
+
+REFRESH = 0.2
+"""Seconds between two refreshes of the screen."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    from eurobot_od.logs.formats import FORMATS
+    from eurobot_od.view.traffic import SORTS
+
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play; left out: watch a bus")
+    parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
+    parser.add_argument("--speed", type=_speed, default=1.0, help="how many times faster to play a log, or max")
+    parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
+    parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
+    parser.add_argument("--plain", action="store_true", help="lines as decode writes them, and the table at the end")
+    options.add_dialect(parser)
+    options.add_bus(parser)
+
+
+def _speed(text: str) -> float:
+    speed = float("inf") if text == "max" else float(text)
+    if not speed > 0:
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return speed
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Watch until the logs end or the watcher has enough; print the table once more."""
+    from eurobot_od import dialects, runtime
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.view.cells import plain_table
+    from eurobot_od.view.controls import Controls
+    from eurobot_od.view.traffic import Traffic, selected
+
+    traffic = Traffic(Decoder(dialects.load_all(arguments.dialect)), arguments.bitrate or runtime.BITRATE)
+    controls = Controls(arguments.sort, arguments.filter)
+    rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
+    with ExitStack() as stack:
+        source = stack.enter_context(_source(arguments))
+        watch = Watch(traffic, controls, source)
+        took, refresh = stack.enter_context((_screen if rich else _lines)(watch))
+        with suppress(KeyboardInterrupt):  # the usual way to end it
+            watch.run(took, refresh)
+    rows = selected(traffic.rows.values(), controls.sort, controls.part)
+    print("\n".join(plain_table(rows, source.now)))
+    sys.stderr.writelines(f"{line}\n" for line in traffic.tally.report())
+    return 0
+
+
+class Watch(NamedTuple):
+    """Where frames come from, what is made of them, and what the watcher wants."""
+
+    traffic: Traffic
+    controls: Controls
+    source: Source
+
+    def run(self, took: Took, refresh: Refresh) -> None:
+        """Take in frames and refresh what is shown until the source or the watcher ends it.
+
+        While it is paused, frames are taken in, and what is shown changes with a key only.
+        """
+        pressed = ""
+        with keys() as wait:
+            while self.controls.running and not self.source.ended:
+                for time, raw in self.source.poll():
+                    took(time, self.traffic.take(time, raw))
+                if pressed or not self.controls.paused:
+                    refresh()
+                pressed = wait(self.source.pause(REFRESH))
+                for key in pressed:
+                    self.controls.key(key)
+                if self.controls.clear:
+                    self.controls.clear = False
+                    self.traffic.clear()
+
+
+# Where frames come from
+
+
+def _source(arguments: argparse.Namespace) -> AbstractContextManager[Source]:
+    from eurobot_od.cli.sources import BusSource, LogSource
+
+    if not arguments.logs:
+        return closing(BusSource(options.open_bus(arguments)))
+    return closing(LogSource(_entries(arguments.logs, arguments.format), arguments.speed))
+
+
+def _entries(logs: list[str], form: str | None) -> Generator[Timed, None, None]:
+    from eurobot_od.logs import formats
+
+    for log in logs:
+        with opened(log) as file:
+            for _, time, _, raw in formats.read(file, lambda raw: raw, form_of(log, form)):
+                yield time, raw
+
+
+# What is shown
+
+
+@contextmanager
+def _lines(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
+    """Print each frame as a line."""
+    from eurobot_od.logs.output import Text
+    from eurobot_od.view.traffic import named
+
+    output = Text()
+
+    def took(time: float, meaning: Meaning) -> None:
+        if not watch.controls.paused and named(meaning, watch.controls.part):
+            sys.stdout.write(output.line("", 0, time, "", output.row(meaning)))
+
+    yield took, sys.stdout.flush
+
+
+@contextmanager
+def _screen(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
+    """Show the table on the whole screen."""
+    from rich.live import Live
+
+    from eurobot_od.view.screen import screen
+
+    with Live(screen=True, auto_refresh=False) as live:
+
+        def refresh() -> None:
+            now, height = watch.source.now, shutil.get_terminal_size().lines
+            live.update(screen(watch.traffic, watch.controls, now, watch.traffic.load(now), height), refresh=True)
+
+        yield lambda *_: None, refresh

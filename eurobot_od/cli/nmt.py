@@ -1,0 +1,77 @@
+"""Send an NMT command to a CANopen node, or to all, and see by the heartbeat what it did.
+
+Rule of this file: an NMT command has no answer; what is printed is what the node's heartbeat or boot-up said.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import remote
+
+if TYPE_CHECKING:
+    from eurobot_od.client.master import RemoteNode
+    from eurobot_od.device.nmt import NmtCommand
+
+COMMANDS = {
+    "start": "START",
+    "stop": "STOP",
+    "pre-operational": "ENTER_PRE_OPERATIONAL",
+    "reset": "RESET_NODE",
+    "reset-communication": "RESET_COMMUNICATION",
+}
+"""Words of the command line, and the NmtCommand each stands for."""
+
+ALL = "all"
+
+HEARTBEAT_WAIT = 1.2
+"""Seconds in which the heartbeat after the command is awaited; our nodes send one a second."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    remote.add_node(parser)
+    parser.add_argument("command", choices=COMMANDS, help=f"what to do; NODE may be `{ALL}`")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Send the command; 1 if the node's heartbeat tells that it did not follow."""
+    from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+
+    command = NmtCommand[COMMANDS[arguments.command]]
+    if arguments.node == ALL:
+        with remote.master(arguments) as master:
+            master.send(NMT_COB_ID, bytes([command, 0]))
+        print(f"{arguments.command} sent to all nodes")
+        return 0
+    with remote.node(arguments) as node:
+        return (
+            _reset(node, command)
+            if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
+            else _go(node, command)
+        )
+
+
+def _reset(node: RemoteNode, command: NmtCommand) -> int:
+    """Reset the node; raises NoAnswer if it does not boot."""
+    from eurobot_od.client.configure import state_text
+
+    node.reset(command)
+    state = node.state(HEARTBEAT_WAIT)
+    print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {state_text(state)}"))
+    return 0
+
+
+def _go(node: RemoteNode, command: NmtCommand) -> int:
+    from eurobot_od.client.configure import state_text
+    from eurobot_od.device.nmt import TARGET
+
+    node.command(command)
+    followed = node.wait_for(TARGET[command], HEARTBEAT_WAIT)
+    state = node.last_state
+    if state is None:
+        print(f"sent; node {node.node_id} has no heartbeat that would tell its state")
+        return 0
+    print(f"node {node.node_id} is {state_text(state)}")
+    return 0 if followed else 1

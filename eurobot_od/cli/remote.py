@@ -1,0 +1,127 @@
+"""What the commands for any CANopen node share: the node, its EDS, the bus, and how objects are listed.
+
+Rule of this file: each option is described here once; a node is named by its node-ID or by its name in the dialect.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od import dialects, durations
+from eurobot_od.cli import options as shared
+from eurobot_od.errors import LocalError
+
+if TYPE_CHECKING:
+    from eurobot_od.client.description import Description
+    from eurobot_od.client.master import Master, RemoteNode
+    from eurobot_od.client.reading import Reading
+
+NODE_IDS = range(1, 128)
+
+
+def add_node(parser: argparse.ArgumentParser) -> None:
+    """Add the node, and what every command needs to talk to it."""
+    names = ", ".join(each.stem for each in sorted(dialects.folder().glob("*.eds")))
+    parser.add_argument("node", metavar="NODE", help=f"node-ID 1..127, or a name of the dialect: {names}")
+    add_bus(parser)
+
+
+def add_bus(parser: argparse.ArgumentParser) -> None:
+    """Add the bus and how long an answer may take."""
+    shared.add_dialect(parser)
+    parser.add_argument(
+        "--timeout", type=durations.seconds, default=0.5, metavar="TIME", help="longest wait for an answer (500 ms)"
+    )
+    shared.add_bus(parser)
+
+
+def add_eds(parser: argparse.ArgumentParser) -> None:
+    """Add --eds."""
+    parser.add_argument(
+        "--eds", metavar="FILE", help="EDS or DCF of the node; left out: the dialect's, or the one that the node keeps"
+    )
+
+
+def node_id(arguments: argparse.Namespace) -> int:
+    """Return the node-ID that is meant; raises LocalError, UnknownName."""
+    text: str = arguments.node
+    if not text.isdecimal():
+        return dialects.load(text, arguments.dialect).node_id
+    if int(text) not in NODE_IDS:
+        raise LocalError(f"node-ID {text} is not in 1..127")
+    return int(text)
+
+
+@contextmanager
+def master(arguments: argparse.Namespace) -> Iterator[Master]:
+    """Open the bus for as long as the context lasts; raises BusError."""
+    from eurobot_od.client.master import Master
+
+    with Master(shared.open_bus(arguments), arguments.timeout) as opened:
+        yield opened
+
+
+@contextmanager
+def node(arguments: argparse.Namespace) -> Iterator[RemoteNode]:
+    """Open the bus to talk to the node."""
+    number = node_id(arguments)
+    with master(arguments) as opened:
+        yield opened.node(number)
+
+
+def description(arguments: argparse.Namespace, node: RemoteNode) -> Description | None:
+    """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
+
+    Its own comes last because it has to be transferred, tens of thousands of bytes.
+    """
+    from eurobot_od.client import description as found
+
+    if arguments.eds:
+        return found.from_file(arguments.eds, node.node_id)
+    return found.of_dialect(node, arguments.dialect) or found.uploaded(node)
+
+
+def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Description:
+    """Return the EDS of the node; raises LocalError if there is none."""
+    found = description(arguments, node)
+    if found is None:
+        raise LocalError(f"no EDS has the identity of node {node.node_id}, and it keeps none itself: name one by --eds")
+    return found
+
+
+# Printing
+
+
+def columns(rows: Iterable[Sequence[str]]) -> str:
+    """Lay out rows of texts in columns."""
+    lines = [*rows]
+    widths = [max(map(len, column)) for column in zip(*lines)]
+    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
+
+
+def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
+    """Print objects and their values, or why there is none."""
+    if as_json:
+        print(json.dumps([as_data(each) for each in readings], indent=2))
+    else:
+        print(columns(_row(each) for each in readings))
+
+
+def as_data(reading: Reading) -> dict[str, Any]:
+    """Return a reading as plain data; bytes are hexadecimal digits."""
+    thing, value, refusal = reading
+    data = {"index": thing.address[0], "subindex": thing.address[1], "name": thing.name, "type": thing.type_name}
+    result = {"refused": refusal} if refusal else {"value": value.hex() if isinstance(value, bytes) else value}
+    return {**data, **result}
+
+
+def _row(reading: Reading) -> tuple[str, str, str]:
+    from eurobot_od.client.objects import written
+
+    thing, value, refusal = reading
+    index, subindex = thing.address
+    return f"0x{index:04X}:{subindex}", thing.name, f"({refusal})" if refusal else written(thing, value)

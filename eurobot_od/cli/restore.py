@@ -1,0 +1,27 @@
+"""Have a CANopen node take the defaults of its parameters again, from its next reset on (0x1011)."""
+
+from __future__ import annotations
+
+import argparse
+
+from eurobot_od.cli import remote
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    remote.add_node(parser)
+    parser.add_argument("--reset", action="store_true", help="reset the node, so that it takes effect")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Restore all default parameters."""
+    from eurobot_od.client.configure import LOAD, RESTORE
+    from eurobot_od.client.master import STORE_WAIT
+
+    with remote.node(arguments) as node:
+        node.download(RESTORE, LOAD, "Restore all default parameters", STORE_WAIT)
+        if arguments.reset:
+            node.reset()
+    when = "has" if arguments.reset else "will have, from its next reset on,"
+    print(f"node {node.node_id} {when} the defaults of all parameters")
+    return 0

@@ -1,0 +1,57 @@
+"""List the CANopen nodes of a bus: who answers, in which state, what it is.
+
+Rule of this file: a node is listed because it answered or its heartbeat was heard, for no other frame.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od import durations
+from eurobot_od.cli import remote
+
+if TYPE_CHECKING:
+    from eurobot_od.client.scan import Found
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("--listen", type=durations.seconds, default=1.5, metavar="TIME", help="for heartbeats (1.5 s)")
+    parser.add_argument("--json", action="store_true", help="print as JSON")
+    remote.add_bus(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """List the nodes; 1 if there is none."""
+    from eurobot_od.client.scan import scan
+
+    with remote.master(arguments) as master:
+        found = scan(master, listen=arguments.listen)
+    if arguments.json:
+        print(json.dumps([as_data(each) for each in found], indent=2))
+    else:
+        print(remote.columns(rows(found)) if found else "no node answers")
+    return 0 if found else 1
+
+
+def as_data(found: Found) -> dict[str, Any]:
+    """Return a node as plain data."""
+    from eurobot_od.client.configure import state_text
+
+    identity = found.identity._asdict() if found.identity else None
+    state = None if found.state is None else state_text(found.state)
+    return {"node_id": found.node_id, "name": found.name, "state": state, "identity": identity}
+
+
+def rows(found: list[Found]) -> Iterator[tuple[str, ...]]:
+    """Yield the table of the nodes."""
+    from eurobot_od.client.configure import state_text
+
+    yield "node", "name", "state", "vendor", "product", "revision", "serial"
+    for each in found:
+        state = "-" if each.state is None else state_text(each.state)
+        numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
+        yield f"{each.node_id:>4}", each.name or "-", state, *numbers

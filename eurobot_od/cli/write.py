@@ -1,0 +1,44 @@
+"""Write one object of a CANopen node, by number or by the EDS's name.
+
+Rule of this file: a value that the EDS does not allow is refused here; without an EDS the object's length is asked.
+"""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import remote
+
+if TYPE_CHECKING:
+    from eurobot_od.client.master import RemoteNode
+    from eurobot_od.client.objects import Object
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    remote.add_node(parser)
+    parser.add_argument("object", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1016:1, 'Motion.Maximum speed'")
+    parser.add_argument("value", help="decimal or 0x.. number, text, or hexadecimal digits of bytes, by the type")
+    remote.add_eds(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the object."""
+    from eurobot_od.client.master import label
+    from eurobot_od.client.objects import find_one, parse, written
+
+    with remote.node(arguments) as node:
+        found = remote.description(arguments, node)
+        thing = find_one(arguments.object, found.dictionary if found else None)
+        value = parse(thing, arguments.value)
+        node.download(thing.address, _bytes(node, thing, arguments.value), thing.name)
+    print(f"node {node.node_id}: {label(thing.address, thing.name)} = {written(thing, value)}")
+    return 0
+
+
+def _bytes(node: RemoteNode, thing: Object, text: str) -> bytes:
+    from eurobot_od.client.objects import encode, parse
+
+    size = len(node.upload(thing.address)) if thing.variable is None else 0
+    return encode(thing, parse(thing, text), size)

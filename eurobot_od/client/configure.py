@@ -1,0 +1,310 @@
+"""Configures a node from a DCF: what differs is written in the order of CiA 301, read back, stored and verified.
+
+Rule of this file: a plan is made first, from reading alone; then either all of it is written, or what was written is
+taken back. Nothing is stored before everything reads back as it should, so a reset undoes whatever is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import NamedTuple
+
+from eurobot_od import dcf
+from eurobot_od.client.description import Description, Identity
+from eurobot_od.client.master import STORE_WAIT, RemoteNode, label
+from eurobot_od.client.objects import Object, all_objects, decode, encode, written, wrong
+from eurobot_od.client.pdo_order import Bytes, Step, pdo_of, procedure_objects, steps
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.dictionary import NODE_ID, Address, Dictionary
+from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
+
+STORE: Address = (0x1010, 1)
+SAVE = b"save"
+RESTORE: Address = (0x1011, 1)
+LOAD = b"load"
+"""Where which signature stores all parameters, or restores their defaults (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+
+VERIFY: tuple[Address, Address] = ((0x1020, 1), (0x1020, 2))
+EPOCH = datetime(1984, 1, 1)
+"""Verify configuration: days since this day, milliseconds since midnight (CiA 301, 7.5.2.21)."""
+
+NOT_CONFIGURATION = frozenset({0x1003, 0x1010, 0x1011, 0x1020, 0x1023, 0x1024, 0x1F50, 0x1F51})
+"""Objects that can be written and mean a history, a command or our own mark, no parameter."""
+
+NO_SUCH_OBJECT = frozenset({0x06020000, 0x06090011})
+"""SDO aborts for an object and for a sub-index that is not there (CiA 301, Table 22)."""
+
+READ_WRITE_ONLY = 0x06010001
+"""SDO abort for reading what can only be written."""
+
+COMMAND_TO: dict[NmtState | None, NmtCommand] = {
+    NmtState.OPERATIONAL: NmtCommand.START,
+    NmtState.PRE_OPERATIONAL: NmtCommand.ENTER_PRE_OPERATIONAL,
+}
+"""The NMT command that leads back to the state a node was in."""
+
+
+class Change(NamedTuple):
+    """An object whose bytes differ: `before` in the node (None: it cannot be read), `after` in the file."""
+
+    thing: Object
+    before: bytes | None
+    after: bytes
+
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Both values for a person."""
+        before = "?" if self.before is None else written(self.thing, decode(self.thing, self.before))
+        return before, written(self.thing, decode(self.thing, self.after))
+
+
+class Plan(NamedTuple):
+    """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs."""
+
+    dictionary: Dictionary
+    changes: tuple[Change, ...]
+    present: Bytes
+
+    def steps(self) -> list[Step]:
+        """Return all writes in their order."""
+        return steps({each.thing.address: each.after for each in self.changes}, self.present)
+
+    def way_back(self, done: Iterable[Step]) -> list[Step]:
+        """Return the writes that undo those of `done`, of objects whose former bytes are known."""
+        state = {**self.present, **{step.address: step.data for step in done}}
+        touched = {_unit(step.address) for step in done}
+        former = {**{c.thing.address: c.before for c in self.changes if c.before is not None}, **self.present}
+        return steps({address: data for address, data in former.items() if _unit(address) in touched}, state)
+
+    def name(self, address: Address) -> str:
+        """Return an object's name."""
+        variable = self.dictionary.variable(address)
+        return "" if variable is None else variable.qualname
+
+
+class Outcome(NamedTuple):
+    """What a configuration did: how many objects it changed, and whether the node has stored them."""
+
+    changed: int
+    stored: bool
+
+
+def configure(node: RemoteNode, description: Description, now: datetime) -> Outcome:
+    """Make a node what a DCF says; `now` is what is written to verify configuration 0x1020.
+
+    Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all
+    of it, with the state it is left in; RemoteError and BusError before anything is written.
+    """
+    plan = difference(node, description)
+    return apply(node, plan, now) if plan.changes else Outcome(0, False)
+
+
+# The file
+
+
+def settings(description: Description) -> list[tuple[Object, bytes]]:
+    """Return the objects that a DCF configures, with their bytes: those with a ParameterValue that can be written.
+
+    A mapping's entries behind the last that counts are none. Raises DictionaryError for a value that its object cannot
+    have.
+    """
+    dictionary = description.dictionary
+    parameters = (each for each in all_objects(dictionary) if is_parameter(each) and _raw(each))
+    return [(each, _bytes(dictionary, each)) for each in parameters if _counts(dictionary, each.address)]
+
+
+def is_parameter(thing: Object) -> bool:
+    """Whether a configuration may write an object."""
+    return thing.variable is not None and thing.variable.writable and thing.address[0] not in NOT_CONFIGURATION
+
+
+def check_file(description: Description, node_id: int) -> None:
+    """Raise DictionaryError unless a DCF is whole, is for this node-ID, and has mappings that hold."""
+    dictionary = description.dictionary
+    absent = dcf.missing(description.text)
+    if absent:
+        raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
+    intended = dictionary.objects.node_id
+    if intended is None:
+        raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{dcf.COMMISSIONING}]")
+    if intended != node_id:
+        raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
+    own = dictionary.variable(NODE_ID)
+    if own is not None and own.name == "Node-ID" and own.value not in (None, node_id):
+        what = f"Node-ID {own.value} is not the NodeID {node_id} of [{dcf.COMMISSIONING}]"
+        raise DictionaryError(dictionary.file, NODE_ID[0], what)
+    dictionary.read_pdos(dictionary.default)
+
+
+def _counts(dictionary: Dictionary, address: Address) -> bool:
+    """Whether an object is anything but a mapping entry behind the last that counts."""
+    index, subindex = address
+    count = dictionary.default((index, 0))
+    return pdo_of(address) in (None, index) or not isinstance(count, int) or subindex <= count
+
+
+def _raw(thing: Object) -> str:
+    """Return the text of a ParameterValue, `` if there is none."""
+    return getattr(thing.variable, "value_raw", "")
+
+
+def _bytes(dictionary: Dictionary, thing: Object) -> bytes:
+    value = None if thing.variable is None else thing.variable.value
+    allowed = wrong(thing, value)
+    if allowed is not None:
+        what = f"sub {thing.address[1]} ({thing.name}): {_raw(thing)} is not allowed; allowed: {allowed}"
+        raise DictionaryError(dictionary.file, thing.address[0], what)
+    return encode(thing, value)
+
+
+# The difference
+
+
+def difference(node: RemoteNode, description: Description) -> Plan:
+    """Compare a node with a DCF, by reading alone.
+
+    Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node
+    does not have; RemoteError and BusError.
+    """
+    check_file(description, node.node_id)
+    dictionary = description.dictionary
+    other = Identity.of(dictionary).difference(Identity.read(node))
+    if other is not None:
+        raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
+    wanted = settings(description)
+    present = {thing.address: _present(node, dictionary, thing, len(data)) for thing, data in wanted}
+    read = ((thing, present[thing.address], data) for thing, data in wanted)
+    changes = tuple(Change(*each) for each in read if each[1] != each[2])
+    needed = procedure_objects(each.thing.address for each in changes)
+    return Plan(dictionary, changes, {address: present.get(address) or node.upload(address) for address in needed})
+
+
+def _present(node: RemoteNode, dictionary: Dictionary, thing: Object, size: int) -> bytes | None:
+    """Read an object, `size` bytes of it: some devices send 4 of everything."""
+    try:
+        return node.upload(thing.address, thing.name)[:size]
+    except NodeRefused as error:
+        if error.code in NO_SUCH_OBJECT:
+            what = f"sub {thing.address[1]} ({thing.name}): node {node.node_id} has no such object"
+            raise DictionaryError(dictionary.file, thing.address[0], what) from error
+        if error.code == READ_WRITE_ONLY:
+            return None
+        raise
+
+
+def _unit(address: Address) -> Address:
+    """Return what changes together: a PDO's communication record, or the object itself."""
+    pdo = pdo_of(address)
+    return address if pdo is None else (pdo, 0)
+
+
+# The change
+
+
+def apply(node: RemoteNode, plan: Plan, now: datetime) -> Outcome:
+    """Write a plan: pre-operational, writes, read back, verify configuration, store, reset, verify.
+
+    Raises ConfigurationError, or BusError, that names the state in which the node is.
+    """
+    former, mark = node.last_state, _mark(plan.dictionary, now)
+    done: list[Step] = []
+    try:
+        node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+        _write(node, plan, plan.steps(), done)
+        read_back(node, plan)
+        _write(node, plan, mark, [])
+        stored = store(node, plan.dictionary)
+    except (EurobotError, KeyboardInterrupt) as error:
+        raise _failure(error, _take_back(node, plan, done, former)) from error
+    _restart(node, plan, mark, stored, former)
+    return Outcome(len(plan.changes), stored)
+
+
+def read_back(node: RemoteNode, plan: Plan) -> None:
+    """Raise ConfigurationError unless a node has all that a plan was to write."""
+    for thing, before, after in plan.changes:
+        found = after if before is None else node.upload(thing.address, thing.name)[: len(after)]
+        if found != after:
+            reads, wrote = Change(thing, found, after).texts
+            what = f"node {node.node_id}: {label(thing.address, thing.name)} reads {reads} after {wrote} was written"
+            raise ConfigurationError(what)
+
+
+def store(node: RemoteNode, dictionary: Dictionary) -> bool:
+    """Have a node store its parameters; return whether it can."""
+    if dictionary.variable(STORE) is None:
+        return False
+    node.download(STORE, SAVE, "Save all parameters", STORE_WAIT)
+    return True
+
+
+def _mark(dictionary: Dictionary, now: datetime) -> list[Step]:
+    """Return the writes of verify configuration, none if the device does not have it."""
+    if any(dictionary.variable(address) is None for address in VERIFY):
+        return []
+    since = now - EPOCH
+    milliseconds = since.seconds * 1000 + since.microseconds // 1000
+    return [Step(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY, (since.days, milliseconds))]
+
+
+def _write(node: RemoteNode, plan: Plan, writes: Iterable[Step], done: list[Step]) -> None:
+    """Write and note in `done` what the node has, or may have; a write that it refused it has not."""
+    for step in writes:
+        done.append(step)
+        try:
+            node.download(step.address, step.data, plan.name(step.address))
+        except NodeRefused:
+            done.pop()
+            raise
+
+
+def _restart(node: RemoteNode, plan: Plan, mark: list[Step], stored: bool, former: NmtState | None) -> None:
+    """Reset a node that has stored its parameters and see that it still has them; leave another as it was."""
+    if not stored:
+        node.command(COMMAND_TO.get(former, NmtCommand.START))
+        return
+    try:
+        node.reset()
+        if any(node.upload(step.address) != step.data for step in mark) or not mark:
+            read_back(node, plan)
+    except EurobotError as error:
+        raise _failure(error, f"node {node.node_id} was written completely, stored and reset before that") from error
+
+
+# The way back
+
+
+def _take_back(node: RemoteNode, plan: Plan, done: list[Step], former: NmtState | None) -> str:
+    """Give a node back what it had, and return in which state it is."""
+    try:
+        _write(node, plan, plan.way_back(done), [])
+        state = former if former in COMMAND_TO else NmtState.PRE_OPERATIONAL
+        node.command(COMMAND_TO[state])
+    except EurobotError:
+        return _half_way(node, plan, done)
+    return f"node {node.node_id} has its former values again and is {state_text(state)}"
+
+
+def _half_way(node: RemoteNode, plan: Plan, done: list[Step]) -> str:
+    units = {_unit(step.address) for step in done}
+    new = [c.thing for c in plan.changes if _unit(c.thing.address) in units]
+    old = [c.thing for c in plan.changes if _unit(c.thing.address) not in units]
+    return (
+        f"node {node.node_id} is pre-operational; written and not stored: {_names(new)}; not written: {_names(old)}; "
+        f"a reset brings the former values back (eurobot-od nmt {node.node_id} reset)"
+    )
+
+
+def _names(things: list[Object]) -> str:
+    return ", ".join(label(thing.address, thing.name) for thing in things) or "nothing"
+
+
+def _failure(error: BaseException, state: str) -> EurobotError:
+    kind: type[EurobotError] = BusError if isinstance(error, BusError) else ConfigurationError
+    return kind(f"{str(error) or 'interrupted'}; {state}")
+
+
+def state_text(state: NmtState | None) -> str:
+    """Return an NMT state for a person: `pre-operational`."""
+    return "in a state unknown" if state is None else state.name.lower().replace("_", "-")

@@ -1,0 +1,120 @@
+"""What a node is: its identity 0x1018, and the EDS that describes it, from wherever one can be had.
+
+Rule of this file: an EDS is only taken for a node whose identity it has; a file that a person names is taken as it is.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import NamedTuple
+
+from canopen.objectdictionary import eds
+
+from eurobot_od import dialects
+from eurobot_od.client.master import RemoteNode
+from eurobot_od.dictionary import Address, Dictionary
+from eurobot_od.errors import DictionaryError, NodeRefused
+
+IDENTITY = 0x1018
+STORED_EDS: Address = (0x1021, 0)
+STORE_FORMAT: Address = (0x1022, 0)
+DEVICE_NAME: Address = (0x1008, 0)
+
+PLAIN_TEXT = b"\0"
+"""Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.23)."""
+
+
+class Identity(NamedTuple):
+    """The identity object 0x1018; 0 for what a node does not tell (CiA 301, 7.5.2.19)."""
+
+    vendor: int = 0
+    product: int = 0
+    revision: int = 0
+    serial: int = 0
+
+    @classmethod
+    def read(cls, node: RemoteNode) -> Identity:
+        """Ask a node; only the vendor-ID is mandatory."""
+        return cls(*(_number(node, subindex, name) for subindex, name in enumerate(cls._fields, start=1)))
+
+    @classmethod
+    def of(cls, dictionary: Dictionary) -> Identity:
+        """Return the identity that an EDS or DCF is for."""
+        values = (dictionary.default((IDENTITY, subindex)) for subindex in range(1, len(cls._fields) + 1))
+        return cls(*(value if isinstance(value, int) else 0 for value in values))
+
+    def difference(self, other: Identity) -> str | None:
+        """Say in what another device is another kind of device than this one; None if it is one of the same.
+
+        The serial number tells apart devices of one kind. Of the revision only the upper half must agree: the lower
+        one leaves the CANopen behaviour as it was (CiA 301, 7.5.2.19).
+        """
+        pairs = {
+            "vendor-ID": (self.vendor, other.vendor),
+            "product code": (self.product, other.product),
+            "major revision": (self.revision >> 16, other.revision >> 16),
+        }
+        return next((f"{name} 0x{b:X}, not 0x{a:X}" for name, (a, b) in pairs.items() if a != b), None)
+
+
+class Description(NamedTuple):
+    """An EDS or DCF: `dictionary`, and the `text` it was read from."""
+
+    dictionary: Dictionary
+    text: str
+
+
+def from_file(file: str | Path, node_id: int | None = None) -> Description:
+    """Read an EDS or DCF for a node-ID, without one for the one it names. Raises DictionaryError."""
+    dictionary = Dictionary.load(file, node_id)
+    return Description(dictionary, Path(file).read_text(encoding="utf-8", errors="surrogateescape"))
+
+
+def uploaded(node: RemoteNode) -> Description | None:
+    """Return the EDS that a node keeps of itself in 0x1021, None if it has none that is plain text.
+
+    Raises DictionaryError for one that cannot be read.
+    """
+    try:
+        if node.upload(STORE_FORMAT, "Store format") != PLAIN_TEXT:
+            return None
+        text = node.upload_block(STORED_EDS, "Store EDS").decode(errors="surrogateescape")
+    except NodeRefused:
+        return None
+    return _parsed(text, f"EDS of node {node.node_id}", node.node_id) if text else None
+
+
+def of_dialect(node: RemoteNode, dialect: str | Path | None = None) -> Description | None:
+    """Return the EDS that has the node's identity, of one dialect or of all; None if there is none.
+
+    Raises UnknownName for the dialect, DictionaryError, and what reading the identity raises.
+    """
+    identity = Identity.read(node)
+    known = (each for name in ([dialect] if dialect else dialects.names()) for each in dialects.load_all(name))
+    fitting = next((each for each in known if Identity.of(each).difference(identity) is None), None)
+    return None if fitting is None else from_file(fitting.file, node.node_id)
+
+
+def device_name(node: RemoteNode) -> str:
+    """Return the name in 0x1008, `` if the node has none."""
+    try:
+        return node.upload(DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
+    except NodeRefused:
+        return ""
+
+
+def _parsed(text: str, name: str, node_id: int) -> Description:
+    try:
+        objects = eds.import_eds(io.StringIO(text), node_id)  # type: ignore[no-untyped-call]
+    except Exception as error:  # canopen and configparser raise what comes to hand
+        what = " ".join(str(error).split()) or type(error).__name__
+        raise DictionaryError(name, None, f"not a readable EDS: {what}") from error
+    return Description(Dictionary(Path(name), objects, node_id), text)
+
+
+def _number(node: RemoteNode, subindex: int, name: str) -> int:
+    try:
+        return int.from_bytes(node.upload((IDENTITY, subindex), name), "little")
+    except NodeRefused:
+        return 0

@@ -1,0 +1,87 @@
+"""The order in which objects of a device are written so that its PDOs change by CiA 301's procedure.
+
+Rule of this file: bytes by address in, writes in their order out; no bus and no dictionary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.dictionary import MAPPING_OFFSET, NOT_VALID, PDO_COUNT, Address, PdoDirection
+
+Bytes: TypeAlias = Mapping[Address, bytes]
+"""Objects' bytes by address."""
+
+COB_ID = 1
+"""Sub-index of the COB-ID in a communication record."""
+
+NO_ENTRIES = b"\0"
+"""Number of mapping entries while they change."""
+
+
+class Step(NamedTuple):
+    """One write."""
+
+    address: Address
+    data: bytes
+
+
+def pdo_of(address: Address) -> int | None:
+    """Return the index of the communication record of the PDO that an object is a parameter of, None if of none."""
+    index = address[0]
+    for base in (direction.value for direction in PdoDirection):
+        if base <= index < base + MAPPING_OFFSET + PDO_COUNT:
+            return index - MAPPING_OFFSET if index >= base + MAPPING_OFFSET else index
+    return None
+
+
+def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
+    """Give what the procedure needs when these objects change: each PDO's COB-ID, and the number of its entries."""
+    for address in addresses:
+        pdo = pdo_of(address)
+        if pdo is not None:
+            yield pdo, COB_ID
+            if address[0] != pdo:
+                yield address[0], 0
+
+
+def steps(wanted: Bytes, present: Bytes) -> list[Step]:
+    """Return the writes that give objects their `wanted` bytes; what is `present` already is not written again.
+
+    Other objects come first. Then all PDOs that change become invalid, each mapping goes empty and gets its entries
+    and their number, the rest of the communication records follows, and the PDOs become what they are to be (CiA 301,
+    7.5.2.36 and 7.5.2.38). One of the two must have the `procedure_objects`.
+    """
+    final = {**present, **wanted}
+    pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address)) is not None})
+    others = (Step(address, data) for address, data in wanted.items() if pdo_of(address) is None)
+    invalid = (Step((pdo, COB_ID), _invalid({**wanted, **present}[pdo, COB_ID])) for pdo in pdos)
+    mapped = (step for pdo in pdos for step in _mapping(pdo + MAPPING_OFFSET, wanted, final))
+    communication = (Step(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
+    valid = (Step((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
+    return list(_effective((*others, *invalid, *mapped, *communication, *valid), present))
+
+
+def _invalid(cob_id: bytes) -> bytes:
+    return (int.from_bytes(cob_id, "little") | NOT_VALID).to_bytes(len(cob_id), "little")
+
+
+def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Step]:
+    """Give the writes of one mapping record; entries behind the last that counts are left alone."""
+    entries = sorted(address for address in wanted if address[0] == index)
+    if not entries:
+        return
+    count = final[index, 0]
+    yield Step((index, 0), NO_ENTRIES)
+    yield from (Step(address, wanted[address]) for address in entries if 1 <= address[1] <= count[0])
+    yield Step((index, 0), count)
+
+
+def _effective(writes: Iterable[Step], present: Bytes) -> Iterator[Step]:
+    """Leave out writes of what is there already."""
+    state = dict(present)
+    for step in writes:
+        if state.get(step.address) != step.data:
+            yield step
+        state[step.address] = step.data

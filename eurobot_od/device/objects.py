@@ -1,0 +1,169 @@
+"""The objects of a running device: present values, who may access them, and their form in an SDO.
+
+Rule of this file: a value is checked before it is stored, and a refused one changes nothing. Access type, data type and
+limits are the file's; what an object does beyond keeping its value comes in as a function in `readers` or `writers`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from eurobot_od.device.aborts import Abort, AbortCode
+from eurobot_od.device.sdo import SIZE_LIMIT
+from eurobot_od.dictionary import Address, Dictionary, Part, Value
+from eurobot_od.errors import DictionaryError
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
+CONFIGURATION = (range(0x1000, 0x2000), range(0x2100, 0x3000))
+"""Indices of a device's configuration: communication objects and its own settings; the rest is what it measures."""
+
+EMCY_COB_ID: Address = (0x1014, 0)
+"""Identifier of the device's own emergency messages (CiA 301, 7.5.2.15)."""
+
+VERIFY_CONFIGURATION: tuple[Address, ...] = ((0x1020, 1), (0x1020, 2))
+"""Date and time of the configuration (CiA 301, 7.5.2.21)."""
+
+Reader = Callable[[int], Value]
+"""Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
+
+Writer = Callable[[Address, Value], None]
+"""Does what writing an object means, keeping its value or not; raises Abort if it must not be."""
+
+
+def is_configuration(address: Address) -> bool:
+    """Tell whether an object belongs to what 0x1010 stores."""
+    return any(address[0] in indices for indices in CONFIGURATION)
+
+
+class Objects:
+    """Values of a device by address; `values` holds those that are not the file's."""
+
+    def __init__(self, dictionary: Dictionary, readers: Mapping[int, Reader], writers: Mapping[int, Writer]) -> None:
+        self.dictionary = dictionary
+        self.values: dict[Address, Value] = {}
+        self._readers, self._writers = readers, writers
+        self._parts: dict[Address, Part | None] = {}
+
+    # For the device
+
+    def value(self, address: Address) -> Value:
+        """Return an object's present value: as written or received, else as in the file."""
+        part = self._part(address)
+        if part is not None:
+            return self.raw(_address(part.whole)) >> part.low & (1 << part.bits) - 1
+        return self.values[address] if address in self.values else self.dictionary.default(address)
+
+    def raw(self, address: Address) -> int:
+        """Return a value as the unsigned bits that a PDO carries; 0 without one."""
+        value = self.value(address)
+        return value if isinstance(value, int) else 0
+
+    def number(self, address: Address) -> int:
+        """Return a value that has to be a number; raises DictionaryError."""
+        value = self.value(address)
+        if not isinstance(value, int):
+            raise DictionaryError(self.dictionary.file, address[0], f"sub {address[1]} has no number as its value")
+        return value
+
+    def put(self, address: Address, value: Value) -> None:
+        """Keep a value, unchecked; a part of a value goes to its place in the whole."""
+        part = self._part(address)
+        if part is None or not isinstance(value, int):
+            self.values[address] = value
+        else:
+            whole, mask = _address(part.whole), (1 << part.bits) - 1
+            self.values[whole] = self.raw(whole) & ~(mask << part.low) | (value & mask) << part.low
+
+    def _part(self, address: Address) -> Part | None:
+        if address not in self._parts:
+            variable = self.dictionary.variable(address)
+            self._parts[address] = None if variable is None else self.dictionary.part(variable)
+        return self._parts[address]
+
+    def configuration(self) -> dict[Address, Value]:
+        """Return what was changed in the configuration, for 0x1010 to store."""
+        return {address: value for address, value in self.values.items() if is_configuration(address)}
+
+    # For the SDO server
+
+    def read(self, address: Address) -> bytes:
+        """Return an object's value in its SDO form; raises Abort."""
+        variable = self._variable(address)
+        if not variable.readable:
+            raise Abort(AbortCode.WRITE_ONLY)
+        reader = self._readers.get(address[0])
+        value = self.value(address) if reader is None else reader(address[1])
+        return _encoded(variable, value)
+
+    def admit(self, address: Address, size: int | None) -> int:
+        """Return how many bytes an object takes; raises Abort if it is not to be written, or not with `size` bytes."""
+        variable = self._variable(address)
+        if not variable.writable:
+            raise Abort(AbortCode.READ_ONLY)
+        room = len(variable) // 8 if variable.fixed_size else SIZE_LIMIT
+        if size is not None and size > room:
+            raise Abort(AbortCode.TOO_LONG if variable.fixed_size else AbortCode.OUT_OF_MEMORY)
+        if size is not None and variable.fixed_size and size < room:
+            raise Abort(AbortCode.TOO_SHORT)
+        return room
+
+    def write(self, address: Address, data: bytes) -> None:
+        """Give an object the value in its SDO form, with all that follows from it; raises Abort."""
+        self.admit(address, len(data))
+        variable, before = self._variable(address), self.value(address)
+        value = _decoded(variable, data)
+        _check_limits(variable, value)
+        self._writers.get(address[0], self.put)(address, value)
+        if is_configuration(address) and address not in VERIFY_CONFIGURATION and self.value(address) != before:
+            self._forget_verification()
+
+    def _forget_verification(self) -> None:
+        """A changed configuration is not the verified one any more (CiA 301, 7.5.2.21)."""
+        for address in VERIFY_CONFIGURATION:
+            self.values.pop(address, None)
+
+    def _variable(self, address: Address) -> ODVariable:
+        variable = self.dictionary.variable(address)
+        if variable is None:
+            known = address[0] in self.dictionary.objects.indices
+            raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
+        return variable
+
+
+def _address(variable: ODVariable) -> Address:
+    return variable.index, variable.subindex
+
+
+def _form(variable: ODVariable) -> struct.Struct | None:
+    """Return the form of a type of fixed size (CiA 301, 7.1.6), None for strings and domains."""
+    return variable.STRUCT_TYPES.get(variable.data_type or 0)
+
+
+def _encoded(variable: ODVariable, value: Value) -> bytes:
+    if isinstance(value, bytes):
+        return value
+    form = _form(variable)
+    if form is not None:
+        return form.pack(value or 0)
+    if value is None:
+        raise Abort(AbortCode.NO_DATA)
+    return bytes(variable.encode_raw(value))
+
+
+def _decoded(variable: ODVariable, data: bytes) -> Value:
+    form = _form(variable)
+    value: Value = variable.decode_raw(bytes(data)) if form is None else form.unpack(data)[0]  # type: ignore[assignment]
+    return value
+
+
+def _check_limits(variable: ODVariable, value: Value) -> None:
+    if not isinstance(value, (int, float)):
+        return
+    if variable.max is not None and value > variable.max:
+        raise Abort(AbortCode.TOO_HIGH)
+    if variable.min is not None and value < variable.min:
+        raise Abort(AbortCode.TOO_LOW)

@@ -1,0 +1,260 @@
+"""The PDOs of a running device: changed over SDO by CiA 301's procedure, swapped whole, their values in the objects.
+
+Rule of this file: there is always one complete `protocol`. A change is built beside it and takes its place in one step,
+or is refused and leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, sub0 = 0, entries, sub0 = n, validate).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import accumulate
+
+from eurobot_od.codec import MAX_BITS
+from eurobot_od.device.aborts import Abort, AbortCode
+from eurobot_od.device.objects import EMCY_COB_ID, Objects, Writer
+from eurobot_od.dictionary import (
+    BASE_IDENTIFIER,
+    DUMMIES,
+    MAPPING_OFFSET,
+    NOT_VALID,
+    PDO_COUNT,
+    Address,
+    MappedObject,
+    PdoDirection,
+    Value,
+)
+from eurobot_od.errors import MappingError
+from eurobot_od.frame import Frame
+from eurobot_od.messages import EmergencyShutdown, EmergencyStop, Message, StopDrive
+from eurobot_od.protocol import Binding, Protocol
+
+ALWAYS: tuple[type[Message], ...] = (EmergencyShutdown, EmergencyStop, StopDrive)
+"""Messages that are sent and acted on in every NMT state: a robot must stop whatever a master did to its nodes."""
+
+NO_RTR = 1 << 30
+"""Bit of a TPDO's COB-ID: it is not sent on request (CiA 301, Table 71); no TPDO of ours is."""
+
+RESTRICTED = (range(0x001), range(0x581, 0x600), range(0x601, 0x680), range(0x6E0, 0x700), range(0x701, 0x800))
+"""Identifiers that no PDO may have (CiA 301, 7.3.5), without the low ones, on which this protocol has its messages."""
+
+EVENT_DRIVEN = (254, 255)
+"""Transmission types there are without SYNC (CiA 301, Tables 68 and 72)."""
+
+MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
+"""Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
+
+COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
+"""Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
+
+TIMES = (INHIBIT_TIME, EVENT_TIMER)
+"""Sub-indices that mean nothing in an RPDO of ours: it watches no deadline."""
+
+
+class Pdos:
+    """The PDOs as they are configured now, by the values in `objects`.
+
+    `protocol` are the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
+    TPDOs by message type.
+    """
+
+    protocol: Protocol
+    received: dict[int, Binding]
+    sent: dict[type[Message], Binding]
+
+    def __init__(self, objects: Objects) -> None:
+        self._objects = objects
+        self.load()
+
+    def load(self) -> None:
+        """Take all PDOs from the objects' values; raises MappingError if they do not hold."""
+        self._apply(self._built(self._objects.value))
+
+    def _built(self, value: Callable[[Address], Value]) -> Protocol:
+        dictionary = self._objects.dictionary
+        return Protocol([(dictionary, dictionary.read_pdos(value))])
+
+    def _apply(self, protocol: Protocol) -> None:
+        ours = self._objects.dictionary.name
+        self.received = {each.cob_id: each for each in protocol.bindings if ours in each.receivers}
+        self.sent = {each.type: each for each in protocol.bindings if ours in each.senders}
+        self.protocol = protocol
+
+    def inhibit_time(self, binding: Binding) -> float:
+        """Return how many seconds a TPDO has to wait after the one before, 0.0 for none; a stop never waits."""
+        return 0.0 if binding.type in ALWAYS else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
+
+    def event_timer(self, binding: Binding) -> float:
+        """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not."""
+        return self._objects.raw((binding.pdo.index, EVENT_TIMER)) / 1000
+
+    # Written over SDO
+
+    def writers(self) -> dict[int, Writer]:
+        """Return what writing a record of a PDO does, by its index."""
+        pdos = self._objects.dictionary.pdos
+        communication: dict[int, Writer] = {pdo.index: self._write_communication for pdo in pdos}
+        return communication | {pdo.mapping_index: self._write_mapping for pdo in pdos}
+
+    def _write_communication(self, address: Address, value: Value) -> None:
+        index, subindex = address
+        number = value if isinstance(value, int) else 0
+        if subindex == COB_ID:
+            self._write_cob_id(index, number)
+            return
+        if subindex == TRANSMISSION_TYPE and number not in EVENT_DRIVEN:
+            raise Abort(AbortCode.VALUE, "there is no SYNC: event-driven only")
+        if subindex in TIMES and number and index < PdoDirection.TPDO.value:
+            raise Abort(AbortCode.VALUE, "an RPDO has no times")
+        if subindex == INHIBIT_TIME and self._is_valid(index):
+            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+        self._objects.put(address, number)
+
+    def _is_valid(self, index: int) -> bool:
+        return not self._objects.raw((index, COB_ID)) & NOT_VALID
+
+    def _write_cob_id(self, index: int, entry: int) -> None:
+        """Change validity and identifier; the identifier of a PDO that is and stays valid is fixed."""
+        address = index, COB_ID
+        valid = not entry & NOT_VALID
+        if entry & ~(NOT_VALID | NO_RTR | BASE_IDENTIFIER):
+            raise Abort(AbortCode.VALUE, "base frames only")
+        if valid and self._is_valid(index) and entry != self._objects.raw(address):
+            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+        if valid and self._is_taken(entry & BASE_IDENTIFIER):
+            raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
+        try:
+            protocol = self._built(lambda asked: entry if asked == address else self._objects.value(asked))
+        except MappingError as error:
+            raise Abort(AbortCode.INCOMPATIBLE, str(error)) from error
+        self._objects.put(address, entry)
+        self._apply(protocol)
+
+    def _is_taken(self, cob_id: int) -> bool:
+        return cob_id == self._objects.raw(EMCY_COB_ID) or any(cob_id in each for each in RESTRICTED)
+
+    def _write_mapping(self, address: Address, value: Value) -> None:
+        index, subindex = address
+        number = value if isinstance(value, int) else 0
+        if self._is_valid(index - MAPPING_OFFSET):
+            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+        if subindex == 0:
+            self._check_count(index, number)
+        elif self._objects.raw((index, 0)):
+            raise Abort(AbortCode.DEVICE_STATE, "the mapping is in use: sub-index 0 is not 0")
+        elif number:
+            self._mapped(index, number)
+        self._objects.put(address, number)
+
+    def _check_count(self, index: int, count: int) -> None:
+        entries = (self._objects.raw((index, subindex)) for subindex in range(1, count + 1))
+        if sum(self._mapped(index, entry).bits for entry in entries) > MAX_BITS:
+            raise Abort(AbortCode.MAPPING_TOO_LONG)
+
+    def _mapped(self, index: int, entry: int) -> MappedObject:
+        """Return what a mapping entry stands for; raises Abort if that cannot be mapped there."""
+        direction = PdoDirection(index - MAPPING_OFFSET & ~(PDO_COUNT - 1))
+        dictionary = self._objects.dictionary
+        variable = dictionary.variable((entry >> 16, entry >> 8 & 0xFF))
+        if variable is None:
+            raise Abort(AbortCode.NO_OBJECT)
+        dummy = variable.index in DUMMIES and direction is PdoDirection.RPDO
+        if not dummy and not (variable.pdo_mappable and variable.access_type in MAPPABLE[direction]):
+            raise Abort(AbortCode.NOT_MAPPABLE)
+        try:
+            return dictionary.mapped_object(index, entry)
+        except MappingError as error:
+            raise Abort(AbortCode.NOT_MAPPABLE, str(error)) from error
+
+
+class ProcessData:
+    """What PDOs carry, in the objects: each frame's values are stored together, when somebody asks for one of them."""
+
+    def __init__(self, objects: Objects) -> None:
+        self._objects = objects
+        self._latest: dict[str, tuple[Binding, bytes]] = {}
+
+    def note(self, binding: Binding, data: bytes) -> None:
+        """Remember the newest frame of a message; `data` has a length that the mapping allows."""
+        self._latest.pop(binding.name, None)
+        self._latest[binding.name] = binding, data
+
+    def settle(self) -> None:
+        """Bring the values of the frames noted into the objects, in the order in which they came."""
+        for binding, data in self._latest.values():
+            word = int.from_bytes(binding.complete(data), "little")
+            for entry, offset in _placed(binding):
+                self._objects.put((entry.index, entry.subindex), word >> offset & (1 << entry.bits) - 1)
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop what has not been asked for."""
+        self._latest.clear()
+
+    def frame(self, binding: Binding) -> Frame:
+        """Return a TPDO with the objects' present values."""
+        self.settle()
+        word = 0
+        for entry, offset in _placed(binding):
+            word |= (self._objects.raw((entry.index, entry.subindex)) & (1 << entry.bits) - 1) << offset
+        return Frame(binding.cob_id, word.to_bytes(binding.layout.length, "little"))
+
+
+def _placed(binding: Binding) -> Iterator[tuple[MappedObject, int]]:
+    """Give the mapped objects that carry something, each with its lowest bit in the frame (CiA 301, 7.4.8.2)."""
+    mapping = binding.pdo.mapping
+    offsets = accumulate((entry.bits for entry in mapping), initial=0)
+    return ((entry, offset) for entry, offset in zip(mapping, offsets) if not entry.is_padding)
+
+
+class Pacing:
+    """When TPDOs are sent: not sooner than their inhibit time allows, not later than their event timer wants.
+
+    `inhibit` and `event` give a TPDO's two times in seconds, 0.0 for none. Of what is held back, the newest is sent.
+    """
+
+    def __init__(self, inhibit: Callable[[Binding], float], event: Callable[[Binding], float]) -> None:
+        self._inhibit, self._event = inhibit, event
+        self._events: dict[Binding, float] = {}
+        self._free: dict[Binding, float] = {}
+        self._held: dict[Binding, Frame] = {}
+
+    def restart(self, bindings: Iterable[Binding], now: float) -> None:
+        """Begin anew with these TPDOs; what was held back is dropped."""
+        self._events = {each: now + time for each in bindings if (time := self._event(each))}
+        self._free.clear()
+        self._held.clear()
+
+    def admit(self, binding: Binding, frame: Frame, now: float) -> list[Frame]:
+        """Return the frame if it may be sent now; otherwise hold it back in place of an older one."""
+        if now < self._free.get(binding, now):
+            self._held[binding] = frame
+            return []
+        self.sent(binding, now)
+        return [frame]
+
+    def sent(self, binding: Binding, now: float) -> None:
+        """Note that a TPDO is sent: both its times begin."""
+        self._held.pop(binding, None)
+        if binding in self._events:
+            self._events[binding] = now + self._event(binding)
+        if inhibit := self._inhibit(binding):
+            self._free[binding] = now + inhibit
+
+    @property
+    def next(self) -> float | None:
+        """When the next TPDO is due, None if none is."""
+        return min([*self._events.values(), *(self._free[each] for each in self._held)], default=None)
+
+    def released(self, now: float) -> list[Frame]:
+        """Return what was held back and may be sent now."""
+        released = {each: frame for each, frame in self._held.items() if self._free[each] <= now}
+        for binding in released:
+            self.sent(binding, self._free[binding])
+        return list(released.values())
+
+    def due(self, now: float) -> list[Binding]:
+        """Return the TPDOs whose event timer wants them sent now."""
+        due = [binding for binding, time in self._events.items() if time <= now]
+        for binding in due:
+            self.sent(binding, self._events[binding])
+        return due

@@ -1,0 +1,140 @@
+"""Vector's BLF format: objects in containers, most of them compressed.
+
+Rule of this file: only frames are looked into; every other object is stepped over by its size. The layouts are those
+that python-can reads and writes (after Toby Lorenz' Vector BLF library; Vector publishes none).
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable, Iterator
+from datetime import datetime, timezone
+from functools import lru_cache
+from struct import Struct
+from struct import error as StructError  # noqa: N812 (a class with a small name)
+from typing import BinaryIO, NamedTuple
+
+from eurobot_od.logs.raw import REMEMBERED, Damage, Entries, Foreign, Raw, Understand, Understood, frame, shortened
+
+FILE_HEADER = Struct("<4sL64xHHHHHHHH")
+"""Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
+
+OBJECT = Struct("<4sHHLL")
+"""Signature, size of the whole header, its version, size of the object, type."""
+
+CLOCK = Struct("<L4xQ")
+"""Behind it: 1 if the time counts 10 us, 2 for 1 ns; the time since the start."""
+
+CONTAINER = Struct("<H6xL4x")
+"""Compression (0 none, 2 deflate) and size of what it holds."""
+
+CLASSIC = Struct("<BBL8s")
+"""Behind the channel: flags, length, identifier, data."""
+
+FILE_SIGNATURE, SIGNATURE = b"LOGG", b"LOBJ"
+CONTAINER_TYPE = 10
+CLASSIC_TYPES = (1, 86)
+FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME, 100: Damage.FD, 101: Damage.FD}
+NOT_COMPRESSED, DEFLATE = 0, 2
+REMOTE_FLAG, EXTENDED_FLAG = 0x80, 1 << 31
+TICKS = {1: 1e-5}
+NANOSECOND = 1e-9
+
+
+class Object(NamedTuple):
+    """One object: its type, time in s since the start, and what is behind its header."""
+
+    type: int
+    time: float
+    body: bytes
+
+
+def read_blf(file: BinaryIO, understand: Understand[Understood]) -> Entries[Understood]:
+    """Read a BLF file; if it is none, or is cut off, its last entry says so."""
+    once: Callable[[int, bytes], Understood] = lru_cache(REMEMBERED)(lambda kind, body: understand(_parse(kind, body)))
+    number, time, start = 0, 0.0, 0.0
+    try:
+        start = _start(file)
+        for each in _objects(_containers(file)):
+            if each.type in CLASSIC_TYPES or each.type in FOREIGN_TYPES:
+                number, time = number + 1, start + each.time
+                yield number, time, str(each.body[0] - 1), once(each.type, each.body[2:])
+    except (EOFError, IndexError, StructError, zlib.error):
+        yield number + 1, time, "", understand(Foreign(Damage.CUT_OFF, "the file ends in the middle of an object"))
+    except ValueError as error:
+        yield number + 1, time, "", understand(Foreign(Damage.UNREADABLE, str(error)))
+
+
+def _start(file: BinaryIO) -> float:
+    """Read the file header; return the start time in s since 1970, 0 if there is none."""
+    signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(
+        file.read(FILE_HEADER.size)
+    )
+    if signature != FILE_SIGNATURE:
+        raise ValueError("not a BLF file")
+    file.read(size - FILE_HEADER.size)
+    try:
+        return datetime(year, month, day, hour, minute, second, millisecond * 1000, timezone.utc).timestamp()
+    except ValueError:  # all zero: the times in the file count from nothing in particular
+        return 0.0
+
+
+def _containers(file: BinaryIO) -> Iterator[bytes]:
+    """Yield what the containers hold; raises EOFError after the part that is there of one that is cut off."""
+    while head := file.read(OBJECT.size):
+        signature, _, _, size, kind = OBJECT.unpack(head)
+        if signature != SIGNATURE:
+            raise ValueError("no object where one should begin")
+        body = file.read(_sane(size) - OBJECT.size)
+        if kind == CONTAINER_TYPE:
+            yield _unpacked(body)
+        if len(body) < size - OBJECT.size:
+            raise EOFError
+        file.read(size % 4)
+
+
+def _sane(size: int) -> int:
+    if size < OBJECT.size:
+        raise ValueError(f"an object of {size} bytes")
+    return size
+
+
+def _unpacked(body: bytes) -> bytes:
+    compression, _ = CONTAINER.unpack_from(body)
+    content = body[CONTAINER.size :]
+    if compression == NOT_COMPRESSED:
+        return content
+    if compression == DEFLATE:
+        return zlib.decompressobj().decompress(content)
+    raise ValueError(f"unknown compression {compression}")
+
+
+def _objects(contents: Iterator[bytes]) -> Iterator[Object]:
+    """Yield the objects in the contents of containers; an object may begin in one and end in the next."""
+    left = b""
+    for content in contents:
+        data, position = left + content, 0
+        while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
+            _, header, _, size, kind = OBJECT.unpack_from(data, found)
+            end = found + _sane(size)
+            if end > len(data):
+                break
+            ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
+            yield Object(kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end])
+            position = end
+        left = data[position:]
+        if len(left) > 8 and SIGNATURE not in left[:8]:
+            raise ValueError("no object where one should begin")
+    if len(left) >= OBJECT.size:
+        raise EOFError
+
+
+def _parse(kind: int, body: bytes) -> Raw:
+    if kind in FOREIGN_TYPES:
+        return Foreign(FOREIGN_TYPES[kind], shortened(body.hex().upper()))
+    flags, length, identifier, data = CLASSIC.unpack_from(body)
+    cob_id = identifier & ~EXTENDED_FLAG
+    damage = Damage.REMOTE if flags & REMOTE_FLAG else Damage.EXTENDED if identifier & EXTENDED_FLAG else None
+    if damage:
+        return Foreign(damage, f"{cob_id:03X}#{data[:length].hex().upper()}")
+    return frame(cob_id, data[:length])

@@ -1,0 +1,147 @@
+"""Which entries of a log are wanted: by message, group, node, field value and time.
+
+Rule of this file: names and values are checked when a filter is made; a filter itself never raises.
+"""
+
+from __future__ import annotations
+
+import operator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, TypeAlias
+
+from eurobot_od.errors import FieldError, LocalError, UnknownName
+from eurobot_od.logs.meaning import CANOPEN, Meaning
+from eurobot_od.messages import SERVICES, Message
+from eurobot_od.protocol import Binding, Protocol
+
+Wanted: TypeAlias = Callable[[Meaning], bool]
+"""Tells whether a frame with this meaning is wanted."""
+
+SERVICE_NAMES = ("NMT", "EMCY", "SDO", "Heartbeat")
+GROUPS = (*SERVICES, CANOPEN)
+
+OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
+    "=": operator.eq,
+    "!=": operator.ne,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
+CONDITION = re.compile(
+    r"\s*(?:(?P<message>[^.<>=!]+)\.)?(?P<field>\w+)\s*(?P<operator>[<>!]?=|[<>])\s*(?P<value>.+?)\s*"
+)
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[ _-]", "", name).casefold()
+
+
+def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
+    """Want messages and services of these names, and those of the groups GTP, ELP, GIP, CANopen.
+
+    Raises UnknownName.
+    """
+    known = {_plain(name): name for name in (*protocol.names(), *SERVICE_NAMES, *GROUPS)}
+    wanted = {_known(name, known, "message") for name in names}
+    return lambda meaning: meaning.name in wanted or meaning.group in wanted
+
+
+def by_node(nodes: Iterable[str], known: Iterable[str]) -> Wanted:
+    """Want what these nodes send or receive; raises UnknownName."""
+    names = {_plain(name): name for name in known}
+    wanted = {_known(node, names, "node") for node in nodes}
+    return lambda meaning: not wanted.isdisjoint(meaning.nodes)
+
+
+def _known(name: str, known: Mapping[str, str], kind: str) -> str:
+    try:
+        return known[_plain(name)]
+    except KeyError:
+        raise UnknownName(kind, name, known.values()) from None
+
+
+class Condition(NamedTuple):
+    """A comparison of one field of one message type with a value."""
+
+    field: str
+    compare: Callable[[Any, Any], bool]
+    value: Any
+
+    def holds(self, message: Message) -> bool:
+        """Tell whether it holds; "unknown" is neither less nor greater than anything."""
+        found = getattr(message, self.field)
+        if found is None or self.value is None:
+            return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
+        return self.compare(found, self.value)
+
+
+def by_value(text: str, protocol: Protocol) -> Wanted:
+    """Want messages with a field whose value is as `text` says: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`.
+
+    Raises LocalError for a text that is no comparison, UnknownName for a message or field, FieldError for a value.
+    """
+    match = CONDITION.fullmatch(text)
+    if match is None:
+        raise LocalError(f"{text!r} is no comparison such as `x>1000` or `Goto XY.speed<=20`")
+    bindings = [protocol.binding(match["message"].strip())] if match["message"] else protocol.bindings
+    having = [each for each in bindings if match["field"] in each.kinds]
+    if not having:
+        raise UnknownName("field", match["field"], dict.fromkeys(field for each in bindings for field in each.kinds))
+    conditions = dict(_conditions(having, match))
+
+    def wanted(meaning: Meaning) -> bool:
+        condition = conditions.get(type(meaning.message)) if meaning.message is not None else None
+        return condition is not None and meaning.message is not None and condition.holds(meaning.message)
+
+    return wanted
+
+
+def _conditions(bindings: Iterable[Binding], match: re.Match[str]) -> Iterator[tuple[type[Message], Condition]]:
+    """Yield the condition for each message whose field can have the value; raises FieldError if none can."""
+    refused: FieldError | None = None
+    found = False
+    for each in bindings:
+        try:
+            yield each.type, _condition(each, match)
+            found = True
+        except FieldError as error:
+            refused = error
+    if refused and not found:
+        raise refused
+
+
+def _condition(binding: Binding, match: re.Match[str]) -> Condition:
+    field, kind = match["field"], binding.kinds[match["field"]]
+    try:
+        value = kind.parse(match["value"])
+    except (ValueError, LookupError, UnknownName):
+        allowed = kind.allowed(binding.limits[field]) if field in binding.limits else "the field is not mapped"
+        raise FieldError(binding.name, field, match["value"], allowed) from None
+    return Condition(field, OPERATORS[match["operator"]], value)
+
+
+# Time
+
+
+class Window(NamedTuple):
+    """The time that is wanted, in s; `relative` counts from the first entry of the log."""
+
+    since: float = 0.0
+    until: float = float("inf")
+    relative: bool = False
+
+    def clock(self) -> Callable[[float], float | None] | None:
+        """Return the function from an entry's time to the time shown, None for one not wanted; None if all are."""
+        if self == Window():
+            return None
+        start: list[float] = [] if self.relative else [0.0]
+
+        def shown(time: float) -> float | None:
+            if not start:
+                start.append(time)
+            elapsed = time - start[0]
+            return elapsed if self.since <= elapsed <= self.until else None
+
+        return shown

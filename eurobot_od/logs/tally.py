@@ -1,0 +1,47 @@
+"""The count of what is wrong in a log: how often, and where first.
+
+Rule of this file: constant memory; of each kind of damage the first entry is kept, of the others the number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from eurobot_od.logs.meaning import Finding
+from eurobot_od.logs.raw import Damage
+
+
+@dataclass
+class Count:
+    """How often one kind of damage was met, in which log and line first, and what exactly was wrong there."""
+
+    log: str
+    line: int
+    text: str
+    number: int = 0
+
+
+class Tally:
+    """Counts damage over any number of logs."""
+
+    def __init__(self) -> None:
+        self.counts: dict[Damage, Count] = {}
+
+    def add(self, log: str, line: int, findings: Iterable[Finding]) -> None:
+        """Count what is wrong with the entry at a line of a log."""
+        for damage, text in findings:
+            count = self.counts.setdefault(damage, Count(log, line, text))
+            count.number += 1
+
+    @property
+    def total(self) -> int:
+        """How many findings there were."""
+        return sum(count.number for count in self.counts.values())
+
+    def report(self) -> Iterator[str]:
+        """Yield one line for each kind of damage that was met, worst first."""
+        for damage in Damage:
+            if damage in self.counts:
+                count = self.counts[damage]
+                yield f"{count.number:8} x {damage.value:18} first at {count.log}:{count.line}: {count.text}"

@@ -1,0 +1,84 @@
+"""PEAK's TRC format in its versions 1.0 to 2.1, `  7)  103.250 DT 008 Rx 8 D2 74 23 59 2C 0D 97 02`.
+
+Rule of this file: a version is the order of its columns; from version 2 on the log's header tells it.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta, timezone
+
+from eurobot_od.logs.lines import LATEST, LineFormat
+from eurobot_od.logs.raw import Damage, Foreign, Raw, frame, shortened
+
+COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.2": "N,O,B,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
+"""Columns of the versions that do not list theirs; letters as in version 2: number, offset, type, identifier, ..."""
+
+FRAMES: dict[str, Damage | None] = {
+    **dict.fromkeys(("DT", "Rx", "Tx")),
+    **dict.fromkeys(("FD", "FB", "FE", "BI"), Damage.FD),
+    **dict.fromkeys(("ER", "Error"), Damage.ERROR_FRAME),
+    "RR": Damage.REMOTE,
+}
+EVENTS = ("ST", "EC", "EV", "Warng")
+"""Types of entries that are frames, and what kind of; and those that are not."""
+
+REMOTE_DATA = "RTR"
+EXTENDED_DIGITS = 5
+"""Identifiers with this many digits or more have 29 bits."""
+
+EPOCH = datetime(1899, 12, 30, tzinfo=timezone.utc)
+"""What $STARTTIME counts days from."""
+
+
+class Trc(LineFormat):
+    """Reads one TRC log."""
+
+    def __init__(self) -> None:
+        self._start = 0.0
+        self._set_columns(COLUMNS["1.0"])
+
+    def _set_columns(self, columns: str) -> None:
+        self._columns = columns.strip().split(",")
+        self._bus = self._columns.index("B") - 2 if "B" in self._columns else None
+
+    def comment(self, line: bytes) -> bool:
+        text = line.decode("latin-1").strip()
+        if not text.startswith(";"):
+            return not text or any(word in EVENTS for word in text.split()[2:4])
+        key, _, value = text.partition("=")
+        if key in HEADER:
+            HEADER[key](self, value)
+        return True
+
+    def _version(self, version: str) -> None:
+        if version in COLUMNS:
+            self._set_columns(COLUMNS[version])
+
+    def _start_time(self, days: str) -> None:
+        self._start = (EPOCH + timedelta(days=float(days))).timestamp()
+
+    def split(self, line: bytes) -> tuple[float, str, bytes]:
+        _, offset, rest = line.split(None, 2)
+        time = float(offset) / 1000 + self._start
+        if line[:1] == b";" or not abs(time) < LATEST:
+            raise ValueError(line)
+        return time, "1" if self._bus is None else rest.split(None, self._bus + 1)[self._bus].decode(), rest
+
+    def parse(self, rest: bytes) -> Raw:
+        words = rest.decode("ascii").split(None, len(self._columns) - 3)
+        column = dict(zip(self._columns[2:], words))
+        identifier, data = column.get("I", ""), column.get("D", "").split()
+        damage = Damage.REMOTE if data == [REMOTE_DATA] else FRAMES.get(column.get("T", "DT"), Damage.UNREADABLE)
+        if damage is Damage.UNREADABLE:
+            raise ValueError(rest)
+        if damage is None and len(identifier) >= EXTENDED_DIGITS:
+            damage = Damage.EXTENDED
+        if damage is not None:
+            return Foreign(damage, shortened(rest))
+        if int(column.get("l") or column["L"]) != len(data):
+            raise ValueError(rest)
+        return frame(int(identifier, 16), bytes(int(octet, 16) for octet in data))
+
+
+HEADER = {"$FILEVERSION": Trc._version, "$STARTTIME": Trc._start_time, "$COLUMNS": Trc._set_columns}
+HEADER = {";" + key: read for key, read in HEADER.items()}

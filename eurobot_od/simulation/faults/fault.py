@@ -1,0 +1,34 @@
+"""What a fault is: a name, the nodes it fits, a sentence, what makes it, and the check that finds it.
+
+Rule of this file: values only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from eurobot_od.simulation.faults.hooks import Mixin
+
+
+class Caught(NamedTuple):
+    """The step of a shipped suite that turns red: the one whose name says what is wrong."""
+
+    suite: str
+    step: str
+
+
+class Fault(NamedTuple):
+    """Something that is wrong with a node.
+
+    `mixin` is the class that goes in front of the node's class; `text` says what the node does wrong.
+    """
+
+    name: str
+    text: str
+    mixin: Mixin
+    caught_by: Caught
+
+
+def caught(suite: str, step: str) -> Caught:
+    """Say which step finds a fault."""
+    return Caught(suite, step)

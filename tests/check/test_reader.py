@@ -1,0 +1,248 @@
+"""Suites are read as they are written, and whatever is wrong in them is told with its place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.check.patterns import EmergencyPattern, FramePattern, HeartbeatPattern, MessagePattern
+from eurobot_od.check.reader import SuiteError, SuiteReader
+from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.frame import Frame
+from tests.check.suites import HEAD, document, read, suite
+
+GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
+
+# Each row: a step, with ^ before the place of the problem, and what is said of it.
+WRONG_STEPS = {
+    # keys
+    "no action": ("- ^{name: nothing}", "no action; a step has one of send, expect, never, poll"),
+    "unknown action": ("- ^snd: Stop Drive", "unknown action 'snd'; did you mean send?"),
+    "two actions": ("- {send: Stop Drive, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
+    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key beside send 'within'"),
+    "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
+    "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
+    "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' stands twice"),
+    "no mapping": ("- ^Stop Drive", "expected a mapping, found 'Stop Drive'"),
+    # durations
+    "no unit": ("- wait: ^500", "'500' is no duration; write a number and one of us, ms, s, min"),
+    "unknown unit": ("- wait: ^1 h", "'1 h' is no duration"),
+    "base 60": ("- wait: ^12:30", "'12:30' is no duration"),
+    "negative": ("- wait: ^-1 s", "'-1 s' is no duration"),
+    # messages and fields
+    "unknown message": ("- send: ^Stop Drove", "unknown message 'Stop Drove'; did you mean Stop Drive?"),
+    "unknown expected message": ("- expect: ^Goto Confrm", "unknown message 'Goto Confrm'; did you mean"),
+    "unknown field": ("- expect: {Goto State Response: {^tme: 3}}", "unknown field of Goto State Response 'tme'"),
+    "field twice": ("- expect: {Goto State Response: {time: 3, ^time: 4}}", "key 'time' stands twice"),
+    "field missing": ("- send: ^{Goto XY: {x: 1, y: 2}}", "Goto XY: angle, speed missing"),
+    "two messages": ("- send: ^{Stop Drive: {}, Goto Confirm: {}}", "expected one message, found 2 keys"),
+    "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, found a list"),
+    "list for a value": ("- expect: {Goto State Response: {time: ^[1]}}", "expected a single value, found a list"),
+    # values
+    "over the range": (f"- send: {GOTO.replace('x: 1', 'x: ^3001')}", "'3001' is not allowed; allowed: 0..3000 mm"),
+    "octal": (f"- send: {GOTO.replace('x: 1', 'x: ^010')}", "'010' is not allowed"),
+    "no whole number": (f"- send: {GOTO.replace('x: 1', 'x: ^1.5')}", "'1.5' is not allowed"),
+    "truth for a colour": ("- expect: {Start Configuration Set: {team colour: ^off}}", "'off' is not allowed"),
+    "expectation to be sent": (f"- send: {GOTO.replace('x: 1', 'x: ^1 +- 3')}", "'1 +- 3' is not allowed"),
+    "no tolerance": ("- expect: {Goto State Response: {time: ^3 +- x}}", "'x' is not allowed"),
+    "unknown variable": ("- expect: {Goto State Response: {time: ^'{t}'}}", "unknown variable 't'"),
+    "unknown barrier": (f"- send: {GOTO.replace('4}', '4, barriers: {^fire 7: forced}}')}", "unknown barrier 'fire 7'"),
+    "unknown passage": (f"- send: {GOTO.replace('4}', '4, barriers: {fire 1: ^f}}')}", "unknown passage 'f'; known: free"),
+    "half a place": (
+        "- send: ^{Kalman Position Response: {x: unknown, y: 3, angle: 4, source: internal}}",
+        "Kalman Position Response: x = None is not allowed",
+    ),
+    # raw frames
+    "identifier over 11 bits": ("- send: {raw: ^'900#'}", "expected a frame such as 008#D27423, found '900#'"),
+    "half a byte": ("- send: {raw: ^'008#123'}", "expected a frame such as 008#D27423"),
+    "nine bytes": ("- send: {raw: ^'008#112233445566778899'}", "expected a frame such as 008#D27423"),
+    "any digit to be sent": ("- send: {raw: ^'008#1?'}", "expected a frame such as 008#D27423"),
+    # services
+    "unknown state": ("- heartbeat: ^awake", "unknown NMT state 'awake'; known: boot-up"),
+    "unknown command": ("- nmt: ^restart", "unknown NMT command 'restart'"),
+    "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: core, drive, navigation"),
+    "error code": ("- emcy: ^0x10000", "0x10000 is not in 0..65535"),
+    "unknown object": ("- sdo: {read: ^Producer heartbet time}", "unknown object of drive 'Producer heartbet time'"),
+    "nothing to do": ("- sdo: ^{expect: 3}", "an SDO step has either 'read' or 'write'"),
+    "nothing to write": ("- sdo: ^{write: 0x1017}", "an SDO write has either 'value' or 'data'"),
+    "read with a value": ("- sdo: ^{read: 0x1017, value: 3}", "'value' does not belong to an SDO read"),
+    "value over the type": ("- sdo: {write: 0x1017, value: ^65536}", "'65536' is not allowed; allowed: 0..65535"),
+    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is no number or text in the EDS of drive"),
+    "no bytes": ("- sdo: {write: 0x1017, data: ^12 3}", "'12 3' is not hexadecimal bytes such as 'E8 03'"),
+    # counts
+    "no times": ("- {wait: 1 s, repeat: ^0}", "0 is not in 1..100000"),
+    "half a time": ("- {wait: 1 s, repeat: ^1.5}", "expected a whole number"),
+    # variables
+    "no name": ("- save: {^a-b: Goto State Response.time}", "expected a name of letters, digits and _, found 'a-b'"),
+    "no field": ("- save: {t: ^Goto State Response}", "unknown field of Goto State Response"),
+    "unknown field to save": ("- save: {t: ^Goto State Response.x}", "unknown field of Goto State Response 'x'"),
+}
+
+# Each row: a document, with ^ before the place of the problem, and what is said of it.
+WRONG_DOCUMENTS = {
+    "nothing": ("^", "the file is empty"),
+    "no mapping": ("^- 1\n", "expected a mapping, found a list"),
+    "tab": ("spec: 1\nsteps:\n^\t- wait: 1 s\n", "found character '\\t' that cannot start any token"),
+    "no YAML": ("spec: [1\nname^: x\n", "expected ',' or ']', but got ':'"),
+    "nested deeply": ("^" + "[" * 2000, "the file is nested too deeply"),
+    "alias": ("spec: 1\nname: ^&a x\ntags: [*a]\nsteps: []\n", "an alias refers to this; write it out"),
+    "alias of itself": ("spec: 1\nname: x\nsteps: ^&a [*a]\n", "an alias refers to this; write it out"),
+    "version": (HEAD.replace("1", "^2") + "steps: []\n", "unknown version '2'; known: 1"),
+    "no steps": ("^" + HEAD, "key 'steps' is missing"),
+    "unknown key": (HEAD + "^step: []\nsteps: []\n", "unknown key 'step'"),
+    "truth for a name": (HEAD.replace("a suite", "^off") + "steps: []\n", "expected a text, found 'off'"),
+    "unknown node": (HEAD.replace("drive", "^wheels") + "steps: []\n", "unknown node 'wheels'"),
+    "unknown dialect": (HEAD + "dialect: ^latin\nsteps: []\n", "unknown dialect 'latin'"),
+    "steps no list": (HEAD + "steps: ^5\n", "expected a list, found '5'"),
+    "constant not allowed": (
+        HEAD + "variables: {v: 500}\nsteps:\n  - expect: {Goto XY: {speed: ^'{v}'}}\n",
+        "'500' is not allowed; allowed: 0..100 %",
+    ),
+    "which node": (HEAD.replace("drive", "[drive, core]") + "steps:\n  - heartbeat: ^any\n", "which node? Write it"),
+}
+
+
+def marked(text: str) -> tuple[str, str]:
+    """Take the ^ out of a text; give the text without it and its place as `line:column`."""
+    before, after = text.split("^")
+    lines = before.split("\n")
+    return before + after, f"{len(lines)}:{len(lines[-1]) + 1}"
+
+
+@pytest.mark.parametrize(("step", "what"), WRONG_STEPS.values(), ids=WRONG_STEPS.keys())
+def test_tells_place_and_reason_in_a_step(step: str, what: str) -> None:
+    text, place = marked(document(step))
+    (problem,) = read(text)[1]
+    assert problem.startswith(f"{place}: {what}")
+
+
+@pytest.mark.parametrize(("text", "what"), WRONG_DOCUMENTS.values(), ids=WRONG_DOCUMENTS.keys())
+def test_tells_place_and_reason_in_a_document(text: str, what: str) -> None:
+    text, place = marked(text)
+    (problem,) = read(text)[1]
+    assert problem.startswith(f"{place}: {what}")
+
+
+def test_tells_all_problems_of_all_files_at_once(tmp_path: Path) -> None:
+    one, other, missing, latin = (tmp_path / name for name in ("one.yaml", "other.yaml", "missing.yaml", "latin.yaml"))
+    one.write_text(document("- wait: 1\n- send: Stop Drve\n- {send: Stop Drive, for: 1 s, wthin: x}"))
+    other.write_text("a: [")
+    latin.write_bytes("spec: 1 # Zürich".encode("latin-1"))
+    with pytest.raises(SuiteError) as error:
+        SuiteReader().read_files([one, other, missing, latin])
+    places = [line.split(": ")[0] for line in str(error.value).splitlines()]
+    assert places == [
+        *(f"{one}:{place}" for place in ("5:11", "6:11", "7:24", "7:34")),
+        f"{other}:1:5",
+        f"{missing}:1:1",
+        f"{latin}:1:1",
+    ]
+
+
+def action(step: str, head: str = HEAD) -> object:
+    return suite(document(step, head)).steps[0].action
+
+
+@pytest.mark.parametrize(
+    ("step", "frame"),
+    [
+        ("- send: Stop Drive", Frame(0x004)),
+        ("- send: {Stop Drive: }", Frame(0x004)),
+        ("- send: stop drive", Frame(0x004)),  # case does not matter
+        ("- send: {raw: 008#d274}", Frame(0x008, b"\xd2\x74")),
+        (
+            "- send: {Goto XY: {x: 1234, Y position: 567 mm, angle: 89, Speed: 75, barriers: 0xA5C3}}",
+            Frame(0x008, bytes.fromhex("D27423592C0D9702")),
+        ),
+        (
+            "- send: {Start Configuration Set: {team colour: red, enemies: 2, confederates: 1, enemy_1_diameter: 45, "
+            "Enemy 2 diameter: 33}}",
+            Frame(0x2C0, bytes.fromhex("DD86")),
+        ),
+    ],
+)
+def test_reads_what_is_sent(step: str, frame: Frame) -> None:
+    sent = action(step)
+    assert isinstance(sent, Send)
+    assert sent.sent.frame({}) == frame
+
+
+def test_reads_barriers_by_name() -> None:
+    by_name = action("- send: {Goto XY: {x: 1, y: 1, angle: 0, speed: 1, barriers: {fire 2: forced, pool 1: normal}}}")
+    by_number = action("- send: {Goto XY: {x: 1, y: 1, angle: 0, speed: 1, barriers: 0x1008}}")
+    assert isinstance(by_name, Send)
+    assert isinstance(by_number, Send)
+    assert by_name.sent.frame({}) == by_number.sent.frame({})
+
+
+@pytest.mark.parametrize(
+    ("step", "order", "kinds"),
+    [
+        ("- expect: Goto Confirm", Order.IN_ORDER, [MessagePattern]),
+        ("- expect: {raw: '701#??'}", Order.IN_ORDER, [FramePattern]),
+        ("- expect: [Goto Confirm, {emcy: any}]", Order.IN_ORDER, [MessagePattern, EmergencyPattern]),
+        ("- expect: {all: [Goto Confirm, {heartbeat: stopped}]}", Order.ALL, [MessagePattern, HeartbeatPattern]),
+        ("- expect: {any: [Goto Confirm]}", Order.ANY, [MessagePattern]),
+        ("- heartbeat: operational", Order.IN_ORDER, [HeartbeatPattern]),
+        ("- emcy: {code: 0x8210, node: core}", Order.IN_ORDER, [EmergencyPattern]),
+    ],
+)
+def test_reads_what_is_expected(step: str, order: Order, kinds: list[type]) -> None:
+    expect = action(step)
+    assert isinstance(expect, Expect)
+    assert expect.expected.order is order
+    assert [type(each) for each in expect.expected.patterns] == kinds
+
+
+def test_services_are_those_of_the_nodes_eds() -> None:
+    assert action("- nmt: reset") == Nmt(NmtCommand.RESET_NODE, 2)
+    assert action("- nmt: {command: stop, node: navigation}") == Nmt(NmtCommand.STOP, 3)
+    assert action("- nmt: start", HEAD.replace("node: drive\n", "")) == Nmt(NmtCommand.START, 0)
+    heartbeat = action("- heartbeat: {state: pre-operational, node: core}")
+    assert isinstance(heartbeat, Expect)
+    assert heartbeat.expected.patterns == (HeartbeatPattern("core", 0x701, NmtState.PRE_OPERATIONAL),)
+
+
+@pytest.mark.parametrize(
+    ("step", "address", "content"),
+    [
+        ("{write: 0x1017, value: 500}", (0x1017, 0), b"\xf4\x01"),
+        ("{write: Producer heartbeat time, value: 500}", (0x1017, 0), b"\xf4\x01"),
+        ("{write: 0x2100:1, value: 5}", (0x2100, 1), b"\x05"),
+        ("{write: Node.Node-ID, value: 200, abort: 0x06090031}", (0x2100, 1), b"\xc8"),  # over its limit, to be refused
+        ("{write: 0x5000, data: 'E8 03 00'}", (0x5000, 0), b"\xe8\x03\x00"),
+    ],
+)
+def test_reads_objects_and_their_values(step: str, address: tuple[int, int], content: bytes) -> None:
+    write = action(f"- sdo: {step}")
+    assert isinstance(write, SdoWrite)
+    assert (write.address, write.encode({})) == (address, content)
+
+
+def test_reads_a_group() -> None:
+    group = suite(document("- repeat: 3\n  steps:\n    - wait: 1 s\n    - send: Stop Drive")).steps[0]
+    assert group.repeat == 3
+    assert isinstance(group.action, Group)
+    assert [step.name for step in group.action.steps] == ["wait 1 s", "send Stop Drive"]
+
+
+def test_reads_times_in_seconds() -> None:
+    poll = action("- poll: {send: Goto State Request, every: 100 ms}\n  until: Goto State Response\n  within: 2 min")
+    assert isinstance(poll, Poll)
+    assert (poll.every, poll.within) == (pytest.approx(0.1), 120)
+
+
+def test_reads_several_documents_of_one_file() -> None:
+    first, second = document("- wait: 1 s"), document("- wait: 2 s", HEAD.replace("a suite", "Zürich"))
+    suites, problems = read(f"{first}---\n{second}")
+    assert [each.name for each in suites] == ["a suite", "Zürich"]
+    assert problems == []
+
+
+def test_a_suite_is_read_by_its_own_dialect() -> None:
+    text = document("- send: {Goto XY: {x: 1, y: 1, angle: 0, speed: 1, route: direct}}")
+    assert "unknown field of Goto XY 'route'" in read(text)[1][0]
+    assert read(text, "firmware2014")[1] == []
+    assert read(text.replace("node:", "dialect: firmware2014\nnode:"))[1] == []

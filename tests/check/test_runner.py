@@ -1,0 +1,278 @@
+"""Steps turn green or red as the simulated drive deserves, and a red one says why."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.check.results import Finding, Section, Status
+from tests.check.suites import HEAD, document, results, run, verdicts
+
+START = """
+- send: {Start Configuration Set: {team colour: red, enemies: 0, confederates: 0, enemy 1 diameter: 0,
+    enemy 2 diameter: 0}}
+- expect: Start Configuration Confirm
+"""
+GOTO = "- send: {Goto XY: {x: 700, y: 1750, angle: 0, speed: 100}}\n"
+ALL = HEAD.replace("node: drive\n", "node: [drive, navigation]\n")
+
+# Each row: steps, and how they end: + green, - red.
+CASES = {
+    # expect
+    "an answer comes": ("- send: Check Drive Request\n- expect: Check Drive Response", "++"),
+    "an answer counts once": (
+        "- send: Check Drive Request\n- expect: Check Drive Response\n- expect: Check Drive Response",
+        "++-",
+    ),
+    "no answer to another node's check": ("- send: Check Navi Request\n- expect: Check Navi Response", "+-"),
+    "a question forgets what came before": (
+        "- send: Check Drive Request\n- wait: 10 ms\n- send: Check Navi Request\n- expect: Check Drive Response",
+        "+++-",
+    ),
+    "several sends are one question": (
+        "- send: Check Drive Request\n- send: Kalman Position Request\n- expect: Check Drive Response\n"
+        "- expect: Kalman Position Response",
+        "++++",
+    ),
+    "in any order": (
+        "- send: Check Drive Request\n- send: Kalman Position Request\n"
+        "- expect: {all: [Check Drive Response, Kalman Position Response]}",
+        "+++",
+    ),
+    "in this order": (
+        "- send: Check Drive Request\n- send: Kalman Position Request\n"
+        "- expect: [Kalman Position Response, Check Drive Response]",
+        "++-",
+    ),
+    "one of them": (
+        "- send: Check Drive Request\n- expect: {any: [Goto Confirm, Check Drive Response]}",
+        "++",
+    ),
+    "not all of them": (
+        "- send: Check Drive Request\n- expect: {all: [Goto Confirm, Check Drive Response]}",
+        "+-",
+    ),
+    "fields as expected": (
+        "- send: Kalman Position Request\n- expect: {Kalman Position Response: {x: unknown, source: internal}}",
+        "++",
+    ),
+    "a field is not": (
+        "- send: Kalman Position Request\n- expect: {Kalman Position Response: {x: '> 0'}}",
+        "+-",
+    ),
+    "raw frames": ("- send: {raw: '3C0#'}\n- expect: {raw: '400#'}", "++"),
+    "raw data": ("- send: {raw: '0C0#'}\n- expect: {raw: '100#FF????????'}", "++"),
+    "raw data differs": ("- send: {raw: '0C0#'}\n- expect: {raw: '100#FFFFFFFFFF'}", "+-"),
+    # never
+    "nothing came": ("- send: Check Navi Request\n- never: Check Drive Response\n  for: 50 ms", "++"),
+    "something came": ("- send: Check Drive Request\n- never: Check Drive Response\n  for: 50 ms", "+-"),
+    "never a second one": (
+        "- send: Check Drive Request\n- expect: Check Drive Response\n- never: Check Drive Response\n  for: 50 ms",
+        "+++",
+    ),
+    "never with other fields": (
+        "- send: Kalman Position Request\n- never: {Kalman Position Response: {x: 5}}\n  for: 50 ms",
+        "++",
+    ),
+    # poll
+    "polled until it is there": (
+        START + GOTO + "- poll: {send: Goto State Request, every: 100 ms}\n"
+        "  until: {Goto State Response: {time: 0}}\n  within: 10 s",
+        "++++",
+    ),
+    "polled in vain": (
+        START + GOTO + "- poll: {send: Goto State Request, every: 100 ms}\n"
+        "  until: {Goto State Response: {time: 0}}\n  within: 300 ms",
+        "+++-",
+    ),
+    # period
+    "as often as it should": (
+        "- period: {message: {heartbeat: operational}, every: 1 s, tolerance: 10 ms, count: 3}",
+        "+",
+    ),
+    "too seldom": ("- period: {message: {heartbeat: operational}, every: 500 ms, tolerance: 10 ms, count: 3}", "-"),
+    "too often": ("- period: {message: {heartbeat: operational}, every: 3 s, tolerance: 10 ms, count: 3}", "-"),
+    "another state": ("- period: {message: {heartbeat: stopped}, every: 1 s, tolerance: 10 ms, count: 3}", "-"),
+    # NMT, heartbeat, EMCY
+    "states": (
+        "- nmt: stop\n- heartbeat: stopped\n  within: 2 s\n- nmt: pre-operational\n- heartbeat: pre-operational\n"
+        "  within: 2 s\n- nmt: start\n- heartbeat: operational\n  within: 2 s",
+        "++++++",
+    ),
+    "a reset boots": ("- nmt: reset\n- heartbeat: boot-up", "++"),
+    "another state than expected": ("- nmt: stop\n- heartbeat: operational\n  within: 2 s", "+-"),
+    "an emergency": ("- send: {raw: '008#D274'}\n- emcy: 0x8210", "++"),
+    "another emergency": ("- send: {raw: '008#D274'}\n- emcy: 0x8220", "+-"),
+    "no emergency": ("- send: Stop Drive\n- never: {emcy: any}\n  for: 50 ms", "++"),
+    # SDO
+    "an object": ("- sdo: {read: 0x1017, expect: 1000}\n- sdo: {read: Producer heartbeat time, expect: '> 0'}", "++"),
+    "another value": ("- sdo: {read: 0x1017, expect: 999}", "-"),
+    "a text": ("- sdo: {read: Manufacturer device name, expect: Eurobot 2014 drive}", "+"),
+    "written and read": ("- sdo: {write: 0x1017, value: 300}\n- sdo: {read: 0x1017, expect: 300}", "++"),
+    "refused as it should": ("- sdo: {read: 0x5000, abort: 0x06020000}", "+"),
+    "refused otherwise": ("- sdo: {read: 0x5000, abort: 0x06090011}", "-"),
+    "refused without need": ("- sdo: {read: 0x5000}", "-"),
+    "not refused": ("- sdo: {read: 0x1017, abort: 0x06020000}", "-"),
+    # variables
+    "saved and compared": (
+        START + "- send: Kalman Position Request\n- expect: Kalman Position Response\n"
+        "- save: {x: Kalman Position Response.x}\n- send: Kalman Position Request\n"
+        "- expect: {Kalman Position Response: {x: '{x} +- 1'}}",
+        "+++++++",
+    ),
+    "saved and sent": (
+        START + "- send: Kalman Position Request\n- expect: Kalman Position Response\n"
+        "- save: {x: Kalman Position Response.x}\n- send: {Goto XY: {x: '{x}', y: 1500, angle: 0, speed: 50}}\n"
+        "- expect: Goto Confirm",
+        "+++++++",
+    ),
+    "saved by SDO": ("- sdo: {read: 0x1017, save: t}\n- sdo: {write: 0x1017, value: '{t}'}", "++"),
+    "never saved": ("- save: {t: Goto State Response.time}\n- expect: {Goto State Response: {time: '{t}'}}", "--"),
+    "saved as unknown and sent": (
+        "- send: Kalman Position Request\n- expect: Kalman Position Response\n- save: {x: Kalman Position Response.x}\n"
+        "- send: {Goto XY: {x: '{x}', y: 1500, angle: 0, speed: 50}}",
+        "+++-",
+    ),
+    # repetition
+    "repeated": ("- {send: Check Drive Request, repeat: 3}\n- expect: Check Drive Response\n  repeat: 3", "++"),
+    "repeated too often": ("- {send: Check Drive Request, repeat: 3}\n- {expect: Check Drive Response, repeat: 4}", "+-"),
+    "a group, repeated": (
+        "- repeat: 2\n  steps:\n    - send: Check Drive Request\n    - expect: Check Drive Response",
+        "++++",
+    ),
+}
+
+
+@pytest.mark.parametrize(("steps", "verdict"), CASES.values(), ids=CASES.keys())
+def test_steps_end_as_the_node_deserves(steps: str, verdict: str) -> None:
+    assert verdicts(steps) == verdict
+
+
+def test_one_confirm_may_stand_for_two_nodes() -> None:
+    assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: navigation}", ALL) == "++++"
+
+
+def finding(steps: str) -> Finding:
+    """Return why the last step is red."""
+    step = run(steps)[-1]
+    assert step.status is Status.FAILED
+    assert step.finding is not None
+    return step.finding
+
+
+def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
+    found = finding(
+        START
+        + "- send: Kalman Position Request\n"
+        + "- expect: {Kalman Position Response: {x: 10 +- 5, y: any, angle: 90..100, source: enemy 1}}"
+    )
+    assert found.what == "Kalman Position Response is not as expected"
+    assert found.expected == (
+        "Kalman Position Response: x 10 mm +- 5 mm, y anything, angle 90 deg .. 100 deg, source enemy 1"
+    )
+    assert [str(each).partition(", came")[0] for each in found.differences] == [
+        "x: expected 10 mm +- 5 mm",
+        "angle: expected 90 deg .. 100 deg",
+        "source: expected enemy 1",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("steps", "what", "came"),
+    [
+        ("- expect: Goto Confirm", "no Goto Confirm within 1 s", "nothing"),
+        ("- expect: Goto Confirm\n  within: 50 ms", "no Goto Confirm within 50 ms", "nothing"),
+        (
+            "- nmt: stop\n- heartbeat: operational\n  within: 2 s",
+            "no heartbeat of drive within 2 s",
+            "Heartbeat  drive, stopped",
+        ),
+        (
+            "- send: Check Drive Request\n- never: Check Drive Response\n  for: 50 ms",
+            "Check Drive Response came, though it should not",
+            "Check Drive Response",
+        ),
+        (
+            "- poll: {send: Goto State Request, every: 100 ms}\n  until: {Goto State Response: {time: 0}}",
+            "Goto State Response not as wanted after 10 x Goto State Request",
+            "Goto State Response  time=unknown",
+        ),
+        ("- sdo: {read: 0x5000}", "SDO read 0x5000:0: the node aborts with 0x06020000", "abort 0x06020000"),
+    ],
+)
+def test_tells_what_came_instead(steps: str, what: str, came: str) -> None:
+    found = finding(steps)
+    assert (found.what, found.came) == (what, came)
+
+
+def test_shows_the_last_frames_with_their_meaning() -> None:
+    found = finding("- send: Check Drive Request\n- expect: Goto Confirm\n  within: 10 ms")
+    assert [(str(line.frame), line.own, line.meaning) for line in found.frames[-2:]] == [
+        ("3C0#", True, "Check Drive Request"),
+        ("400#", False, "Check Drive Response"),
+    ]
+
+
+SECTIONS = """\
+spec: 1
+name: sections
+node: drive
+setup:
+  - {name: prepared, send: Check Drive Request}
+steps:
+  - {name: red, expect: Goto Confirm, within: 10 ms}
+  - {name: green, send: Check Drive Request}
+teardown:
+  - {name: red too, expect: Goto Confirm, within: 10 ms}
+  - {name: tidy, send: Stop Drive}
+"""
+
+
+def outcome(text: str, *, keep_going: bool) -> list[tuple[str, Status]]:
+    return [(step.name, step.status) for step in results(text, keep_going=keep_going).steps]
+
+
+def test_a_red_step_skips_the_rest_but_not_the_teardown() -> None:
+    assert outcome(SECTIONS, keep_going=False) == [
+        ("prepared", Status.PASSED),
+        ("red", Status.FAILED),
+        ("green", Status.SKIPPED),
+        ("red too", Status.FAILED),
+        ("tidy", Status.PASSED),
+    ]
+
+
+def test_goes_on_behind_a_red_step_if_told_to() -> None:
+    assert dict(outcome(SECTIONS, keep_going=True))["green"] is Status.PASSED
+
+
+def test_a_red_setup_skips_all_steps() -> None:
+    text = SECTIONS.replace("send: Check Drive Request}\nsteps", "expect: Goto Confirm}\nsteps")
+    assert dict(outcome(text, keep_going=True)) == {
+        "prepared": Status.FAILED,
+        "red": Status.SKIPPED,
+        "green": Status.SKIPPED,
+        "red too": Status.FAILED,
+        "tidy": Status.PASSED,
+    }
+
+
+def test_tells_sections_and_times() -> None:
+    steps = results(SECTIONS).steps
+    assert [step.section for step in steps] == [Section.SETUP] + 2 * [Section.STEPS] + 2 * [Section.TEARDOWN]
+    assert steps[1].seconds == pytest.approx(0.010)
+    assert steps[2].started == pytest.approx(steps[1].started + steps[1].seconds)
+
+
+def test_the_same_seed_gives_the_same_times() -> None:
+    text = document(START + GOTO + "- poll: {send: Goto State Request, every: 100 ms}\n"
+                    "  until: {Goto State Response: {time: 0}}\n  within: 10 s")  # fmt: skip
+    assert results(text, seed=5) == results(text, seed=5)
+
+
+def test_names_the_steps_of_a_group() -> None:
+    steps = run("- name: twice\n  repeat: 2\n  steps:\n    - send: Check Drive Request\n- wait: 1 ms")
+    assert [step.name for step in steps] == [
+        "twice 1/2: send Check Drive Request",
+        "twice 2/2: send Check Drive Request",
+        "wait 0.001 s",
+    ]

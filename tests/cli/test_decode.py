@@ -1,0 +1,235 @@
+"""The command decode: a match and a damaged log through every form of output, filters, exit status, pipes."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import cli, dialects
+from eurobot_od.cli.decode import bar
+from eurobot_od.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.protocol import Protocol
+from eurobot_od.values import Barriers, Passage, Source
+
+PROTOCOL = Protocol.load(dialects.DEFAULT)
+GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))
+HERE = PROTOCOL.encode(KalmanPositionResponse(254, 255, None, Source.INTERNAL))
+
+GOOD = [
+    f"(10.000000) can0 {GOTO}",
+    "(10.500000) can0 00C#",
+    f"(11.000000) can0 {HERE}",
+    "(11.250000) can0 702#05",
+]
+TEXT = """\
+    10.000000  can0  Goto XY                       x=1200 mm, y=900 mm, angle=90 deg, speed=80 %, barriers=fire 2:forced
+    10.500000  can0  Goto Confirm
+    11.000000  can0  Kalman Position Response      x=254 mm, y=255 mm, angle=unknown, source=internal
+    11.250000  can0  Heartbeat                     drive, operational
+"""
+
+SCRIPT = [sys.executable, "-m", "eurobot_od", "decode"]
+
+DAMAGED = [
+    GOOD[0],
+    "garbage in the log",
+    "(10.1) can0 008#D27423",
+    "(10.2) can0 18FF0001#AABB",
+    "(10.3) can0 008#R",
+    "(10.4) can0 20000080#0000000000000000",
+    "(10.5) can0 008##1AABB",
+    "(10.6) can0 123#01",
+    "(10.7) can0 020#",
+    "(10.8) can0 008#FFFFFFFFFFFFFFFF",
+    "(10.9) can0 014#01020304",
+    *GOOD[1:],
+    "(12.0) can0 0",
+]
+REPORT = {
+    "unreadable": ("1", "2: garbage in the log"),
+    "cut off": ("1", "15: (12.0) can0 0"),
+    "error frame": ("1", "6: 20000080#0000000000000000"),
+    "remote frame": ("1", "5: 008#R"),
+    "FD frame": ("1", "7: 008##1AABB"),
+    "extended frame": ("1", "4: 18FF0001#AABB"),
+    "unknown identifier": ("2", "8: 123#01"),
+    "wrong length": ("2", "3: Goto XY (0x008): 3 bytes of data, expected 6 or 8"),
+    "out of range": ("4", "10: Goto XY: x = 4095, allowed: 0..3000 mm"),
+}
+
+
+@pytest.fixture
+def good(tmp_path: Path) -> Path:
+    file = tmp_path / "good.log"
+    file.write_text("\n".join(GOOD) + "\n")
+    return file
+
+
+@pytest.fixture
+def damaged(tmp_path: Path) -> Path:
+    file = tmp_path / "damaged.log"
+    file.write_text("\n".join(DAMAGED))
+    return file
+
+
+def test_text(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["decode", str(good)]) == 0
+    assert capsys.readouterr() == (TEXT, "")
+
+
+def test_several_logs_are_told_apart(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["decode", str(good), str(good)]) == 0
+    assert capsys.readouterr().out == "".join(f"{good}:{line}\n" for line in TEXT.splitlines()) * 2
+
+
+def test_json(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["decode", "--json", str(good)]) == 0
+    goto, confirm, here, beat = map(json.loads, capsys.readouterr().out.splitlines())
+    assert goto["fields"] | {"direction": "", "route": ""} == {
+        "x": 1200,
+        "y": 900,
+        "angle": 90,
+        "speed": 80,
+        "barriers": "fire 2:forced",
+        "direction": "",
+        "route": "",
+    }
+    assert (goto["id"], goto["data"], goto["time"], goto["line"]) == ("0x008", GOTO.data.hex().upper(), 10.0, 1)
+    assert (confirm["message"], confirm["protocol"], confirm["fields"]) == ("Goto Confirm", "GTP", {})
+    assert here["fields"] == {"x": 254, "y": 255, "angle": None, "source": "internal"}
+    assert (beat["message"], beat["text"], beat["nodes"]) == ("Heartbeat", "drive, operational", ["drive"])
+
+
+def test_csv(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["decode", "--csv", str(good)]) == 0
+    goto, confirm, here, beat = csv.DictReader(capsys.readouterr().out.splitlines())
+    assert (goto["x"], goto["barriers"], goto["timestamp"], goto["line"]) == ("1200", "fire 2:forced", "10.000000", "1")
+    assert (confirm["message"], confirm["x"]) == ("Goto Confirm", "")
+    assert (here["angle"], here["source"]) == ("", "internal")
+    assert (beat["protocol"], beat["text"]) == ("CANopen", "drive, operational")
+
+
+@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
+@pytest.mark.parametrize("filters", [[], ["--message", "GIP"], ["--since", "99"]])
+def test_all_damage_is_reported_in_any_case(
+    damaged: Path, capsys: pytest.CaptureFixture[str], form: list[str], filters: list[str]
+) -> None:
+    assert cli.main(["decode", str(damaged), *form, *filters]) == 0
+    report = capsys.readouterr().err.splitlines()
+    found = {}
+    for line in report:
+        count, _, rest = line.strip().partition(" x ")
+        kind, _, where = rest.partition(" first at ")
+        found[kind.strip()] = (count, where.removeprefix(f"{damaged}:"))
+    assert found == REPORT
+    assert list(found) == list(REPORT)
+
+
+def test_damage_costs_no_other_line(damaged: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cli.main(["decode", str(damaged)])
+    lines = capsys.readouterr().out.splitlines(keepends=True)
+    assert len(lines) == len(DAMAGED)
+    assert "".join(line for line in lines if "!" not in line) == TEXT
+
+
+@pytest.mark.parametrize("form", [[], ["--json"], ["--csv"]])
+def test_strict(good: Path, damaged: Path, form: list[str]) -> None:
+    assert cli.main(["decode", "--strict", *form, str(good)]) == 0
+    assert cli.main(["decode", "--strict", *form, str(damaged)]) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "lines"),
+    [
+        (["--message", "Goto XY"], [0]),
+        (["--message", "goto-xy", "--message", "heartbeat"], [0, 3]),
+        (["--message", "GTP"], [0, 1]),
+        (["--node", "navigation"], []),
+        (["--node", "drive", "--message", "CANopen"], [3]),
+        (["--where", "x>1000"], [0]),
+        (["--where", "x>100", "--where", "x<1000"], [2]),
+        (["--since", "10.5", "--until", "11"], [1, 2]),
+    ],
+)
+def test_filters(good: Path, capsys: pytest.CaptureFixture[str], options: list[str], lines: list[int]) -> None:
+    assert cli.main(["decode", str(good), *options]) == 0
+    text = TEXT.splitlines(keepends=True)
+    assert capsys.readouterr().out == "".join(text[line] for line in lines)
+
+
+def test_relative_time(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["decode", str(good), "--relative", "--since", "1"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["1.000000", "1.250000"]
+
+
+WRONG = [
+    (["no-such-file.log"], 3, "No such file"),
+    (["log.xyz"], 2, "unknown log format 'xyz'; known: log, asc, csv, trc, blf, db, mf4"),
+    (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; known: Emergency Shutdown"),
+    (["log.log", "--node", "Antrieb"], 2, "unknown node 'Antrieb'; known: core, drive, navigation"),
+    (["log.log", "--where", "speed>fast"], 2, "Goto XY: speed = 'fast' is not allowed; allowed: 0..100 %"),
+    (["log.log", "--where", "fast"], 2, "'fast' is no comparison"),
+    (["log.log", "--dialect", "nowhere"], 2, "unknown dialect 'nowhere'"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "status", "text"), WRONG)
+def test_one_line_says_what_is_wrong(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    status: int,
+    text: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("log.log", "log.xyz"):
+        Path(name).write_text("")
+    assert cli.main(["decode", *arguments]) == status
+    error = capsys.readouterr().err
+    assert text in error
+    assert error.count("\n") == 1
+
+
+# As a process
+
+
+def test_standard_input_from_a_file(good: Path) -> None:
+    with good.open("rb") as file:
+        done = subprocess.run(SCRIPT, stdin=file, capture_output=True, text=True, check=True)
+    assert done.stdout == TEXT
+
+
+def test_standard_input_from_a_pipe_is_decoded_as_it_comes() -> None:
+    with subprocess.Popen([*SCRIPT, "-"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as running:
+        assert running.stdin
+        assert running.stdout
+        for line, expected in zip(GOOD, TEXT.splitlines(keepends=True)):
+            running.stdin.write(line + "\n")
+            running.stdin.flush()
+            assert running.stdout.readline() == expected
+        running.stdin.close()
+        assert running.wait() == 0
+
+
+def test_a_reader_that_leaves_is_no_error(good: Path, tmp_path: Path) -> None:
+    file = tmp_path / "long.log"
+    file.write_text(good.read_text() * 5000)
+    with subprocess.Popen([*SCRIPT, str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        assert running.stdout
+        assert running.stderr
+        os.read(running.stdout.fileno(), 100)
+        running.stdout.close()
+        assert running.stderr.read() == b""
+        assert running.wait() == 0
+
+
+@pytest.mark.parametrize(("share", "drawn"), [(0.0, "[    ]   0%"), (0.5, "[##  ]  50%"), (1.0, "[####] 100%")])
+def test_progress_bar(share: float, drawn: str) -> None:
+    assert bar(share, 4) == drawn

@@ -1,0 +1,50 @@
+"""The command field: a log becomes a picture, or one line says why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import cli, dialects
+from eurobot_od.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.protocol import Protocol
+from eurobot_od.values import Source
+
+PROTOCOL = Protocol.load(dialects.DEFAULT)
+HERE = PROTOCOL.encode(KalmanPositionResponse(500, 600, 0, Source.INTERNAL))
+GOTO = PROTOCOL.encode(GotoXY(1000, 600, 0, 50))
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    file = tmp_path / "friday.log"
+    file.write_text(f"(1.0) can0 {HERE}\n(2.0) can0 {GOTO}\n(2.5) can0 123#\n")
+    return file
+
+
+@pytest.mark.parametrize(("options", "title"), [([], "friday"), (["--title", "Final & last"], "Final &amp; last")])
+def test_picture(log: Path, capsys: pytest.CaptureFixture[str], options: list[str], title: str) -> None:
+    picture = log.with_suffix(".svg")
+    assert cli.main(["field", str(log), "-o", str(picture), *options]) == 0
+    assert f">{title}</text>" in picture.read_text()
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "1 x unknown identifier" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "suffix", "status", "message"),
+    [
+        ("(1.0) can0 00C#\n", ".svg", 1, "neither a Kalman Position Response nor a Goto XY to draw"),
+        (f"(1.0) can0 {HERE}\n", ".gif", 2, "unknown picture format '.gif'"),
+    ],
+)
+def test_no_picture(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str, suffix: str, status: int, message: str
+) -> None:
+    log = tmp_path / "bus.log"
+    log.write_text(text)
+    assert cli.main(["field", str(log), "-o", str(log.with_suffix(suffix))]) == status
+    assert message in capsys.readouterr().err
+    assert not log.with_suffix(suffix).exists()

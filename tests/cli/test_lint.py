@@ -1,0 +1,118 @@
+"""The commands `lint` and `diff`: their output, their options and their exit status."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.cli import main
+
+ROOT = Path(__file__).resolve().parents[2]
+SAMPLES = ROOT / "tests/lint/samples"
+CLEAN, OLD, GENERATED = (str(SAMPLES / f"{name}.eds") for name in ("clean", "old", "generated"))
+OWN = sorted(str(each) for each in (ROOT / "eds/canopen").glob("*.eds"))
+
+CALLS = [
+    # (arguments, exit status, part of the output)
+    (["lint", CLEAN], 0, ""),
+    (["lint", *OWN], 0, "drive.eds:"),
+    (["lint", OLD], 1, f"{OLD}:1:1: E202 EDSVersion is missing"),
+    (["lint", OLD, "--ignore", "E"], 0, "W203"),
+    (["lint", OLD, "--ignore", "E", "--strict"], 1, "W203"),
+    (["lint", OLD, "--select", "e308,W5"], 1, "E308"),
+    (["lint", OLD, "--select", "W5"], 0, "W510"),
+    (["lint", CLEAN, "none.eds"], 2, ""),
+    (["lint"], 2, ""),
+    (["lint", "--explain", "e606"], 0, "E606 (error): No PDO has an identifier of NMT"),
+    (["lint", "--explain", "I802"], 0, "I802 (info)"),
+    (["lint", "--explain", "E999"], 2, ""),
+    (["lint", "--network", *OWN], 0, "0x008  Goto XY"),
+    (["lint", "--network", OWN[0]], 0, "W803 core RPDO 1 waits for 0x00C, which nobody sends"),
+    (["lint", "--network", OWN[0], "--strict"], 1, "W804"),
+    (["lint", "--network", str(ROOT / "eds/network.yaml")], 0, "declared by the network file"),
+    (["lint", "--network", "none.yaml"], 2, ""),
+    (["diff", CLEAN, CLEAN], 0, ""),
+    (["diff", CLEAN, GENERATED], 1, "0x1400 sub 1: RPDO 1 COB-ID: $NODEID+0x200 -> 0x200"),
+    (["diff", CLEAN, GENERATED, "--node", "5"], 1, "0x1400 sub 1: RPDO 1 COB-ID: 0x205 -> 0x200"),
+    (["diff", CLEAN, GENERATED, "--node", "128"], 2, ""),
+    (["diff", CLEAN], 2, ""),
+    (["diff", CLEAN, "none.eds"], 2, ""),
+    (["diff", CLEAN, __file__], 2, ""),
+    (["diff", CLEAN, "--node", "5", "-i", "nonsense"], 3, ""),
+]
+
+
+@pytest.mark.parametrize(("arguments", "status", "part"), CALLS, ids=[" ".join(each[0])[-60:] for each in CALLS])
+def test_a_call(arguments: list[str], status: int, part: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(arguments) == status
+    assert part in capsys.readouterr().out
+
+
+def test_findings_come_in_the_order_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["lint", OLD])
+    lines = [int(each.removeprefix(OLD).split(":")[1]) for each in capsys.readouterr().out.splitlines()]
+    assert lines == sorted(lines)
+
+
+def test_an_unreadable_file_does_not_hide_the_others(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lint", "none.eds", OLD]) == 2
+    captured = capsys.readouterr()
+    assert "E202" in captured.out
+    assert captured.err == "eurobot-od: none.eds: No such file or directory\n"
+
+
+def test_findings_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["lint", OLD, "--json", "--select", "E308"])
+    assert json.loads(capsys.readouterr().out) == {
+        "findings": [
+            {
+                "file": OLD,
+                "line": 31,
+                "column": 1,
+                "code": "E308",
+                "message": "0x1018 is missing, which every device has",
+                "severity": "error",
+            }
+        ],
+        "counts": {"error": 1, "warning": 0, "info": 0},
+    }
+
+
+def test_a_network_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["lint", "--network", *OWN, "--json"])
+    rows = {each["identifier"]: each for each in json.loads(capsys.readouterr().out)["identifiers"]}
+    assert rows["0x300"] == {
+        "identifier": "0x300",
+        "name": "Start Configuration Confirm",
+        "producers": ["drive", "navigation"],
+        "consumers": ["core"],
+    }
+
+
+def test_differences_as_json(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["diff", OWN[0], OWN[0].replace("canopen", "firmware2014"), "--json"])
+    found = json.loads(capsys.readouterr().out)
+    mapping = {"where": "0x1A01", "aspect": "TPDO 2 mapping", "left": "0..0 0x2001 sub 1", "right": "0..7 0x2001 sub 1"}
+    assert mapping in found
+
+
+def test_a_check_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from eurobot_od.cli import main; main(sys.argv[1:]); print(*sorted(sys.modules), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, "lint", CLEAN], capture_output=True, text=True, check=True)
+    heavy = {
+        "canopen",
+        "can",
+        "yaml",
+        "json",
+        "dataclasses",
+        "inspect",
+        "eurobot_od.lint.network",
+        "eurobot_od.dictionary",
+    }
+    assert heavy & set(done.stderr.split()) == set()

@@ -1,0 +1,124 @@
+"""The command `eurobot-od` itself: its overview, its exit statuses, and that help costs nothing."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import ModuleType
+
+import pytest
+
+from eurobot_od import cli
+from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName
+from tests.cli.console import run
+
+
+@pytest.mark.parametrize("words", [[], ["--help"], ["-h"]])
+def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    said = run(capsys, *words)
+    assert said.status == 0
+    for command, text in cli.COMMANDS.items():
+        assert f"  {command} " in said.out
+        assert text in said.out
+
+
+@pytest.mark.parametrize("words", [["nonsense"], ["Match"], ["--nonsense"], ["--help", "nonsense"][1:]])
+def test_an_unknown_command_is_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    said = run(capsys, *words)
+    assert said.status == 2
+    assert said.complaint.startswith("eurobot-od: error: ")
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], command: str) -> None:
+    said = run(capsys, command, "--help")
+    assert said.status == 0
+    assert said.out.startswith(f"usage: eurobot-od {command}")
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "complaint"),
+    [
+        (NoAnswer("CheckDriveRequest", "CheckDriveResponse", 2, 0.5), 1, "no CheckDriveResponse after"),
+        (UnknownName("message", "Gotto"), 2, "unknown message 'Gotto'"),
+        (StateError("not now"), 2, "not now"),
+        (DictionaryError("core.eds", 0x1800, "broken"), 2, "core.eds: 0x1800: broken"),
+        (BusError("the bus failed"), 3, "the bus failed"),
+        (FileNotFoundError(2, "No such file", "a.log"), 3, "[Errno 2] No such file: 'a.log'"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_an_error_becomes_one_line_and_an_exit_status(
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: BaseException,
+    status: int,
+    complaint: str,
+) -> None:
+    def fail(_: object) -> int:
+        raise error
+
+    module = ModuleType("eurobot_od.cli.fail", "Fail.")
+    monkeypatch.setattr(module, "run", fail, raising=False)
+    monkeypatch.setattr(module, "add_arguments", lambda _: None, raising=False)
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(cli.COMMANDS, "fail", "fail")
+    said = run(capsys, "fail")
+    assert said.status == status
+    assert said.err.startswith(f"eurobot-od: {complaint}" if complaint else "")
+    assert said.err.count("\n") == bool(complaint)
+
+
+def test_an_error_that_is_none_of_ours_is_a_bug_and_shows_its_traceback(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eurobot_od.cli.show.run", lambda _: 1 // 0)
+    with pytest.raises(ZeroDivisionError):
+        run(capsys, "show")
+
+
+def python(code: str) -> str:
+    """Run a program in a Python of its own and return what it printed."""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    return done.stdout.strip()
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = """
+import contextlib, io, sys
+from eurobot_od import cli
+with contextlib.redirect_stdout(io.StringIO()):
+    for words in [[], *([command, "--help"] for command in cli.COMMANDS)]:
+        with contextlib.suppress(SystemExit):
+            cli.main(words)
+print(sorted({"can", "canopen", "numpy", "yaml"} & set(sys.modules)))
+"""
+    assert python(code) == "[]"
+
+
+def test_show_needs_no_bus() -> None:
+    code = """
+import contextlib, io, sys
+from eurobot_od import cli
+with contextlib.redirect_stdout(io.StringIO()):
+    cli.main(["show"])
+print("eurobot_od.runtime" in sys.modules)
+"""
+    assert python(code) == "False"
+
+
+def test_the_package_runs_as_a_program() -> None:
+    done = subprocess.run([sys.executable, "-m", "eurobot_od", "show"], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) == 24
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-m", "eurobot_od", "show"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 0

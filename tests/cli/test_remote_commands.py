@@ -1,0 +1,284 @@
+"""The commands for any CANopen node: what they print, the exit status, and one line where something is wrong."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from eurobot_od import dcf
+from eurobot_od.cli import main
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.dictionary import Dictionary
+from tests.client.peers import DRIVE, new_channel, robot, stock_drive
+
+HEARTBEAT = "0x1017:0  Producer heartbeat time"
+NAMED = "0x1017:0: Producer heartbeat time"
+NOT_ALLOWED = " is not allowed; allowed: "
+READ_ONLY = ": Attempt to write a read only object (0x06010002)"
+
+Run = Callable[..., tuple[int, str, str]]
+"""Runs a command on a bus; gives exit status, output and error output."""
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    def command(channel: str, *words: str) -> tuple[int, str, str]:
+        status = main([*words, "--timeout", "300 ms", "-i", "virtual", "-c", channel])
+        return (status, *capsys.readouterr())
+
+    return command
+
+
+@pytest.fixture
+def drive(run: Run) -> Iterator[str]:
+    """Our drive with a quick heartbeat; gives the channel."""
+    with robot("drive") as channel:
+        run(channel, "write", "2", "0x1017", "10")
+        yield channel
+
+
+# scan
+
+
+def test_scan_lists_the_nodes_of_the_robot(run: Run) -> None:
+    with robot("core", "drive", "navigation") as channel:
+        status, out, err = run(channel, "scan", "--listen", "10 ms")
+    lines = [line.split() for line in out.splitlines()]
+    assert (status, err) == (0, "")
+    assert lines[0] == ["node", "name", "state", "vendor", "product", "revision", "serial"]
+    assert [(line[0], line[3]) for line in lines[1:]] == [("1", "core"), ("2", "drive"), ("3", "navigation")]
+
+
+def test_scan_as_json(run: Run, drive: str) -> None:
+    status, out, _ = run(drive, "scan", "--json", "--listen", "10 ms")
+    assert status == 0
+    assert json.loads(out) == [
+        {
+            "node_id": 2,
+            "name": "Eurobot 2014 drive",
+            "state": "operational",
+            "identity": {"vendor": 0, "product": 2, "revision": 0x10000, "serial": 1},
+        }
+    ]
+
+
+def test_scan_of_an_empty_bus(run: Run) -> None:
+    assert run(new_channel(), "scan", "--listen", "10 ms") == (1, "no node answers\n", "")
+
+
+# read, write, dump
+
+
+@pytest.mark.parametrize(
+    ("words", "out"),
+    [
+        (["2", "0x1018:2"], "0x1018:2  Identity object.Product code  0x00000002\n"),
+        (["drive", "Motion.Maximum speed"], "0x2101:1  Motion.Maximum speed  800\n"),  # names of node and object
+        (
+            ["2", "0x1017", "0x1008"],
+            f"{HEARTBEAT}   10\n0x1008:0  Manufacturer device name  Eurobot 2014 drive\n",
+        ),
+        (["2", "0x1017", "--eds", str(DRIVE)], "0x1017:0  Producer heartbeat time  10\n"),
+    ],
+)
+def test_read(run: Run, drive: str, words: list[str], out: str) -> None:
+    assert run(drive, "read", *words) == (0, out, "")
+
+
+def test_read_as_json(run: Run, drive: str) -> None:
+    _, out, _ = run(drive, "read", "2", "0x1017", "0x5000", "--json")
+    assert json.loads(out) == [
+        {"index": 0x1017, "subindex": 0, "name": "Producer heartbeat time", "type": "UNSIGNED16", "value": 10},
+        {"index": 0x5000, "subindex": 0, "name": "", "type": "", "refused": "Object does not exist"},
+    ]
+
+
+def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path: Path) -> None:
+    eds = tmp_path / "foreign.eds"
+    eds.write_text(DRIVE.read_text().replace("[1018sub2]\n", "[1018sub2]\nParameterValue=99\n"))
+    with stock_drive(eds) as (channel, _):
+        assert run(channel, "write", "2", "0x1017", "0x1F4")[:2] == (0, "node 2: 0x1017:0 = 0x1F4\n")
+        assert run(channel, "read", "2", "0x1017")[:2] == (0, "0x1017:0    0x1F4\n")
+        status, _, err = run(channel, "read", "2", "Motion")
+        assert (status, err) == (2, "eurobot-od: unknown object without an EDS 'Motion'\n")
+        status, _, err = run(channel, "dump", "2")
+        assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "err"),
+    [
+        (["read", "9", "0x1017"], 1, "no answer of node 9 after 1 x read 0x1018:1 vendor (300 ms each)"),
+        (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
+        (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: core, drive, navigation"),
+        (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),
+        (["write", "2", "0x1017", "65536"], 2, f"{NAMED} = 65536" + NOT_ALLOWED + "0..65535"),
+        (["write", "2", "0x1017", "often"], 2, f"{NAMED} = 'often'" + NOT_ALLOWED + "an integer"),
+        (["write", "2", "0x1018:1", "5"], 1, "node 2 refused to write 0x1018:1 Identity object.Vendor-ID" + READ_ONLY),
+        (["write", "2", "0x5000", "5"], 1, "node 2 refused to read 0x5000:0: Object does not exist (0x06020000)"),
+        (["read", "2", "0x1017", "--eds", "none.eds"], 2, "none.eds: No such file or directory"),
+        (["configure", "2", "none.dcf"], 2, "none.dcf: No such file or directory"),
+    ],
+)  # fmt: skip
+def test_one_line_where_something_is_wrong(run: Run, drive: str, words: list[str], status: int, err: str) -> None:
+    assert run(drive, *words) == (status, "", f"eurobot-od: {err}\n")
+
+
+def test_a_refused_object_is_listed_with_its_reason(run: Run, drive: str) -> None:
+    status, out, err = run(drive, "read", "2", "0x1003:1", "0x1017")
+    assert (status, err) == (1, "")
+    assert out.splitlines()[0].endswith("(No data available)")
+
+
+def test_dump_lists_every_object(run: Run, drive: str) -> None:
+    status, out, err = run(drive, "dump", "2")
+    assert (status, err) == (0, "")
+    assert any(line.split() == ["0x2101:1", "Motion.Maximum", "speed", "800"] for line in out.splitlines())
+    _, out, _ = run(drive, "dump", "2", "--json")
+    assert {
+        "index": 0x2101,
+        "subindex": 1,
+        "name": "Motion.Maximum speed",
+        "type": "UNSIGNED16",
+        "value": 800,
+    } in json.loads(out)
+
+
+def test_a_bus_that_cannot_be_opened(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scan", "-i", "nonsense", "-c", "x"]) == 3
+    assert capsys.readouterr().err.startswith("eurobot-od: cannot open the nonsense bus x:")
+
+
+# export-dcf, configure, store, restore
+
+
+@pytest.fixture
+def new_dcf(tmp_path: Path) -> Path:
+    """A DCF for node 2 with two new values."""
+    file = tmp_path / "new.dcf"
+    file.write_text(dcf.with_values(DRIVE.read_text(), {(0x1017, 0): 20, (0x1403, 1): 0x18}, 2, "drive", 500))
+    return file
+
+
+DIFFERENCE = """\
+node 2 differs from new.dcf in 2 objects:
+0x1017:0 Producer heartbeat time    10 -> 20
+0x1403:1 Goto XY.COB-ID used by PDO  0x00000008 -> 0x00000018
+""".replace("time    10", "time     10")
+
+
+def test_a_dry_run_prints_the_difference_and_writes_nothing(run: Run, drive: str, new_dcf: Path) -> None:
+    assert run(drive, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
+    assert run(drive, "configure", "2", str(new_dcf), "--dry-run") == (1, DIFFERENCE, "")
+
+
+def test_configure_writes_stores_and_verifies(run: Run, drive: str, new_dcf: Path) -> None:
+    done = "node 2 configured: 2 objects written and read back, stored, verified after a reset\n"
+    assert run(drive, "configure", "drive", str(new_dcf)) == (0, DIFFERENCE + done, "")
+    assert run(drive, "configure", "2", str(new_dcf)) == (0, "node 2 already is as new.dcf says\n", "")
+
+
+def test_a_file_for_another_node_is_refused_before_the_bus_is_opened(
+    capsys: pytest.CaptureFixture[str], new_dcf: Path
+) -> None:
+    assert main(["configure", "3", str(new_dcf), "-i", "nonsense"]) == 2
+    assert capsys.readouterr().err == f"eurobot-od: {new_dcf}: is for node 2, not for node 3\n"
+
+
+def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
+    file = tmp_path / "live.dcf"
+    assert run(drive, "export-dcf", "2", "-o", str(file)) == (0, "", "")
+    assert Dictionary.load(file).default((0x1017, 0)) == 10
+    assert run(drive, "export-dcf", "2") == (0, file.read_text(), "")
+    assert run(drive, "configure", "2", str(file), "--dry-run")[0] == 0
+
+
+def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, drive: str) -> None:
+    assert run(drive, "store", "2") == (0, "node 2 has stored all parameters\n", "")
+    assert run(drive, "nmt", "2", "reset")[0] == 0
+    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "10"
+    assert run(drive, "restore", "2")[1] == "node 2 will have, from its next reset on, the defaults of all parameters\n"
+    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "10"
+    assert run(drive, "restore", "2", "--reset")[1] == "node 2 has the defaults of all parameters\n"
+    assert run(drive, "read", "2", "0x1017")[1].split()[-1] == "1000"
+
+
+# nmt, emcy
+
+
+@pytest.mark.parametrize(
+    ("command", "out"),
+    [
+        ("pre-operational", "node 2 is pre-operational\n"),
+        ("stop", "node 2 is stopped\n"),
+        ("start", "node 2 is operational\n"),
+    ],
+)
+def test_nmt_tells_what_the_heartbeat_says(run: Run, drive: str, command: str, out: str) -> None:
+    assert run(drive, "nmt", "2", command) == (0, out, "")
+
+
+@pytest.mark.parametrize("command", ["reset", "reset-communication"])
+def test_a_reset_is_a_boot_up(run: Run, drive: str, command: str) -> None:
+    run(drive, "store", "2")
+    assert run(drive, "nmt", "2", command) == (0, "node 2 has booted and is operational\n", "")
+
+
+def test_nmt_to_all_nodes(run: Run, drive: str) -> None:
+    assert run(drive, "nmt", "all", "stop") == (0, "stop sent to all nodes\n", "")
+    assert run(drive, "scan", "--listen", "10 ms")[1].splitlines()[1].split() == ["2", *"-", "stopped", *"----"]
+
+
+def test_emcy_lists_and_clears_what_a_node_remembers(run: Run, drive: str) -> None:
+    assert run(drive, "emcy", "2") == (0, "node 2: no error (error register 0x00)\nno error remembered\n", "")
+    with can.Bus(interface="virtual", channel=drive) as bus:
+        bus.send(can.Message(arbitration_id=0x008, data=b"\1\2", is_extended_id=False))  # half a Goto XY
+    status, out, _ = run(drive, "emcy", "2")
+    assert status == 1
+    assert out.splitlines()[0] == "node 2: generic error, communication (error register 0x11)"
+    assert out.splitlines()[1].startswith("0x8210  pdo too short")
+    _, out, _ = run(drive, "emcy", "2", "--json")
+    assert json.loads(out)["history"][0]["code"] == ErrorCode.PDO_TOO_SHORT
+    assert "no error remembered" in run(drive, "emcy", "2", "--clear")[1]
+
+
+# export cdcf
+
+
+def test_a_concise_dcf_there_and_back(capsys: pytest.CaptureFixture[str], new_dcf: Path, tmp_path: Path) -> None:
+    concise, back = tmp_path / "drive.cdcf", tmp_path / "back.dcf"
+    assert main(["export", "cdcf", str(new_dcf), "-o", str(concise)]) == 0
+    assert capsys.readouterr().out == f"{concise}: 3 writes for node 2\n"
+    assert main(["export", "cdcf", str(concise), "--eds", str(DRIVE), "-o", str(back)]) == 0
+    assert back.read_text() == new_dcf.read_text()
+
+
+def test_a_concise_dcf_is_shown_in_the_order_of_its_writes(
+    capsys: pytest.CaptureFixture[str], new_dcf: Path, tmp_path: Path
+) -> None:
+    concise = tmp_path / "drive.cdcf"
+    main(["export", "cdcf", str(new_dcf), "-o", str(concise)])
+    capsys.readouterr()
+    assert main(["export", "cdcf", str(concise)]) == 0
+    assert capsys.readouterr().out.split() == ["0x1017:0", "0x14", "0x1403:1", "0x80000018", "0x1403:1", "0x18"]
+    assert main(["export", "cdcf", str(concise), "--eds", str(DRIVE)]) == 0
+    assert "0x1403:1  Goto XY.COB-ID used by PDO  0x80000018" in capsys.readouterr().out
+
+
+def test_a_damaged_concise_dcf_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    concise = tmp_path / "drive.cdcf"
+    concise.write_bytes(b"\1\0\0\0\x17")
+    assert main(["export", "cdcf", str(concise)]) == 2
+    told = f"eurobot-od: {concise}: not a concise DCF: ends at byte 5, 7 bytes expected at byte 4\n"
+    assert capsys.readouterr().err == told
+
+
+def test_a_dcf_needs_an_eds_to_be_made_of(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    concise = tmp_path / "drive.cdcf"
+    concise.write_bytes(b"\0\0\0\0")
+    assert main(["export", "cdcf", str(concise), "-o", str(tmp_path / "drive.dcf")]) == 2
+    assert "name the EDS by --eds" in capsys.readouterr().err

@@ -1,0 +1,94 @@
+"""`show`: the table of all messages, the picture of one, and both as JSON."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from eurobot_od import dialects
+from eurobot_od.cli.show import picture
+from eurobot_od.protocol import Protocol
+from tests.cli.console import run
+
+PROTOCOLS = {name: Protocol.load(name) for name in dialects.names()}
+
+
+@pytest.mark.parametrize("dialect", PROTOCOLS)
+def test_the_table_has_every_message_in_the_order_of_its_identifier(
+    capsys: pytest.CaptureFixture[str], dialect: str
+) -> None:
+    said = run(capsys, "show", "--dialect", dialect)
+    head, *rows = said.out.splitlines()
+    assert head.split()[:3] == ["COB-ID", "message", "from"]
+    bindings = PROTOCOLS[dialect].bindings
+    assert [int(row.split()[0], 16) for row in rows] == [binding.cob_id for binding in bindings]
+    assert all(binding.name in row for binding, row in zip(bindings, rows))
+    assert rows[7].split() == ["0x040", "Navi", "Position", "Request", "core", "navigation", "0"]
+
+
+def test_a_picture_shows_each_bit_where_it_is(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = run(capsys, "show", "Start Configuration Set").out.splitlines()
+    assert lines[0] == "Start Configuration Set  COB-ID 0x2C0  2 bytes"
+    assert lines[1] == "core -> drive, navigation"
+    rows = [line.split("|")[1:-1] for line in lines if line.startswith("byte ")]
+    assert [[cell.strip() for cell in row] for row in rows] == [
+        ["e3", "e2", "e1", "e0", "C0", "E1", "E0", "T0"],
+        ["n5", "n4", "n3", "n2", "n1", "n0", "e5", "e4"],
+    ]
+
+
+@pytest.mark.parametrize("name", PROTOCOLS["canopen"].names())
+@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=list(PROTOCOLS))
+def test_every_message_has_a_picture_with_every_bit_of_its_fields_once(protocol: Protocol, name: str) -> None:
+    lines, layout = list(picture(protocol.binding(name))), protocol.binding(name).layout
+    cells = [cell.strip() for line in lines if line.startswith("byte ") for cell in line.split("|")[1:-1]]
+    drawn = [cell for cell in cells if cell != "."]
+    assert len(cells) == 8 * layout.length
+    assert len(drawn) == len(set(drawn)) == sum(layout.widths[field] for field in layout.fields)
+    assert all(line == line.rstrip() for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [
+        ("goto xy", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
+        ("GotoXY", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
+        ("goto-xy", "Goto XY  COB-ID 0x008  8 bytes, 6 without barriers"),
+        ("Emergency Stop", "Emergency Stop  COB-ID 0x002  1 byte"),
+        ("Stop Drive", "Stop Drive  COB-ID 0x004  no data"),
+    ],
+)
+def test_a_message_is_found_however_its_name_is_written(
+    capsys: pytest.CaptureFixture[str], name: str, first: str
+) -> None:
+    assert run(capsys, "show", name).out.splitlines()[0] == first
+
+
+@pytest.mark.parametrize(("words", "count"), [(["show"], 23), (["show", "Goto XY"], 1)])
+def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str], count: int) -> None:
+    data = json.loads(run(capsys, *words, "--json").out)
+    assert len(data) == count
+    goto = next(each for each in data if each["name"] == "Goto XY")
+    assert goto["cob_id"] == 8
+    assert goto["fields"]["y"]["frame_bits"] == list(range(12, 24))
+
+
+def test_the_dialect_may_come_from_the_environment(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(dialects.VARIABLE, "firmware2014")
+    assert "direction" in run(capsys, "show").out
+    assert "direction" not in run(capsys, "show", "--dialect", "canopen").out
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["show", "Goto XZ"], "unknown message 'Goto XZ'; did you mean Goto XY?"),
+        (["show", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: canopen, firmware2014"),
+    ],
+)
+def test_what_is_not_there_is_named(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
+    said = run(capsys, *words)
+    assert (said.status, said.out, said.err) == (2, "", f"eurobot-od: {complaint}\n")

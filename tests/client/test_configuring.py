@@ -1,0 +1,312 @@
+"""Configuring a node from a DCF: all of it or nothing, and one clear line about file, node or bus if it fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime
+from pathlib import Path
+
+import canopen
+import pytest
+from canopen.sdo.exceptions import SdoAbortedError
+
+from eurobot_od import dcf
+from eurobot_od.client.configure import Outcome, apply, configure, difference
+from eurobot_od.client.description import Description, from_file
+from eurobot_od.client.master import RemoteNode
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.dictionary import Address, Value
+from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
+from eurobot_od.frame import Frame
+from eurobot_od.messages import GotoConfirm, GotoXY
+from eurobot_od.protocol import Protocol
+from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive
+from tests.conftest import with_entry
+
+NOW = datetime(2014, 5, 28, 12, 0, 1)
+NOW_BYTES = [(11105).to_bytes(4, "little"), (43_201_000).to_bytes(4, "little")]
+"""Days since 1984-01-01, and milliseconds since midnight."""
+
+HEARTBEAT: Address = (0x1017, 0)
+SPEED: Address = (0x2101, 1)
+COB_ID: Address = (0x1403, 1)
+COUNT: Address = (0x1603, 0)
+ENTRY: Address = (0x1603, 1)
+STORE: Address = (0x1010, 1)
+
+NEW: dict[Address, Value] = {HEARTBEAT: 500, SPEED: 900, COB_ID: 0x18, ENTRY: 0x20000110}
+"""What the tests configure: a setting of each kind, and Goto XY under 0x018 with 16 bits for x."""
+
+ORDER = [HEARTBEAT, SPEED, COB_ID, COUNT, ENTRY, COUNT, COB_ID, (0x1020, 1), (0x1020, 2), STORE]
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Callable[..., Description]:
+    """Writes a DCF of node 2 and reads it: values, EDS, and what is done to its text."""
+
+    def write(
+        values: dict[Address, Value], eds: str = DRIVE.read_text(), change: Callable[[str], str] = str, node_id: int = 2
+    ) -> Description:
+        file = tmp_path / "drive.dcf"
+        file.write_text(change(dcf.with_values(eds, values, node_id, "drive", 500)))
+        return from_file(file)
+
+    return write
+
+
+class Writes:
+    """Takes note of what is written to a stock node, and refuses or ends it where a test wants it to."""
+
+    def __init__(self, node: canopen.LocalNode) -> None:
+        self.node = node
+        self.addresses: list[Address] = []
+        self.refused: set[int] = set()
+        self.silent_after: int | None = None
+        node.add_write_callback(self._written)  # type: ignore[no-untyped-call]
+
+    def _written(self, index: int, subindex: int, od: object, data: bytes) -> None:
+        if len(self.addresses) in self.refused:
+            self.refused.clear()
+            raise SdoAbortedError(0x08000022)
+        self.addresses.append((index, subindex))
+        if len(self.addresses) == self.silent_after:
+            self.node.network.unsubscribe(0x602)
+
+
+def values(node: canopen.LocalNode) -> list[int]:
+    """What a stock node has of the objects that the tests configure."""
+    return [int.from_bytes(node.get_data(*address), "little") for address in NEW]
+
+
+def set_access(node: canopen.LocalNode, address: Address, access: str) -> None:
+    variable = node.object_dictionary.get_variable(*address)
+    assert variable is not None
+    variable.access_type = access
+
+
+FORMER = [1000, 800, 0x08, 0x2000010C]
+
+
+# It works
+
+
+def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier(
+    make: Callable[..., Description],
+) -> None:
+    description = make(NEW)
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        assert configure(node, description, NOW) == Outcome(len(NEW), stored=True)
+        assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
+        assert difference(node, description).changes == ()
+        protocol = Protocol.of(description.dictionary)
+        heard: list[Frame] = []
+        confirm = protocol.cob_id(GotoConfirm)
+        master.network.subscribe(confirm, lambda cob_id, data, _: heard.append(Frame(cob_id, bytes(data))))
+        master.send(*protocol.encode(GotoXY(1500, 1000, 90, 50)))
+        assert protocol.cob_id(GotoXY) == 0x18
+        assert master.pump(lambda: heard == [Frame(confirm)], 1)
+
+
+def test_the_order_of_writes_is_that_of_cia_301(
+    make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.1)
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        writes = Writes(node)
+        with pytest.raises(ConfigurationError):  # canopen's node sends no boot-up
+            configure(master.node(2), make(NEW), NOW)
+        assert writes.addresses == ORDER
+        assert values(node) == [NEW[address] for address in NEW]
+
+
+def test_a_difference_is_found_by_reading_alone(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        writes = Writes(node)
+        plan = difference(master.node(2), make(NEW))
+        assert writes.addresses == []
+    assert [(each.thing.address, *each.texts) for each in plan.changes] == [
+        (HEARTBEAT, "1000", "500"),
+        (COB_ID, "0x00000008", "0x00000018"),
+        (ENTRY, "0x2000010C", "0x20000110"),
+        (SPEED, "800", "900"),
+    ]
+
+
+def test_nothing_is_written_where_nothing_differs(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        writes = Writes(node)
+        assert configure(master.node(2), make({HEARTBEAT: 1000}), NOW) == Outcome(0, stored=False)
+        assert writes.addresses == []
+
+
+def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[..., Description]) -> None:
+    eds = DRIVE.read_text().replace("=0x1010\n", "=0x5010\n").replace("[1010", "[5010")
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        writes = Writes(node)
+        assert configure(master.node(2), make(NEW, eds), NOW) == Outcome(len(NEW), stored=False)
+        assert STORE not in writes.addresses
+
+
+def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Callable[..., Description]) -> None:
+    eds = with_entry(DRIVE.read_text(), "2101sub1", "AccessType", "wo")
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        writes = Writes(node)
+        set_access(node, SPEED, "wo")
+        set_access(node, STORE, "ro")
+        with pytest.raises(ConfigurationError, match="refused to write 0x1010:1"):
+            configure(master.node(2), make({SPEED: 900}, eds), NOW)
+        assert writes.addresses[0] == SPEED
+
+
+# The file is wrong
+
+
+@pytest.mark.parametrize(
+    ("make_arguments", "told"),
+    [
+        ({"node_id": 5}, "is for node 5, not for node 2"),
+        ({"eds": (EDS / "navigation.eds").read_text()}, "is for another device: node 2 has product code 0x2, not 0x3"),
+        (
+            {"change": lambda text: text.replace("[1018sub1]\n", "[1018sub1]\nParameterValue=7\n")},
+            "has vendor-ID 0x0, not",
+        ),
+        ({"change": lambda text: text[: text.index("[DeviceCom")]}, "incomplete: no NodeID in [DeviceComissioning]"),
+        ({"change": lambda text: text.replace("[1017]", "[5017]")}, "incomplete: no section [1017]"),
+        ({"values": {SPEED: 0}}, "0x2101: sub 1 (Motion.Maximum speed): 0 is not allowed; allowed: 1.."),
+        ({"values": {HEARTBEAT: 65536}}, "0x1017: sub 0 (Producer heartbeat time): 65536 is not allowed"),
+        ({"values": {HEARTBEAT: "often"}}, "(Producer heartbeat time): often is not allowed; allowed: an integer"),
+        ({"values": {ENTRY: 0x30000110}}, "0x1603: maps 0x3000 sub 1, which is missing"),
+        ({"values": {ENTRY: 0x20000111}}, "0x1603: maps 0x2000 sub 1 with 17 bits, its type has 16"),
+        ({"values": {(0x2100, 1): 3}}, "0x2100: Node-ID 3 is not the NodeID 2"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(
+    make: Callable[..., Description], make_arguments: dict[str, object], told: str
+) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        writes = Writes(node)
+        with pytest.raises(DictionaryError) as refused:
+            configure(master.node(2), make(**{"values": NEW, **make_arguments}), NOW)
+        assert told in str(refused.value)
+        assert str(refused.value).startswith(make({}).dictionary.file.as_posix())
+        assert writes.addresses == []
+
+
+def test_an_object_that_the_node_does_not_have_is_the_files_fault(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        del node.object_dictionary[0x2101]
+        writes = Writes(node)
+        with pytest.raises(
+            DictionaryError, match=r"0x2101: sub 1 \(Motion\.Maximum speed\): node 2 has no such object"
+        ):
+            configure(master.node(2), make(NEW), NOW)
+        assert writes.addresses == []
+
+
+@pytest.mark.parametrize("share", [0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
+def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], share: float) -> None:
+    with stock_drive() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
+        configure(master.node(2), make(NEW, change=lambda text: text[: round(share * len(text))]), NOW)
+
+
+# The node is wrong
+
+
+@pytest.mark.parametrize("place", range(len(ORDER)))
+def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Description], place: int) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        Writes(node).refused.add(place)
+        with pytest.raises(ConfigurationError) as told:
+            configure(master.node(2), make(NEW), NOW)
+        assert values(node) == FORMER
+    index, subindex = ORDER[place]
+    assert f"node 2 refused to write 0x{index:04X}:{subindex}" in str(told.value)
+    assert str(told.value).endswith("; node 2 has its former values again and is pre-operational")
+
+
+@pytest.mark.parametrize("place", range(1, len(ORDER)))
+def test_silence_anywhere_names_what_is_written_and_what_is_not(
+    make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch, place: int
+) -> None:
+    monkeypatch.setattr("eurobot_od.client.configure.STORE_WAIT", 0.05)
+    with stock_drive() as (channel, node), master_on(channel, 0.05) as master:
+        Writes(node).silent_after = place
+        with pytest.raises(ConfigurationError) as told:
+            configure(master.node(2), make(NEW), NOW)
+    head, _, state = str(told.value).partition("; ")
+    assert head.startswith("no answer of node 2")
+    assert state.startswith("node 2 is pre-operational; written and not stored: ")
+    new, _, old = state.partition("not written: ")
+    speed = "0x2101:1 Motion.Maximum speed"
+    assert (speed in new) == (ORDER.index(SPEED) <= place)
+    assert (speed in old) == (ORDER.index(SPEED) > place)
+
+
+def test_a_value_that_does_not_read_back_is_taken_back(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        node.add_read_callback(  # type: ignore[no-untyped-call]
+            lambda index, subindex, **_: 801 if (index, subindex) == SPEED else None
+        )
+        with pytest.raises(ConfigurationError, match="reads 801 after 900 was written; node 2 has its former values"):
+            configure(master.node(2), make(NEW), NOW)
+        assert node.get_data(*HEARTBEAT) == b"\xe8\x03"
+
+
+class Interrupted(RemoteNode):
+    """A node whose user presses Ctrl-C after the third write."""
+
+    writes = 0
+
+    def download(self, address: Address, data: bytes, name: str = "", wait: float | None = None) -> None:
+        super().download(address, data, name, wait)
+        self.writes += 1
+        if self.writes == 3:
+            raise KeyboardInterrupt
+
+
+def test_an_interrupt_leaves_the_node_as_it_was(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        with pytest.raises(ConfigurationError, match=r"^interrupted; node 2 has its former values again"):
+            configure(Interrupted(master, 2), make(NEW), NOW)
+        assert values(node) == FORMER
+
+
+def test_a_node_goes_back_to_the_state_it_was_in(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        Writes(node).refused.add(1)
+        remote = master.node(2)
+        node.nmt.state = "OPERATIONAL"
+        node.network.send_message(0x702, bytes([NmtState.OPERATIONAL]))
+        assert remote.wait_for(NmtState.OPERATIONAL, 1)
+        with pytest.raises(ConfigurationError, match="has its former values again and is operational"):
+            configure(remote, make(NEW), NOW)
+        assert remote.upload(HEARTBEAT) == b"\xe8\x03"  # by now the node has seen all that was sent before
+        assert node.nmt.state == "OPERATIONAL"
+
+
+def test_a_node_that_does_not_boot_was_configured_before(
+    make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eurobot_od.client.master.BOOT_WAIT", 0.05)
+    with stock_drive() as (channel, _), master_on(channel) as master:
+        told = "no boot-up of node 2 .*; node 2 was written completely, stored and reset before that"
+        with pytest.raises(ConfigurationError, match=told):
+            configure(master.node(2), make(NEW), NOW)
+
+
+def test_a_node_that_is_not_there_is_told_before_anything_is_sent_to_it(make: Callable[..., Description]) -> None:
+    with robot() as channel, master_on(channel, 0.02) as master, pytest.raises(NoAnswer):
+        configure(master.node(2), make(NEW), NOW)
+
+
+# The bus is wrong
+
+
+def test_a_bus_that_fails_half_way_names_the_state(make: Callable[..., Description]) -> None:
+    with stock_drive() as (channel, node), master_on(channel, 0.3) as master:
+        remote = master.node(2)
+        plan = difference(remote, make(NEW))
+        node.add_write_callback(lambda **_: master.bus.shutdown())  # type: ignore[no-untyped-call]
+        with pytest.raises(BusError, match=r"closed bus; node 2 is pre-operational; written and not stored: 0x1017:0 "):
+            apply(remote, plan, NOW)

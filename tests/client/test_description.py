@@ -1,0 +1,77 @@
+"""Who a node is, and which EDS describes it: ours by identity, its own by upload."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od import dialects
+from eurobot_od.client.description import Identity, device_name, from_file, of_dialect, uploaded
+from eurobot_od.errors import DictionaryError
+from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
+
+NO_SUCH_OBJECT = bytes.fromhex("00000206")
+DRIVE_IDENTITY = Identity(0, 2, 0x10000, 1)
+
+
+def test_a_node_and_its_eds_have_one_identity() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        assert Identity.read(master.node(2)) == DRIVE_IDENTITY
+    assert Identity.of(from_file(DRIVE).dictionary) == DRIVE_IDENTITY
+
+
+@pytest.mark.parametrize(
+    ("other", "difference"),
+    [
+        (DRIVE_IDENTITY, None),
+        (DRIVE_IDENTITY._replace(serial=99), None),  # another piece of the same kind
+        (DRIVE_IDENTITY._replace(revision=0x10007), None),  # a minor revision behaves the same
+        (DRIVE_IDENTITY._replace(revision=0x20000), "major revision 0x2, not 0x1"),
+        (DRIVE_IDENTITY._replace(product=3), "product code 0x3, not 0x2"),
+        (DRIVE_IDENTITY._replace(vendor=0x123), "vendor-ID 0x123, not 0x0"),
+    ],
+)
+def test_kinds_of_devices_differ_in_vendor_product_or_major_revision(other: Identity, difference: str | None) -> None:
+    assert DRIVE_IDENTITY.difference(other) == difference
+
+
+def test_a_node_without_identity_has_zeros_and_no_name() -> None:
+    with peer(lambda request: [b"\x80" + request[1:4] + NO_SUCH_OBJECT]) as channel, master_on(channel) as master:
+        node = master.node(2)
+        assert Identity.read(node) == Identity()
+        assert device_name(node) == ""
+        assert uploaded(node) is None
+
+
+def test_our_nodes_are_recognised_by_their_identity() -> None:
+    with robot("drive", "navigation") as channel, master_on(channel) as master:
+        for node_id, name in ((2, "drive"), (3, "navigation")):
+            found = of_dialect(master.node(node_id))
+            assert found is not None
+            assert found.dictionary.file == dialects.folder("canopen") / f"{name}.eds"
+
+
+def test_an_eds_of_another_dialect_is_not_taken() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        assert of_dialect(master.node(2), "firmware2014") is None
+
+
+def test_our_node_gives_its_eds() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        found = uploaded(master.node(2))
+    assert found is not None
+    assert found.text == DRIVE.read_text()
+    assert found.dictionary.node_id == 2
+    assert found.dictionary.default((0x1200, 1)) == 0x602
+
+
+def test_an_eds_that_is_none_is_refused() -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        node.set_data(0x1021, 0, b"[1000]\nno EDS")
+        with pytest.raises(DictionaryError, match=r"^EDS of node 2: not a readable EDS"):
+            uploaded(master.node(2))
+
+
+def test_a_compressed_eds_is_not_taken() -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        node.set_data(0x1022, 0, b"\1")
+        assert uploaded(master.node(2)) is None

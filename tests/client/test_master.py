@@ -1,0 +1,145 @@
+"""SDO transfers of a master: answers of every kind, silence, and a bus that fails, each as one error of ours."""
+
+from __future__ import annotations
+
+import can
+import pytest
+
+from eurobot_od.client.master import Master, label
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
+from tests.client.peers import master_on, new_channel, peer, robot, stock_drive, virtual_bus
+
+HEARTBEAT_TIME = (0x1017, 0)
+EXPEDITED_TWO_BYTES = bytes.fromhex("4b171000e8030000")
+SEGMENTED_100_BYTES = bytes.fromhex("4108100064000000")
+
+
+def test_our_node_is_read_and_written() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        assert node.upload(HEARTBEAT_TIME) == b"\xe8\x03"
+        node.download(HEARTBEAT_TIME, b"\xf4\x01")
+        assert node.upload(HEARTBEAT_TIME) == b"\xf4\x01"
+        assert node.upload((0x1008, 0)) == b"Eurobot 2014 drive"  # in segments
+
+
+def test_a_long_object_comes_by_blocks_from_our_node_and_by_segments_from_one_without_them() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        assert master.node(2).upload_block((0x1021, 0)).startswith(b"[FileInfo]")
+    with stock_drive() as (channel, _), master_on(channel) as master:
+        assert master.node(2).upload_block((0x1008, 0)) == b"Eurobot 2014 drive"
+
+
+@pytest.mark.parametrize(
+    ("address", "data", "code"),
+    [
+        ((0x5000, 0), None, 0x06020000),  # no such object
+        ((0x1018, 9), None, 0x06090011),  # no such sub-index
+        ((0x1018, 1), b"\0\0\0\0", 0x06010002),  # read only
+        (HEARTBEAT_TIME, b"\0\0\0", 0x06070012),  # too long
+    ],
+)
+def test_a_refusal_names_node_object_and_abort(address: tuple[int, int], data: bytes | None, code: int) -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        with pytest.raises(NodeRefused, match=f"^node 2 refused to (read|write) 0x{address[0]:04X}") as refused:
+            node.upload(address, "Thing") if data is None else node.download(address, data, "Thing")
+    assert refused.value.code == code
+    assert "Thing" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "answers",
+    [
+        [],  # nobody there
+        [b""],  # a frame without data is no answer
+        [EXPEDITED_TWO_BYTES[:5]],  # nor is one that is too short
+        [SEGMENTED_100_BYTES],  # an answer that ends after its first frame
+    ],
+)
+def test_silence_is_no_answer(answers: list[bytes]) -> None:
+    first = iter([answers])
+    told = r"^no answer of node 2 after 1 x read 0x1008:0 Name \(50 ms each\)"
+    with (
+        peer(lambda _: next(first, [])) as channel,
+        master_on(channel, 0.05) as master,
+        pytest.raises(NoAnswer, match=told),
+    ):
+        master.node(2).upload((0x1008, 0), "Name")
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        bytes.fromhex("4b18100001000000"),  # another object
+        bytes.fromhex("6017100000000000"),  # the answer to a write
+        bytes.fromhex("ff17100000000000"),  # no command of SDO
+    ],
+)
+def test_an_odd_answer_is_told_as_such(answer: bytes) -> None:
+    with (
+        peer(lambda _: [answer]) as channel,
+        master_on(channel) as master,
+        pytest.raises(RemoteError, match="node 2 gave an odd answer to read 0x1017:0"),
+    ):
+        master.node(2).upload(HEARTBEAT_TIME)
+
+
+def test_an_unknown_abort_code_is_shown() -> None:
+    abort = bytes.fromhex("80171000efbeadde")
+    with (
+        peer(lambda _: [abort]) as channel,
+        master_on(channel) as master,
+        pytest.raises(NodeRefused, match=r"for a reason of its own \(0xDEADBEEF\)"),
+    ):
+        master.node(2).upload(HEARTBEAT_TIME)
+
+
+def test_a_bus_that_fails_is_a_bus_error() -> None:
+    with master_on(new_channel()) as master:
+        master.bus.shutdown()
+        with pytest.raises(BusError, match="closed bus"):
+            master.node(2).upload(HEARTBEAT_TIME)
+        with pytest.raises(BusError, match="closed bus"):
+            master.pump(lambda: False, 1)
+
+
+def test_nmt_commands_act_and_the_heartbeat_tells() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        node.download(HEARTBEAT_TIME, b"\x0a\0")
+        for command, state in (
+            (NmtCommand.ENTER_PRE_OPERATIONAL, NmtState.PRE_OPERATIONAL),
+            (NmtCommand.STOP, NmtState.STOPPED),
+            (NmtCommand.START, NmtState.OPERATIONAL),
+        ):
+            node.command(command)
+            assert node.wait_for(state, 1)
+            assert node.state(1) is state
+
+
+def test_a_reset_waits_for_the_boot_up() -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        node.download(HEARTBEAT_TIME, b"\x0a\0")
+        node.reset()
+        assert node.upload(HEARTBEAT_TIME) == b"\xe8\x03"
+
+
+def test_only_classic_base_data_frames_are_heard() -> None:
+    channel = new_channel()
+    with Master(virtual_bus(channel)) as master, virtual_bus(channel) as sender:
+        sender.send(can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=True))
+        sender.send(can.Message(arbitration_id=0x702, is_remote_frame=True, is_extended_id=False))
+        sender.send(can.Message(arbitration_id=0x702, data=b"\x05\0", is_extended_id=False))  # two bytes
+        sender.send(can.Message(arbitration_id=0x702, data=b"\x33", is_extended_id=False))  # no state
+        master.pump(lambda: False, 0.01)
+        assert master.states == {}
+        sender.send(can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=False))
+        assert master.pump(lambda: master.states == {2: NmtState.OPERATIONAL}, 1)
+
+
+def test_an_address_for_a_person() -> None:
+    assert label((0x1017, 0), "Producer heartbeat time") == "0x1017:0 Producer heartbeat time"
+    assert label((0x1017, 0)) == "0x1017:0"

@@ -1,0 +1,40 @@
+"""What several test files use: EDS files of a dialect, copied and spoilt in one place; hypothesis without a clock."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+# No test may depend on how fast the machine is.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
+
+EDS = Path(__file__).parents[1] / "eds"
+
+
+def with_entry(text: str, section: str, key: str, value: str | None) -> str:
+    """Give `key` in `[section]` another value, None: take its line out."""
+    line = "" if value is None else f"{key}={value}\n"
+    changed, count = re.subn(rf"(\[{section}\]\n(?:[^\[\n].*\n)*?){key}=.*\n", rf"\g<1>{line}", text)
+    assert count == 1, (section, key)
+    return changed
+
+
+@pytest.fixture
+def spoil_eds(tmp_path: Path) -> Callable[..., Path]:
+    """Copies the EDS files of `dialect` and changes entries (node, section, key, value); gives their folder."""
+
+    def spoil(*changes: tuple[str, str, str, str | None], dialect: str = "canopen") -> Path:
+        folder = tmp_path / "eds"
+        shutil.copytree(EDS / dialect, folder)
+        for node, section, key, value in changes:
+            file = folder / f"{node}.eds"
+            file.write_text(with_entry(file.read_text(), section, key, value))
+        return folder
+
+    return spoil

@@ -1,0 +1,132 @@
+"""Stock canopen as master of live nodes on an in-process bus: it reads, configures, resets, and the bus follows."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from typing import Any
+
+import can
+import canopen
+import pytest
+
+from eurobot_od import dialects
+from eurobot_od.frame import Frame
+from eurobot_od.messages import CheckDriveRequest
+from eurobot_od.nodes import ROLES
+from eurobot_od.runtime import Live
+
+PATIENCE = 5.0
+"""Seconds after which an answer that has not come does not come."""
+
+
+@pytest.fixture
+def channel(request: pytest.FixtureRequest) -> str:
+    return str(request.node.name)
+
+
+@pytest.fixture(autouse=True)
+def _patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let stock canopen wait longer than its 0.3 s, whatever else the computer has to do."""
+    monkeypatch.setattr("canopen.sdo.client.SdoClient.RESPONSE_TIMEOUT", PATIENCE)
+
+
+def bus(channel: str) -> can.BusABC:
+    return can.Bus(interface="virtual", channel=channel)
+
+
+def connected(network: canopen.Network) -> canopen.Network:
+    """Connect a network whose notifier ends quickly."""
+    network.NOTIFIER_CYCLE = 0.05
+    return network.connect()
+
+
+@pytest.fixture
+def drive(channel: str) -> Iterator[Live]:
+    with Live.node(bus(channel), ROLES["drive"](dialects.load("drive"))) as live:
+        yield live
+
+
+@pytest.fixture
+def network(channel: str) -> Iterator[canopen.Network]:
+    with canopen.Network(bus(channel)) as network:
+        yield connected(network)
+
+
+class Expected:
+    """Waits for a frame with one COB-ID."""
+
+    def __init__(self, network: canopen.Network, cob_id: int) -> None:
+        self._came = threading.Event()
+        self._data = b""
+        network.subscribe(cob_id, self._take)
+
+    def _take(self, _: int, data: bytearray, __: float) -> None:
+        self._data = bytes(data)
+        self._came.set()
+
+    def data(self) -> bytes:
+        assert self._came.wait(PATIENCE)
+        return self._data
+
+
+@pytest.mark.usefixtures("drive")
+def test_a_master_reads_the_eds_rewrites_all_pdos_and_hears_the_boot_up(network: canopen.Network) -> None:
+    remote: Any = network.add_node(2, upload_eds=True)
+    for pdos in (remote.tpdo, remote.rpdo):
+        pdos.read()
+        pdos.save()
+    boot_up = Expected(network, 0x702)
+    remote.nmt.state = "RESET"
+    assert boot_up.data() == b"\x00"
+
+
+def test_a_changed_identifier_is_live_on_the_bus(network: canopen.Network, drive: Live) -> None:
+    remote: Any = network.add_node(2, upload_eds=True)
+    remote.rpdo.read()
+    request = next(pdo for pdo in remote.rpdo.values() if pdo.cob_id == 0x3C0)
+    request.cob_id = 0x3C5
+    request.save()
+    answer = Expected(network, 0x400)
+    network.send_message(0x3C5, b"")
+    assert answer.data() == b""
+    assert 0x3C5 in {each["can_id"] for each in drive.bus.filters or ()}
+    assert 0x3C0 not in {each["can_id"] for each in drive.bus.filters or ()}
+
+
+def test_a_listener_of_the_program_follows_a_changed_identifier(channel: str) -> None:
+    live = Live.node(bus(channel), ROLES["drive"](dialects.load("drive")))
+    queue = live.gatekeeper.add_queue(CheckDriveRequest)
+    with live, canopen.Network(bus(channel)) as network:
+        connected(network)
+        remote: Any = network.add_node(2, str(dialects.load("drive").file))
+        remote.rpdo.read()
+        request = next(pdo for pdo in remote.rpdo.values() if pdo.cob_id == 0x3C0)
+        request.cob_id = 0x3C5
+        request.save()
+        network.send_message(0x3C5, b"")
+        received = queue.get(PATIENCE)
+    assert received is not None
+    assert (received.message, received.frame) == (CheckDriveRequest(), Frame(0x3C5))
+
+
+CONTROLLER = [
+    (0x004, "0001000000000000", "1081", "a receive buffer has overflown"),
+    (0x004, "0010000000000000", "2081", "error passive"),
+    (0x3C0, "0000000000000000", "4081", "restarted after bus-off"),
+]
+"""Error frames as Linux has them; the in-process bus filters them like others, so they have an identifier of ours."""
+
+
+@pytest.mark.usefixtures("drive")
+@pytest.mark.parametrize(("identifier", "data", "code", "why"), CONTROLLER)
+def test_what_the_controller_reports_becomes_an_emergency(
+    network: canopen.Network, identifier: int, data: str, code: str, why: str
+) -> None:
+    emergency = Expected(network, 0x082)
+    message = can.Message(
+        arbitration_id=identifier, data=bytes.fromhex(data), is_error_frame=True, is_extended_id=False
+    )
+    assert network.bus is not None
+    network.bus.send(message)
+    assert emergency.data()[:2] == bytes.fromhex(code), why

@@ -1,0 +1,155 @@
+"""Two dictionaries are compared by what they mean, and a file with what a node says."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import canopen
+import pytest
+
+from eurobot_od.cli.diff import read_node
+from eurobot_od.errors import NoAnswer
+from eurobot_od.lint.diff import NO_OBJECT, Reading, compare, compare_live, readable
+from eurobot_od.lint.files import read_device
+from eurobot_od.lint.model import Device
+from eurobot_od.lint.rules import load
+from tests.lint.mutations import BASES, CLEAN
+
+DRIVE = Path(__file__).resolve().parents[2] / "eds/canopen/drive.eds"
+
+
+def device(text: str, name: str = "a.eds") -> Device:
+    return load(text.encode(), name)
+
+
+SAME = [
+    # (what is written differently, pattern, replacement)
+    ("number base", r"DefaultValue=0x00000080", "DefaultValue=128"),
+    ("octal", r"DefaultValue=500\b", "DefaultValue=0764"),
+    ("case of keys", r"AccessType=", "ACCESSTYPE="),
+    ("case of values", r"AccessType=rw\n", "AccessType=RW\n"),
+    ("line ends", r"\n", "\r\n"),
+    ("comments", r"\[2008\]", "; a comment\n[2008]"),
+    ("names", r"ParameterName=Unit", "ParameterName=Einheit"),
+    ("file information", r"FileVersion=1", "FileVersion=7"),
+    (
+        "limits that are the type's",
+        r"DefaultValue=0\nPDOMapping=1",
+        "HighLimit=0xFFFFFFFF\nDefaultValue=0\nPDOMapping=1",
+    ),
+]
+
+
+@pytest.mark.parametrize(("what", "pattern", "replacement"), SAME, ids=[each[0] for each in SAME])
+def test_how_it_is_written_does_not_count(what: str, pattern: str, replacement: str) -> None:
+    count = 1 if what.startswith("limits") else 0
+    changed = re.sub(pattern, lambda _: replacement, CLEAN, count=count)
+    assert changed != CLEAN
+    assert compare(device(CLEAN), device(changed)) == []
+
+
+DIFFERENT = [
+    # (section, old, new, the differences as text)
+    ("2000", "DataType=0x0007", "DataType=0x0004", ["type: UNSIGNED32 -> INTEGER32", "limit"]),
+    ("2000", "AccessType=ro", "AccessType=rwr", ["0x2000 sub 0: access: ro -> rwr"]),
+    ("2000", "PDOMapping=1", "PDOMapping=0", ["0x2000 sub 0: mappable: yes -> no"]),
+    ("2007", "HighLimit=100", "HighLimit=0x65", ["0x2007 sub 0: high limit: 100 -> 101"]),
+    ("1017", "DefaultValue=500", "DefaultValue=600", ["0x1017 sub 0: value: 500 -> 600"]),
+    ("2008", "DefaultValue=mm", "DefaultValue=cm", ["0x2008 sub 0: value: mm -> cm"]),
+    ("2002", "ObjectType=0x8", "ObjectType=0x9", ["0x2002: object: ARRAY -> RECORD"]),
+    ("1400sub1", "+0x200", "+0x80000200", ["COB-ID: $NODEID+0x200 -> $NODEID+0x200, not valid"]),
+    ("1A00sub2", "0x20010310", "0x20020110", ["32..47 0x2001 sub 3 -> 0..31 0x2000 sub 0; 32..47 0x2002 sub 1"]),
+    ("1A00sub0", "DefaultValue=2", "DefaultValue=0", ["-> no data"]),
+    ("1A00sub4", "0x00000000", "0x20020110", []),  # behind the mapped ones: means nothing
+    ("DeviceInfo", "BaudRate_50=1", "BaudRate_50=0", ["device: bit rates: 50, 125, 250, 500, 1000 -> 125, 250"]),
+    ("2002sub3", "[2002sub3]", "[2002sub4]", ["sub 3: sub-index: Channel 3 -> -", "sub 4: sub-index: - -> Channel 3"]),
+    ("2008", "[2008]", "[2F08]", ["0x2008: object: VAR -> -", "0x2F08: object: - -> VAR"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("section", "old", "new", "expected"), DIFFERENT, ids=[f"{e[0]} {e[2]}" for e in DIFFERENT])
+def test_what_it_means_counts(section: str, old: str, new: str, expected: list[str]) -> None:
+    start = CLEAN.index(f"[{section}]")
+    changed = CLEAN[:start] + CLEAN[start:].replace(old, new, 1)
+    found = [str(each) for each in compare(device(CLEAN), device(changed))]
+    assert bool(found) == bool(expected)
+    assert all(any(text in each for each in found) for text in expected), found
+
+
+def test_names_count_if_that_is_asked_for() -> None:
+    changed = CLEAN.replace("ParameterName=Unit", "ParameterName=Einheit")
+    found = compare(device(CLEAN), device(changed), with_names=True)
+    assert [str(each) for each in found] == ["0x2008 sub 0: name: Unit -> Einheit"]
+
+
+def test_an_eds_and_its_dcf_are_the_same_for_the_dcfs_node() -> None:
+    dcf = BASES["dcf"][1].replace("DefaultValue=$NODEID+0x200", "DefaultValue=$NODEID+0x200\nParameterValue=0x205")
+    assert compare(device(CLEAN), device(dcf, "a.dcf")) == []
+    assert [each.right for each in compare(device(CLEAN), device(dcf, "a.dcf"), 6)] == ["0x205"]
+
+
+def test_a_compact_array_is_the_array_written_out() -> None:
+    compact = BASES["compact"][1]
+    subs = [
+        ("Highest sub-index", 5, "ro", 8),
+        *(("Calibration", 6, "rw", 12 if sub == 2 else 10) for sub in range(1, 9)),
+    ]
+    sections = "".join(
+        f"[2009sub{sub}]\nParameterName={name}\nDataType={type_}\nAccessType={access}\nDefaultValue={value}\n\n"
+        for sub, (name, type_, access, value) in enumerate(subs)
+    )
+    head = "[2009]\nParameterName=Calibration\nObjectType=8\nSubNumber=9\n\n"
+    written_out = compact[: compact.index("[2009]")] + head + sections
+    assert compare(device(compact), device(written_out)) == []
+
+
+LIVE: list[tuple[dict[tuple[int, int], Reading], list[str]]] = [
+    # (what the node says, the differences)
+    ({}, []),
+    ({(0x1017, 0): b"\xf4\x01"}, []),
+    ({(0x1017, 0): b"\xf5\x01"}, ["0x1017 sub 0: value: 500 -> 501"]),
+    ({(0x1017, 0): b"\xf4\x01\x00"}, ["0x1017 sub 0: bytes: 2 -> 3"]),
+    ({(0x1017, 0): NO_OBJECT}, ["0x1017 sub 0: on the node: Producer heartbeat time -> -"]),
+    ({(0x1017, 0): 0x08000020}, ["0x1017 sub 0: on the node: Producer heartbeat time -> abort 0x08000020"]),
+    ({(0x2000, 0): b"\x01\x02\x03\x04"}, []),  # process data
+    ({(0x1001, 0): b"\x01"}, []),  # a state
+    ({(0x2007, 0): b"\xfb\xff"}, []),  # -5
+    ({(0x2008, 0): b"mm"}, []),
+    ({(0x2005, 0): b"\x00\xff\x11"}, ["0x2005 sub 0: value: 00ff10 -> 00ff11"]),
+    ({(0x2005, 0): b"\x00\xff\x10"}, []),
+    ({(0x2004, 0): b"\x00\x00\x80\x3f"}, ["0x2004 sub 0: value: 0.0 -> 1.0"]),
+    ({(0x1014, 0): b"\x85\x00\x00\x00"}, []),  # $NODEID+0x80 of node 5
+    ({(0x1400, 1): b"\x05\x02\x00\x80"}, ["0x1400 sub 1: RPDO 1 COB-ID: 0x205 -> 0x205, not valid"]),
+    ({(0x1A00, 0): b"\x01"}, ["0x1A00: TPDO 1 mapping: 0..31 0x2000 sub 0; 32..47 0x2001 sub 3 -> 0..31 0x2000 sub 0"]),
+]
+
+
+@pytest.mark.parametrize(("readings", "expected"), LIVE, ids=[str(next(iter(each[0].items()), "")) for each in LIVE])
+def test_a_nodes_answers_are_compared(readings: dict[tuple[int, int], Reading], expected: list[str]) -> None:
+    assert [str(each) for each in compare_live(device(CLEAN), readings, 5)] == expected
+
+
+def test_a_live_node_is_compared_by_sdo() -> None:
+    file = read_device(str(DRIVE))
+    with canopen.Network() as here, canopen.Network() as there:
+        here.connect(interface="virtual", channel="diff")
+        there.connect(interface="virtual", channel="diff")
+        node = there.create_node(2, str(DRIVE))
+        same = compare_live(file, read_node(here, 2, readable(file)), 2)
+        node.sdo[0x1017].raw = 123
+        node.sdo[0x1400][1].raw = 0x80000001
+        changed = compare_live(file, read_node(here, 2, readable(file)), 2)
+    assert same == []
+    assert [str(each) for each in changed] == [
+        "0x1017 sub 0: value: 1000 -> 123",
+        "0x1400 sub 1: RPDO 1 COB-ID: 0x001 -> 0x001, not valid",
+    ]
+
+
+def test_a_node_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.cli.diff.ANSWER_WAIT", 0.01)
+    with canopen.Network() as network:
+        network.connect(interface="virtual", channel="nobody")
+        with pytest.raises(NoAnswer, match="0x1000 sub 0"):
+            read_node(network, 9, [(0x1000, 0)])

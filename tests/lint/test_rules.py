@@ -1,0 +1,45 @@
+"""Every rule for a single file flags its own defects at their lines, and nothing in the clean files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.lint.findings import Severity
+from eurobot_od.lint.rules import FILE_RULES, lint
+from tests.lint.mutations import BASES, DEFECTS, Defect, broken_file, expected_line
+
+ROOT = Path(__file__).resolve().parents[2]
+OWN_FILES = sorted((ROOT / "eds").glob("*/*.eds"))
+
+
+@pytest.mark.parametrize("base", BASES)
+def test_nothing_is_found_in_a_clean_file(base: str) -> None:
+    name, text = BASES[base]
+    assert lint(text.encode(), name) == []
+
+
+@pytest.mark.parametrize("defect", DEFECTS, ids=lambda defect: defect.name)
+def test_a_defect_is_flagged_by_its_code_at_its_line(defect: Defect) -> None:
+    found = lint(broken_file(defect), BASES[defect.base][0])
+    assert (expected_line(defect), defect.code) in {(each.line, each.code) for each in found}, found
+
+
+def test_every_rule_has_a_defect() -> None:
+    assert {each.code for each in FILE_RULES} - {each.code for each in DEFECTS} == set()
+
+
+def test_there_are_many_different_defects() -> None:
+    assert len({each.name for each in DEFECTS}) == len(DEFECTS) >= 120
+
+
+def test_a_code_is_a_rule_of_its_own() -> None:
+    codes = [each.code for each in FILE_RULES]
+    assert len(set(codes)) == len(codes)
+    assert len({code[1:] for code in codes}) == len(codes)  # a change of severity never makes two rules look alike
+
+
+@pytest.mark.parametrize("file", OWN_FILES, ids=lambda file: "/".join(file.parts[-2:]))
+def test_our_own_files_have_nothing_above_info(file: Path) -> None:
+    assert [each for each in lint(file.read_bytes(), str(file)) if each.severity is not Severity.INFO] == []

@@ -1,0 +1,84 @@
+"""What frames mean: messages as the protocol decodes them, and damage by its name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from eurobot_od import dialects
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.logs.raw import Damage, Foreign, Raw
+from eurobot_od.messages import GotoXY, KalmanPositionResponse, describe
+from eurobot_od.protocol import Protocol
+from eurobot_od.values import Barriers, Source
+
+POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
+
+
+@pytest.fixture(scope="module")
+def decoder() -> Decoder:
+    return Decoder(dialects.load_all(dialects.DEFAULT))
+
+
+def test_a_message(decoder: Decoder) -> None:
+    frame = decoder.protocol.encode(POSITION)
+    meaning = decoder(frame)
+    assert meaning.raw == frame
+    assert meaning.message == POSITION
+    assert meaning.text == describe(POSITION)
+    assert (meaning.name, meaning.group, meaning.nodes) == ("Kalman Position Response", "ELP", ("drive", "core"))
+    assert meaning.findings == ()
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_fields_that_the_dialect_does_not_map_are_not_in_the_words(dialect: str) -> None:
+    decoder = Decoder(dialects.load_all(dialect))
+    meaning = decoder(decoder.protocol.encode(GotoXY(1, 2, 3, 4, Barriers(0))))
+    assert ("direction" in meaning.text) is ("direction" in decoder.protocol.binding(GotoXY).limits)
+
+
+def goto(protocol: Protocol, **values: int) -> bytes:
+    return protocol.pack("Goto XY", **({"x": 1, "y": 2, "angle": 3, "speed": 4} | values))
+
+
+DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bool]] = [
+    ("unknown", lambda _: Frame(0x123, b"\1"), [(Damage.UNKNOWN_IDENTIFIER, "123#01")], False),
+    (
+        "too short",
+        lambda p: Frame(0x008, goto(p)[:3]),
+        [(Damage.WRONG_LENGTH, "3 bytes of data, expected 6 or 8")],
+        False,
+    ),
+    ("too long", lambda _: Frame(0x014, bytes(4)), [(Damage.WRONG_LENGTH, "4 bytes of data, expected 3; read")], True),
+    (
+        "out of range",
+        lambda p: Frame(0x008, goto(p, x=3001)),
+        [(Damage.OUT_OF_RANGE, "x = 3001, allowed: 0..3000 mm")],
+        True,
+    ),
+    (
+        "out of range twice",
+        lambda p: Frame(0x008, goto(p, speed=101, angle=360)),
+        [(Damage.OUT_OF_RANGE, "angle = 360"), (Damage.OUT_OF_RANGE, "speed = 101, allowed: 0..100 %")],
+        True,
+    ),
+    ("extended", lambda _: Foreign(Damage.EXTENDED, "18FF0001#"), [(Damage.EXTENDED, "18FF0001#")], False),
+    (
+        "no data where there is some",
+        lambda _: Frame(0x100),
+        [(Damage.WRONG_LENGTH, "0 bytes of data, expected 5")],
+        False,
+    ),
+]
+
+
+@pytest.mark.parametrize(("raw", "findings", "read"), [row[1:] for row in DAMAGED], ids=[row[0] for row in DAMAGED])
+def test_damage(
+    decoder: Decoder, raw: Callable[[Protocol], Raw], findings: list[tuple[Damage, str]], read: bool
+) -> None:
+    meaning = decoder(raw(decoder.protocol))
+    assert [found.damage for found in meaning.findings] == [damage for damage, _ in findings]
+    assert all(text in found.text for found, (_, text) in zip(meaning.findings, findings))
+    assert (meaning.message is not None) is read

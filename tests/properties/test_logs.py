@@ -1,0 +1,96 @@
+"""Laws of reading logs: nothing raises, nothing is lost, and every form of reading gives the same frames."""
+
+from __future__ import annotations
+
+import io
+from functools import cache
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eurobot_od import dialects
+from eurobot_od.errors import FrameLengthError, UnknownIdentifier
+from eurobot_od.frame import Frame
+from eurobot_od.logs import formats
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.logs.output import Csv, JsonLines, Text
+from eurobot_od.logs.raw import Damage, Foreign, Raw, shortened
+from eurobot_od.messages import flagged_fields
+
+FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
+LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))
+
+
+@cache
+def decoder(dialect: str) -> Decoder:
+    return Decoder(dialects.load_all(dialect))
+
+
+def read(content: bytes, form: str) -> list[Raw]:
+    return [raw for *_, raw in formats.read(io.BytesIO(content), lambda raw: raw, form)]
+
+
+@pytest.mark.parametrize("form", formats.FORMATS.keys() - formats.BY_NAME)
+@given(content=st.binary(max_size=400))
+def test_any_bytes_are_read_without_an_error(form: str, content: bytes) -> None:
+    assert all(isinstance(raw, (Frame, Foreign)) for raw in read(content, form))
+
+
+@given(st.lists(LINES))
+def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty(lines: list[bytes]) -> None:
+    entries = formats.read(io.BytesIO(b"\n".join(lines)), lambda raw: raw, "log")
+    assert [line for line, *_ in entries] == [n for n, line in enumerate(lines, 1) if line.strip()]
+
+
+@given(st.lists(FRAMES))
+def test_a_candump_log_gives_the_frames_that_were_written(frames: list[Frame]) -> None:
+    text = "".join(f"({n}.5) can0 {frame}\n" for n, frame in enumerate(frames))
+    assert read(text.encode(), "log") == frames
+
+
+@pytest.mark.parametrize("form", ["log", "asc", "csv", "trc", "blf"])
+@given(frames=st.lists(FRAMES, min_size=1, max_size=8))
+def test_what_python_can_writes_is_read_as_it_was(
+    tmp_path_factory: pytest.TempPathFactory, form: str, frames: list[Frame]
+) -> None:
+    file = Path(tmp_path_factory.getbasetemp()) / f"written.{form}"
+    with can.Logger(file) as logger:
+        for n, (cob_id, data) in enumerate(frames):
+            logger(can.Message(timestamp=float(n), arbitration_id=cob_id, data=data, is_extended_id=False))
+    assert read(file.read_bytes(), form) == frames
+
+
+@given(frames=st.lists(FRAMES, min_size=1, max_size=8), cut=st.integers(0, 400))
+def test_a_blf_file_that_is_cut_off_gives_a_beginning_of_its_frames(
+    tmp_path_factory: pytest.TempPathFactory, frames: list[Frame], cut: int
+) -> None:
+    file = Path(tmp_path_factory.getbasetemp()) / "cut.blf"
+    with can.Logger(file) as logger:
+        for cob_id, data in frames:
+            logger(can.Message(timestamp=1.0, arbitration_id=cob_id, data=data, is_extended_id=False))
+    found = [raw for raw in read(file.read_bytes()[:cut], "blf") if isinstance(raw, Frame)]
+    assert found == frames[: len(found)]
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+@given(frame=FRAMES)
+def test_any_frame_has_a_meaning_and_it_is_the_protocols(dialect: str, frame: Frame) -> None:
+    decode = decoder(dialect)
+    meaning = decode(frame)
+    try:
+        message = decode.protocol.decode(*frame)
+    except (UnknownIdentifier, FrameLengthError):
+        assert meaning.message is None
+    else:
+        assert meaning.message == message
+        assert bool(meaning.findings) >= bool(flagged_fields(message))
+
+
+@pytest.mark.parametrize("output", [Text(), JsonLines(), Csv()], ids=lambda each: type(each).__name__)
+@given(raw=st.one_of(FRAMES, st.builds(Foreign, st.sampled_from(list(Damage)), st.text().map(shortened))))
+def test_any_meaning_is_one_line(output: Text | JsonLines | Csv, raw: Raw) -> None:
+    row = output.row(decoder(dialects.DEFAULT)(raw))
+    assert output.line("bus.log", 1, 2.0, "can0", row).splitlines(keepends=True)[1:] == []

@@ -1,0 +1,121 @@
+"""Laws of the protocol: every message survives the wire, in every dialect, and no bytes from it raise."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eurobot_od import dialects
+from eurobot_od.errors import FrameLengthError, RemoteError
+from eurobot_od.messages import (
+    TYPES,
+    EmergencyStop,
+    GotoStateResponse,
+    GotoXY,
+    Message,
+    StartConfigurationSet,
+    flagged_fields,
+)
+from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
+
+PROTOCOLS = {name: Protocol.load(name) for name in dialects.names()}
+BINDINGS = [
+    pytest.param(protocol, binding, id=f"{name}: {binding.name}")
+    for name, protocol in PROTOCOLS.items()
+    for binding in protocol.bindings
+]
+
+# A place on the field with or without a heading, or nothing known; 255, 255 without a heading cannot be said.
+HEADINGS = st.none() | st.integers(0, 359)
+PLACES = st.tuples(st.integers(0, 3000), st.integers(0, 2000), HEADINGS).filter(lambda place: place != (255, 255, None))
+POSITIONS = st.just((None, None, None)) | PLACES
+
+MEANINGS: dict[type[Message], st.SearchStrategy[Any]] = {
+    EmergencyStop: st.tuples(st.sampled_from(Obstacle)),
+    GotoXY: st.tuples(
+        st.integers(0, 3000),
+        st.integers(0, 2000),
+        st.integers(0, 359),
+        st.integers(0, 100),
+        st.integers(0, 0xFFFF).map(Barriers),
+    ),
+    GotoStateResponse: st.tuples(st.none() | st.integers(0, 0x0FFFFE) | st.sampled_from(GotoFault)),
+    StartConfigurationSet: st.tuples(
+        st.sampled_from(TeamColour), st.integers(0, 2), st.integers(0, 1), st.integers(0, 50), st.integers(0, 50)
+    ),
+}
+
+
+def meanings(binding: Binding) -> st.SearchStrategy[Message]:
+    """Messages that may be sent, as the binding maps them."""
+    make: Any = binding.type
+    if "source" in binding.kinds:
+        return st.tuples(POSITIONS, st.sampled_from(Source)).map(lambda parts: make(*parts[0], parts[1]))
+    if {"direction", "route"} <= set(binding.layout.fields):
+        extra = st.tuples(st.sampled_from(Direction), st.sampled_from(Route))
+        return st.tuples(MEANINGS[binding.type], extra).map(lambda parts: make(*parts[0], *parts[1]))
+    return MEANINGS.get(binding.type, st.just(())).map(lambda values: make(*values))
+
+
+def raw_values(binding: Binding) -> st.SearchStrategy[dict[str, int]]:
+    return st.fixed_dictionaries({field: st.integers(0, (1 << w) - 1) for field, w in binding.layout.widths.items()})
+
+
+def test_every_message_has_meanings() -> None:
+    for binding in PROTOCOLS[dialects.DEFAULT].bindings:
+        assert bool(binding.kinds) == (binding.type in MEANINGS or "source" in binding.kinds)
+    assert {binding.type for binding in PROTOCOLS[dialects.DEFAULT].bindings} == set(TYPES)
+
+
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@given(draws=st.data())
+def test_unpacks_what_was_packed(protocol: Protocol, binding: Binding, draws: st.DataObject) -> None:
+    values = draws.draw(raw_values(binding))
+    data = protocol.pack(binding.name, **values)
+    assert protocol.unpack(binding.cob_id, data) == (binding.name, values)
+
+
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@given(draws=st.data())
+def test_decodes_what_was_encoded(protocol: Protocol, binding: Binding, draws: st.DataObject) -> None:
+    message = draws.draw(meanings(binding))
+    frame = protocol.encode(message)
+    assert frame.cob_id == binding.cob_id
+    assert protocol.decode(*frame) == message
+    assert flagged_fields(message) == []
+
+
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@given(draws=st.data())
+def test_decodes_any_raw_values_and_encodes_those_in_range_again(
+    protocol: Protocol, binding: Binding, draws: st.DataObject
+) -> None:
+    data = protocol.pack(binding.name, **draws.draw(raw_values(binding)))
+    message = protocol.decode(binding.cob_id, data)
+    if not flagged_fields(message):
+        assert protocol.encode(message).data == data
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS.values(), ids=PROTOCOLS.keys())
+@given(cob_id=st.integers(0, 0x7FF), data=st.binary(max_size=8))
+def test_bytes_from_the_wire_are_a_message_or_a_remote_error(protocol: Protocol, cob_id: int, data: bytes) -> None:
+    try:
+        message = protocol.decode(cob_id, data)
+    except RemoteError:
+        return
+    assert type(message) is protocol.binding_of(cob_id).type
+
+
+@pytest.mark.parametrize(("protocol", "binding"), BINDINGS)
+@given(data=st.binary(max_size=8))
+def test_frame_is_read_from_its_message_s_length_on(protocol: Protocol, binding: Binding, data: bytes) -> None:
+    if len(data) in binding.lengths or len(data) > binding.layout.length:
+        cut = data[: binding.layout.length]
+        assert protocol.decode(binding.cob_id, data) == protocol.decode(binding.cob_id, cut)
+    else:
+        with pytest.raises(FrameLengthError):
+            protocol.decode(binding.cob_id, data)

@@ -1,0 +1,41 @@
+"""Durations as people write them: what is one, and what is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.durations import DurationError, seconds
+
+VALID = [
+    ("500ms", 0.5),
+    ("500 ms", 0.5),
+    ("  2s ", 2.0),
+    ("1.5 min", 90.0),
+    ("250 us", 0.00025),
+    ("0 s", 0.0),
+]
+
+INVALID = [
+    "500",  # no unit: seconds or milliseconds?
+    "ms",  # no number
+    "",
+    "5 h",  # no unit of ours
+    "5 S",  # siemens
+    "-1 s",  # the past
+    "1e3 ms",
+    ".5 s",
+    "1, 5 s",
+    "5 ms 3",
+]
+
+
+@pytest.mark.parametrize(("text", "expected"), VALID)
+def test_reads(text: str, expected: float) -> None:
+    assert seconds(text) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("text", INVALID)
+def test_refuses(text: str) -> None:
+    with pytest.raises(DurationError) as error:
+        seconds(text)
+    assert str(error.value) == f"{text!r} is no duration; write a number and one of us, ms, s, min, such as 500 ms"

@@ -1,0 +1,82 @@
+"""The error tree: whose fault each error is, and its one line of text."""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import pytest
+
+from eurobot_od.errors import (
+    BusError,
+    ConfigurationError,
+    DictionaryError,
+    EurobotError,
+    FieldError,
+    FrameLengthError,
+    ListenerError,
+    LocalError,
+    MappingError,
+    NoAnswer,
+    NodeRefused,
+    RemoteError,
+    StateError,
+    UnknownIdentifier,
+    UnknownName,
+)
+from eurobot_od.values import Direction
+
+ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
+    # the caller's: nothing was sent
+    (UnknownName("message", "Goto Z"), LocalError, "unknown message 'Goto Z'"),
+    (UnknownName("node", "wheel", ["core", "drive"]), LocalError, "unknown node 'wheel'; known: core, drive"),
+    (UnknownName("node", "driv", ["core", "drive"]), LocalError, "unknown node 'driv'; did you mean drive?"),
+    (UnknownName("barrier", 9, ["1", "2"]), LocalError, "unknown barrier 9; known: 1, 2"),
+    (
+        FieldError("Goto XY", "x", 5000, "0..3000 mm"),
+        LocalError,
+        "Goto XY: x = 5000 is not allowed; allowed: 0..3000 mm",
+    ),
+    (FieldError("Goto XY", "x", "a", "0..9"), LocalError, "Goto XY: x = 'a' is not allowed; allowed: 0..9"),
+    (
+        FieldError("Goto XY", "direction", Direction.BACKWARD, "forward"),
+        LocalError,
+        "Goto XY: direction = backward is not allowed; allowed: forward",
+    ),
+    (ListenerError("lamp: too late"), LocalError, "lamp: too late"),
+    (StateError("not now"), LocalError, "not now"),
+    # a file's
+    (DictionaryError("a/drive.eds", None, "is empty"), EurobotError, "a/drive.eds: is empty"),
+    (DictionaryError("drive.eds", 0x1A03, "no value"), EurobotError, "drive.eds: 0x1A03: no value"),
+    (MappingError("drive.eds", 0x1603, "65 bits"), DictionaryError, "drive.eds: 0x1603: 65 bits"),
+    # a peer's, or the wire's
+    (UnknownIdentifier(0x7), RemoteError, "no message has the identifier 0x007"),
+    (FrameLengthError("Goto XY", 8, 7, "6 or 8"), RemoteError, "Goto XY (0x008): 7 bytes of data, expected 6 or 8"),
+    (NoAnswer("GotoXY", "GotoConfirm", 6, 0.5), RemoteError, "no GotoConfirm after 6 x GotoXY (500 ms each)"),
+    (
+        NodeRefused(2, "write 0x1017:0", 0x06090030, "value range exceeded"),
+        RemoteError,
+        "node 2 refused to write 0x1017:0: value range exceeded (0x06090030)",
+    ),
+    (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
+    # the bus's
+    (BusError("gone"), EurobotError, "gone"),
+]
+
+
+@pytest.mark.parametrize(("error", "kind", "text"), ERRORS)
+def test_error_has_its_place_in_the_tree_and_one_line(error: EurobotError, kind: type[EurobotError], text: str) -> None:
+    assert isinstance(error, kind)
+    assert str(error) == text
+
+
+def test_every_error_has_a_row() -> None:
+    def below(kind: type[EurobotError]) -> set[type[EurobotError]]:
+        return {kind}.union(*map(below, kind.__subclasses__()))
+
+    own = {each for each in below(EurobotError) if each.__module__ == EurobotError.__module__}
+    assert own - {type(error) for error, *_ in ERRORS} == {EurobotError, LocalError, RemoteError}
+
+
+def test_faults_are_kept_apart() -> None:
+    for one, other in permutations((LocalError, DictionaryError, RemoteError, BusError), 2):
+        assert not issubclass(one, other)

@@ -1,0 +1,155 @@
+"""The shape of the package: imports point down, every file states its rule, only the EDS files have the numbers."""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import dialects
+from eurobot_od.protocol import Protocol
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "eurobot_od"
+NAME = PACKAGE.name
+
+# From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
+LAYERS = (
+    {"errors", "frame"},
+    {"values", "kinds", "durations", "yaml_places", "codec", "messages", "dictionary", "dcf"},
+    {"dialects", "protocol", "field"},
+    {"device", "gatekeeper"},
+    {"nodes"},
+    {"storage", "station", "runtime", "simulation"},
+    {"analysis", "check", "client", "export", "lint", "logs", "match", "robot", "view"},
+    {"cli"},
+    {"__main__"},
+)
+LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
+
+RULE = re.compile(r"\b[Rr]ule(?: of this (?:file|package))?:")
+
+# Identifiers that are also numbers of CiA 301 and 304: bases of the predefined connection set, and GFC.
+CIA_NUMBERS = {0x001, *range(0x080, 0x580, 0x080)}
+# Other numbers in the form of an identifier: where they stand, and what they are.
+NO_IDENTIFIERS = {("runtime", 0x004): "a class bit of Linux's error frames"}
+IDENTIFIER_FORM = re.compile(r"0[xX][0-7][0-9a-fA-F]{2}")
+IDENTIFIERS = {each.cob_id for each in Protocol.load(dialects.DEFAULT).bindings} - CIA_NUMBERS
+
+FILES = sorted(PACKAGE.rglob("*.py"))
+TOOLS = sorted((ROOT / "tools").rglob("*.py"))
+
+
+@cache
+def tree(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def module_of(file: Path) -> str:
+    """Name a file's module: `nodes.core`, `nodes` for the package itself, `` for the whole package."""
+    parts = file.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_of(file): file for file in FILES}
+
+
+def unit_of(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def imported(file: Path) -> Iterator[str]:
+    """Give the modules of our package that a file imports, anywhere in it, for types or for good."""
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.ImportFrom) and node.module and unit_of(node.module) == NAME:
+            inside = node.module[len(NAME) + 1 :]
+            for each in node.names:
+                longer = f"{inside}.{each.name}".lstrip(".")
+                yield longer if longer in MODULES else inside
+        elif isinstance(node, ast.Import):
+            yield from (each.name[len(NAME) + 1 :] for each in node.names if unit_of(each.name) == NAME)
+
+
+# The package itself only passes names on, loaded when they are asked for; it stands in no layer.
+IMPORTS = {module: set(imported(file)) - {module} for module, file in MODULES.items() if module}
+
+
+def circle(arrows: dict[str, set[str]]) -> list[str]:
+    """Return a circle of arrows, nothing if there is none."""
+    try:
+        TopologicalSorter(arrows).prepare()
+    except CycleError as error:
+        found: list[str] = error.args[1]
+        return found
+    return []
+
+
+def test_every_module_has_its_layer() -> None:
+    assert {unit_of(module) for module in IMPORTS} - LAYER.keys() == set()
+
+
+@pytest.mark.parametrize("module", IMPORTS)
+def test_imports_point_down(module: str) -> None:
+    upward = {other for other in IMPORTS[module] if LAYER[unit_of(other)] > LAYER[unit_of(module)]}
+    assert upward == set()
+
+
+def test_modules_import_each_other_in_no_circle() -> None:
+    assert circle(IMPORTS) == []
+
+
+def test_packages_import_each_other_in_no_circle() -> None:
+    units: dict[str, set[str]] = {}
+    for module, others in IMPORTS.items():
+        units.setdefault(unit_of(module), set()).update(unit_of(other) for other in others)
+    assert circle({unit: others - {unit} for unit, others in units.items()}) == []
+
+
+@pytest.mark.parametrize("module", IMPORTS)
+def test_nobody_imports_through_the_package(module: str) -> None:
+    assert "" not in IMPORTS[module]
+
+
+@pytest.mark.parametrize("file", FILES + TOOLS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_every_file_opens_with_its_purpose_and_its_rule(file: Path) -> None:
+    assert RULE.search(ast.get_docstring(tree(file)) or "")
+
+
+@pytest.mark.parametrize("module", [m for m in MODULES if unit_of(m) not in ("cli", "__main__")])
+def test_only_the_command_line_prints(module: str) -> None:
+    calls = [node for node in ast.walk(tree(MODULES[module])) if isinstance(node, ast.Call)]
+    assert [c.lineno for c in calls if isinstance(c.func, ast.Name) and c.func.id in ("print", "input")] == []
+
+
+def arguments_about_dialects(file: Path) -> Iterator[str]:
+    """Give the texts that calls which load something, or speak of dialects, have as their arguments."""
+    for node in ast.walk(tree(file)):
+        if isinstance(node, ast.Call) and re.search("load|dialect", ast.unparse(node)):
+            given = [*node.args, *(keyword.value for keyword in node.keywords)]
+            yield from (each.value for each in given if isinstance(each, ast.Constant) and isinstance(each.value, str))
+
+
+# A dialect that is named as a library is may be in comments, imports and other texts; another may be nowhere.
+LIBRARIES = {name for name in dialects.names() if find_spec(name)}
+
+
+@pytest.mark.parametrize("file", FILES + TOOLS, ids=lambda file: str(file.relative_to(ROOT)))
+def test_no_file_names_a_dialect_but_the_one_that_lists_them(file: Path) -> None:
+    if file != PACKAGE / "dialects.py":
+        assert set(arguments_about_dialects(file)) & set(dialects.names()) == set()
+        assert [name for name in set(dialects.names()) - LIBRARIES if name in file.read_text(encoding="utf-8")] == []
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_file_repeats_an_identifier_of_the_protocol(module: str) -> None:
+    tokens = tokenize.generate_tokens(io.StringIO(MODULES[module].read_text(encoding="utf-8")).readline)
+    numbers = {int(token.string, 0) for token in tokens if IDENTIFIER_FORM.fullmatch(token.string)}
+    assert {number for number in numbers & IDENTIFIERS if (module, number) not in NO_IDENTIFIERS} == set()

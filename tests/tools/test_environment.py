@@ -1,0 +1,152 @@
+"""The set-up of an environment: when it is done, what it runs, and what a failure says."""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import environment
+import pytest
+
+# A stand-in for pip in the new environment: it keeps what it is asked for, and fails if told to.
+PIP = """\
+import os, pathlib, sys
+with pathlib.Path({calls!r}).open("a") as calls:
+    print(*sys.argv[1:], file=calls)
+if {status}:
+    print("ERROR: no network", file=sys.stderr)
+sys.exit({status})
+"""
+
+
+class Checkout:
+    """A repository with a pyproject.toml and a virtual environment that has the pip above."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.calls = root, root / "calls"
+        self.calls.touch()
+        self.change("one")
+        venv.create(environment.FOLDER, with_pip=False)
+        self.pip(0)
+
+    def change(self, text: str) -> None:
+        (self.root / "pyproject.toml").write_text(text)
+
+    def pip(self, status: int) -> None:
+        """Let pip end with this status."""
+        packages = next(environment.FOLDER.rglob("site-packages"))
+        (packages / "pip.py").write_text(PIP.format(calls=str(self.calls), status=status))
+
+    def installed(self) -> list[str]:
+        """Give what pip was asked to install."""
+        return [line.split(" --editable ")[1] for line in self.calls.read_text().splitlines()]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Checkout:
+    folder = tmp_path / ".venv"
+    monkeypatch.setattr(environment, "ROOT", tmp_path)
+    monkeypatch.setattr(environment, "FOLDER", folder)
+    monkeypatch.setattr(environment, "PYTHON", folder / environment.PYTHON.relative_to(environment.PYTHON.parents[1]))
+    return Checkout(tmp_path)
+
+
+def test_sets_up_once(checkout: Checkout) -> None:
+    assert environment.prepare() == environment.prepare() == environment.PYTHON
+    assert checkout.installed() == [str(checkout.root)]
+
+
+def test_sets_up_again_when_the_project_has_changed(checkout: Checkout) -> None:
+    environment.prepare()
+    checkout.change("two")
+    environment.prepare()
+    assert checkout.installed() == [str(checkout.root)] * 2
+
+
+def test_sets_up_extras_apart(checkout: Checkout) -> None:
+    environment.prepare()
+    environment.prepare("test")
+    environment.prepare("test")
+    assert checkout.installed() == [str(checkout.root), f"{checkout.root}[test]"]
+
+
+@pytest.mark.usefixtures("checkout")
+def test_sets_up_again_when_the_environment_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    environment.prepare()
+    made: list[Path] = []
+
+    def create(folder: Path, *, with_pip: bool) -> None:
+        assert with_pip
+        made.append(folder)
+        environment.PYTHON.symlink_to(sys.executable)
+
+    environment.PYTHON.unlink()
+    monkeypatch.setattr(venv, "create", create)
+    environment.prepare()
+    assert made == [environment.FOLDER]
+
+
+@pytest.mark.usefixtures("checkout")
+def test_says_what_takes_so_long_and_nothing_when_nothing_is_done(capfd: pytest.CaptureFixture[str]) -> None:
+    environment.prepare()
+    assert capfd.readouterr() == ("", "setting up .venv (once; takes up to a minute) ...\n")
+    environment.prepare()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_set_up_that_fails_says_why_and_is_tried_again(checkout: Checkout) -> None:
+    checkout.pip(1)
+    with pytest.raises(SystemExit) as ended:
+        environment.prepare()
+    assert ended.value.code == "pip could not install what is needed:\nERROR: no network"
+    checkout.pip(0)
+    environment.prepare()
+    assert len(checkout.installed()) == 2
+
+
+def test_an_old_python_is_told(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(environment, "OLDEST", (4, 0))
+    with pytest.raises(SystemExit, match=r"^Python 4\.0 or newer is needed, this is 3\."):
+        environment.prepare()
+    assert checkout.installed() == []
+
+
+def test_the_oldest_python_is_the_one_of_the_project() -> None:
+    project = (environment.ROOT / "pyproject.toml").read_text()
+    assert f'requires-python = ">={".".join(map(str, environment.OLDEST))}"' in project
+
+
+@pytest.mark.usefixtures("checkout")
+def test_the_stamp_is_the_projects_own() -> None:
+    environment.prepare("test")
+    wanted = hashlib.sha256(b"one").hexdigest()
+    assert (environment.FOLDER / "installed-test").read_text() == wanted
+
+
+@pytest.mark.parametrize("status", [0, 1, 3])
+def test_call_gives_the_commands_exit_status(status: int) -> None:
+    assert environment.call(Path(sys.executable), "-c", f"raise SystemExit({status})") == status
+
+
+def test_call_passes_words_as_they_are(tmp_path: Path) -> None:
+    file = tmp_path / "words"
+    code = "import pathlib, sys; pathlib.Path(sys.argv[1]).write_text(sys.argv[2])"
+    assert environment.call(sys.executable, "-c", code, file, "Goto XY; $HOME") == 0
+    assert file.read_text() == "Goto XY; $HOME"
+
+
+def test_an_interrupt_ends_with_the_status_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(subprocess, "run", interrupted)
+    assert environment.call("true") == 130
+
+
+def test_tools_need_nothing_but_the_standard_library() -> None:
+    for tool in ("environment", "run", "test"):
+        command = [sys.executable, "-I", "-S", "-c", f"import sys; sys.path.insert(0, 'tools'); import {tool}"]
+        assert subprocess.run(command, cwd=environment.ROOT, check=False).returncode == 0, tool

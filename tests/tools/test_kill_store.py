@@ -1,0 +1,28 @@
+"""Killed in the midst of storing: every restart finds one whole configuration."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import kill_store
+import pytest
+
+from eurobot_od import dialects
+from eurobot_od.device import Device
+from eurobot_od.storage import FileStore
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a forked process")
+def test_every_restart_finds_a_whole_configuration(tmp_path: Path) -> None:
+    assert kill_store.run(times=15, seed=3, folder=tmp_path) == []
+
+
+def test_the_settings_of_two_generations_are_told_apart(tmp_path: Path) -> None:
+    core = dialects.load("core")
+    store = FileStore(tmp_path / "core.dcf", core)
+    device = Device(core, store)
+    kill_store.store_once(device, 5)
+    assert kill_store.restarted(store, core) == {5}
+    store.save(device.objects.configuration() | {kill_store.SETTINGS[0]: 6}, 1)
+    assert kill_store.restarted(store, core) == {5, 6}

@@ -1,0 +1,174 @@
+"""Runs all shipped check suites against all faults and prints which suite finds which fault.
+
+Rule of this file: every fault has to turn the step red that its table names, and without a fault no suite may be red,
+whatever the seed. Both are told, and the exit status says whether it is so: 0 yes, 1 no.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from eurobot_od import check, dialects
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.results import Status
+from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.simulated import run_simulated
+from eurobot_od.check.suite import Suite
+from eurobot_od.nodes import ROLES
+from eurobot_od.simulation import faults
+
+SUITES = Path(check.__file__).parent / "suites"
+FINE, NOT_FOUND = 0, 1
+
+UNTOUCHED, GREEN, RED, NAMED = " ", ".", "r", "X"
+"""Cells of the matrix: the fault fits none of the suite's nodes; not found; found; found by the step it names."""
+
+
+class Run(NamedTuple):
+    """One suite to be run in a dialect, with a fault (None: without) and a seed."""
+
+    dialect: str
+    suite: str
+    fault: str | None = None
+    seed: int = 1
+
+
+class Outcome(NamedTuple):
+    """A run and the names of its red steps."""
+
+    run: Run
+    red: tuple[str, ...]
+
+
+@cache
+def shipped(dialect: str) -> dict[str, Suite]:
+    """Return the shipped suites that are for a dialect, by their names."""
+    suites = SuiteReader(dialect).read_files(sorted(SUITES.glob("*.yaml")))
+    return {str(suite.name): suite for suite in suites if suite.dialect in (None, dialect)}
+
+
+def do(run: Run) -> Outcome:
+    """Run a suite."""
+    suite = shipped(run.dialect)[run.suite]
+    roles = {
+        name: faults.faulty(ROLES[name], run.fault) if run.fault and fits(run.fault, name) else ROLES[name]
+        for name in ROLES
+    }
+    result = run_simulated(suite, Options(keep_going=True), Interrupt(), lambda _: None, run.seed, roles)
+    return Outcome(run, tuple(step.name for step in result.steps if step.status is not Status.PASSED))
+
+
+def fits(fault: str, node: str) -> bool:
+    """Tell whether a node can have a fault."""
+    return issubclass(ROLES[node], faults.find(fault)[0])
+
+
+def named_red(fault: str, outcome: Outcome) -> bool:
+    """Tell whether the first red step is the one that the fault's table names; a group's steps carry its name."""
+    suite, step = faults.find(fault)[1].caught_by
+    return (
+        outcome.run.suite == suite
+        and outcome.red[:1] != ()
+        and f"{outcome.red[0]}:".startswith((f"{step}:", f"{step} "))
+    )
+
+
+# Runs
+
+
+def fault_runs(dialect: str, names: Iterable[str]) -> list[Run]:
+    """Return the runs of every fault with every suite that has a node it fits."""
+    return [
+        Run(dialect, name, fault)
+        for fault in names
+        for name, suite in shipped(dialect).items()
+        if any(fits(fault, node) for node in suite.nodes)
+    ]
+
+
+def healthy_runs(dialect: str, seeds: int) -> list[Run]:
+    """Return the runs of every suite without a fault."""
+    return [Run(dialect, suite, None, seed) for seed in range(1, seeds + 1) for suite in shipped(dialect)]
+
+
+# Reports
+
+
+def matrix(outcomes: Sequence[Outcome], suites: Sequence[str]) -> Iterator[str]:
+    """Write the matrix, a line for each fault."""
+    cells = {(each.run.fault, each.run.suite): cell(each) for each in outcomes}
+    names = list(dict.fromkeys(each.run.fault or "" for each in outcomes))
+    width = max(map(len, names))
+    for row in range(max(map(len, suites))):
+        yield " " * width + "  " + " ".join(suite.rjust(max(map(len, suites)))[row] for suite in suites)
+    for name in names:
+        yield f"{name:{width}}  " + " ".join(cells.get((name, suite), UNTOUCHED) for suite in suites)
+
+
+def cell(outcome: Outcome) -> str:
+    """Return the sign for a run with a fault."""
+    if not outcome.red:
+        return GREEN
+    return NAMED if outcome.run.fault and named_red(outcome.run.fault, outcome) else RED
+
+
+def missed(outcomes: Iterable[Outcome]) -> Iterator[str]:
+    """Say which faults no suite finds by the step that they name, and what is red instead."""
+    by_fault: dict[str, list[Outcome]] = {}
+    for each in outcomes:
+        by_fault.setdefault(each.run.fault or "", []).append(each)
+    for fault, runs in by_fault.items():
+        if not any(named_red(fault, each) for each in runs):
+            suite, step = faults.find(fault)[1].caught_by
+            red = "; ".join(f"{each.run.suite}: {each.red[0]}" for each in runs if each.red) or "nothing"
+            yield f"{fault}: expected red is {suite}: {step!r}; red is {red}"
+
+
+def wrongly_red(outcomes: Iterable[Outcome]) -> Iterator[str]:
+    """Say which suites are red without a fault."""
+    for each in outcomes:
+        if each.red:
+            yield f"{each.run.suite} ({each.run.dialect}, seed {each.run.seed}): {each.red[0]!r} is red without a fault"
+
+
+# Command line
+
+
+def parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
+    command = argparse.ArgumentParser(description="Run all shipped suites against all faults.")
+    command.add_argument("--dialect", action="append", help="EDS files (default: all dialects)")
+    command.add_argument("--fault", action="append", metavar="NAME", help="only this fault, may be given several times")
+    command.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds for the runs without a fault")
+    command.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes")
+    return command
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the matrix for each dialect and what is not as it has to be."""
+    options = parser().parse_args(arguments)
+    wrong: list[str] = []
+    with ProcessPoolExecutor(options.jobs) as pool:
+        for dialect in options.dialect or dialects.names():
+            found = list(pool.map(do, fault_runs(dialect, options.fault or faults.names()), chunksize=8))
+            healthy = list(pool.map(do, healthy_runs(dialect, options.seeds), chunksize=8))
+            print(f"{dialect}: {UNTOUCHED!r} no such node, {GREEN} green, {RED} red, {NAMED} red as named\n")
+            print(*matrix(found, list(shipped(dialect))), sep="\n")
+            wrong += [f"{dialect}: {line}" for line in missed(found)] + list(wrongly_red(healthy))
+            print(f"\n{len(found)} runs with a fault, {len(healthy)} without\n")
+    print(*wrong, sep="\n")
+    print(
+        f"{len(wrong)} findings" if wrong else "every fault is found by the step that it names, and nothing else is red"
+    )
+    return NOT_FOUND if wrong else FINE
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+"""Makes docs/lint-rules.md: every rule of the EDS checker, and what dcfchk and odg say to the same seeded defects.
+
+Rule of this file: rules come from the rule tables, defects from the tests; nothing is written here twice. `odg` is the
+command of objdictgen; without it (or without dcfchk) its column says so. `--check` compares instead of writing, without
+what other programs say.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from shutil import which
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.insert(0, str(ROOT))  # the defects are the tests'
+
+from eurobot_od.lint import network  # noqa: E402
+from eurobot_od.lint.findings import Rule, Severity  # noqa: E402
+from eurobot_od.lint.rules import FILE_RULES, lint  # noqa: E402
+from tests.lint.mutations import BASES, DEFECTS, Defect, broken_file  # noqa: E402
+
+OUTPUT = ROOT / "docs" / "lint-rules.md"
+NODE_ID = "5"
+PARTS = {
+    "1": "The file: how it is written",
+    "2": "[FileInfo], [DeviceInfo], dummies, comments",
+    "3": "Lists of objects",
+    "4": "Objects and values",
+    "5": "What CiA 301 and 302 say of single objects",
+    "6": "PDOs",
+    "7": "Device configuration files",
+    "8": "The network",
+}
+"""Titles by the first digit of the codes."""
+
+HEAD = """# Rules of `eurobot-od lint`
+
+Made by `tools/lint_mutants.py` from the tables of rules and the tests' table of defects; change it there.
+
+The letter is the severity: E error, W warning, I info. "Public" names a source that anybody can read, where a rule is
+not cited from the standard's text alone.
+"""
+DEFECT_HEAD = """## The same defects in other checkers
+
+Each row is a clean file with one defect, as `tests/lint/mutations.py` seeds it. All of them are flagged by `eurobot-od
+lint` at their line, under the code in the first column. "flagged" is a message about the file, "traceback" a crash, "-"
+no word; what a program says to the clean file already does not count.
+"""
+
+
+class Verdict(NamedTuple):
+    """What a program said to a file: its exit status and its words, without the file's own name."""
+
+    status: int
+    words: str
+
+
+Program = Callable[[Path], Verdict]
+
+
+def program_of(*command: str) -> Program | None:
+    """Make a program that checks a file; None if it is not installed."""
+    found = which(command[0]) or which(command[0], path=str(Path(sys.executable).parent))
+    if found is None:
+        return None
+
+    def run(file: Path) -> Verdict:
+        done = subprocess.run([found, *command[1:], str(file)], capture_output=True, text=True, errors="replace")
+        text = done.stderr + (done.stdout if done.returncode else "")
+        return Verdict(done.returncode, text.replace(str(file), "FILE"))
+
+    return run
+
+
+PROGRAMS = {"dcfchk": program_of("dcfchk", "-n", NODE_ID), "odg list": program_of("odg", "list")}
+
+
+def say(program: Program | None, defect: Defect) -> str:
+    """Return what a program says to a defect, in one word or two."""
+    if program is None:
+        return "not installed"
+    name = BASES[defect.base][0]
+    clean, broken = _ask(program, name, BASES[defect.base][1].encode()), _ask(program, name, broken_file(defect))
+    if "Traceback" in broken.words:
+        return "traceback" if "Traceback" not in clean.words else "(cannot read the clean file)"
+    if clean.status:
+        return "(refuses the clean file)"
+    return "flagged" if broken != clean else "-"
+
+
+def _ask(program: Program, name: str, data: bytes) -> Verdict:
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / name
+        file.write_bytes(data)
+        return program(file)
+
+
+def all_verdicts() -> dict[str, list[str]]:
+    """Let every program judge every defect."""
+    with ThreadPoolExecutor() as pool:
+        return {
+            name: list(pool.map(lambda defect, ask=program: say(ask, defect), DEFECTS))
+            for name, program in PROGRAMS.items()
+        }
+
+
+def rule_table(rules: Iterable[Rule]) -> Iterator[str]:
+    """Write rules as a table."""
+    yield "| code | rule | source |"
+    yield "|---|---|---|"
+    yield from (f"| {each.code} | {_cell(each.demand)} | {_cell(each.clause)} |" for each in rules)
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+def rules_text() -> str:
+    """Write the rules, part by part."""
+    rules = sorted([*FILE_RULES, *network.RULES], key=lambda each: each.code[1:])
+    counts = ", ".join(f"{sum(e.severity is s for e in rules)} {s.name.lower()}s" for s in Severity)
+    lines = [HEAD, f"{len(rules)} rules: {counts}.", ""]
+    for digit, title in PARTS.items():
+        lines += [f"## {digit}xx {title}", "", *rule_table(e for e in rules if e.code[1] == digit), ""]
+    return "\n".join(lines)
+
+
+def defects_text(verdicts: dict[str, list[str]]) -> str:
+    """Write the defects, with what the programs say."""
+    lines = [
+        DEFECT_HEAD,
+        "| | " + " | ".join(["eurobot-od lint", *verdicts]) + " |",
+        "|---|" + "---|" * (len(verdicts) + 1),
+    ]
+    lines.append(
+        f"| defects of {len(DEFECTS)} | {_flagged()} | " + " | ".join(_summary(v) for v in verdicts.values()) + " |"
+    )
+    lines += ["", "| code | defect | " + " | ".join(verdicts) + " |", "|---|---|" + "---|" * len(verdicts)]
+    for number, each in enumerate(DEFECTS):
+        cells = [each.code, _cell(each.what), *(column[number] for column in verdicts.values())]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _flagged() -> str:
+    found = sum(each.code in {f.code for f in lint(broken_file(each), BASES[each.base][0])} for each in DEFECTS)
+    return f"{found} flagged"
+
+
+def _summary(verdicts: Sequence[str]) -> str:
+    return f"{verdicts.count('flagged')} flagged, {verdicts.count('traceback')} tracebacks"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the document, or check that the one that is there has the rules and defects of today."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="check the document instead of writing it")
+    options = parser.parse_args(arguments)
+    if options.check:
+        return check()
+    OUTPUT.parent.mkdir(exist_ok=True)
+    OUTPUT.write_text(rules_text() + "\n" + defects_text(all_verdicts()), "utf-8")
+    return 0
+
+
+def check() -> int:
+    """Return 0 if the document's rules and defects are today's, 1 if not."""
+    text = OUTPUT.read_text("utf-8")
+    rows = re.findall(r"^\| ([EWI]\d{3}) \| (.*?) \| [^|]* \| [^|]* \|$", text, flags=re.MULTILINE)
+    is_today = text.startswith(rules_text()) and rows == [(each.code, _cell(each.what)) for each in DEFECTS]
+    print(f"{OUTPUT.name}: {'up to date' if is_today else 'make it anew with tools/lint_mutants.py'}")
+    return 0 if is_today else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,95 @@
+"""Makes the pictures of the documentation from a simulated match: the field, the monitor, decoded lines.
+
+Rule of this file: the same match every time, through the public functions of the package and nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+
+from rich.console import Console
+
+from eurobot_od import dialects
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.logs.output import Text
+from eurobot_od.match.options import Options
+from eurobot_od.match.stage import play_simulated
+from eurobot_od.view.controls import Controls
+from eurobot_od.view.picture import picture
+from eurobot_od.view.recording import record
+from eurobot_od.view.screen import screen
+from eurobot_od.view.traffic import Traffic
+
+DOCS = Path(__file__).parents[1] / "docs"
+OPTIONS = Options(seed=1)
+LINES = 48
+WATCHED = 40.0
+"""Simulated time at which the monitor is shown, s."""
+
+WIDTH, HEIGHT = 150, 36
+BITRATE = 500_000
+
+WINDOW = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}">
+<style>
+text {{ font-family: "DejaVu Sans Mono", Menlo, Consolas, monospace; font-size: {char_height}px; }}
+{styles}
+</style>
+<defs>{lines}</defs>
+{chrome}
+<g transform="translate({terminal_x}, {terminal_y})">{backgrounds}<g class="{unique_id}-matrix">{matrix}</g></g>
+</svg>
+"""
+"""The terminal as rich draws it, without its web font."""
+
+
+def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
+    """Play the match; return its frames, the picture of the field, and the decoder of its dialect."""
+    frames: list[tuple[float, Frame]] = []
+    _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
+    decoder = Decoder(dialects.load_all(OPTIONS.dialect))
+    messages = ((now, message) for now, frame in frames if (message := decoder(frame).message) is not None)
+    return frames, picture(record(messages, world.path), f"Match, seed {OPTIONS.seed}"), decoder
+
+
+def lines(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
+    """Return the first lines as the command decode writes them."""
+    output = Text()
+    first = islice(frames, LINES)
+    return "".join(output.line("", 0, now, "can0", output.row(decoder(frame))) for now, frame in first)
+
+
+def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
+    """Return the monitor's screen during the match."""
+    traffic = Traffic(decoder, BITRATE)
+    for now, frame in frames:
+        if now < WATCHED:
+            traffic.take(now, frame)
+        if traffic.now < WATCHED - 1:
+            traffic.load(now)
+    console = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO())
+    console.print(screen(traffic, Controls(), WATCHED, traffic.load(WATCHED), HEIGHT))
+    return console.export_svg(title="eurobot-od monitor", code_format=WINDOW, unique_id="monitor")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the files of the documentation."""
+    parser = argparse.ArgumentParser(description="Make the pictures of the documentation.")
+    parser.add_argument("--folder", type=Path, default=DOCS, help="where to (default: docs)")
+    folder: Path = parser.parse_args(arguments).folder
+    frames, field, decoder = play()
+    for name, text in (
+        ("match.svg", field),
+        ("monitor.svg", monitor(frames, decoder)),
+        ("decode.txt", lines(frames, decoder)),
+    ):
+        (folder / name).write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
