@@ -25,3 +25,8 @@ def seconds(text: str) -> float:
     if match is None or match[2] not in UNITS:
         raise DurationError(text)
     return float(match[1]) * UNITS[match[2]]
+
+
+def text(seconds: float) -> str:
+    """Write a duration as people do: `500 ms`, `1.5 s`."""
+    return f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1000:g} ms"

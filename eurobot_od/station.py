@@ -73,8 +73,5 @@ class Station:
             self.gatekeeper.reroute(device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
-        """Leave frames to the mailboxes; free ones take them at once, however late the bus is served."""
         for frame in frames:
             self.gatekeeper.send_frame(frame, now)
-        if frames:
-            self.gatekeeper.mailboxes.load(now)

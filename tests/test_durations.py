@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.durations import DurationError, seconds
+from eurobot_od.durations import DurationError, seconds, text
 
 VALID = [
     ("500ms", 0.5),
@@ -29,13 +29,20 @@ INVALID = [
 ]
 
 
-@pytest.mark.parametrize(("text", "expected"), VALID)
-def test_reads(text: str, expected: float) -> None:
-    assert seconds(text) == pytest.approx(expected)
+@pytest.mark.parametrize(("written", "expected"), VALID)
+def test_reads(written: str, expected: float) -> None:
+    assert seconds(written) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("text", INVALID)
-def test_refuses(text: str) -> None:
+@pytest.mark.parametrize("written", INVALID)
+def test_refuses(written: str) -> None:
     with pytest.raises(DurationError) as error:
-        seconds(text)
-    assert str(error.value) == f"{text!r} is no duration; write a number and one of us, ms, s, min, such as 500 ms"
+        seconds(written)
+    assert str(error.value) == f"{written!r} is no duration; write a number and one of us, ms, s, min, such as 500 ms"
+
+
+@pytest.mark.parametrize(
+    ("duration", "shown"), [(0.0, "0 ms"), (0.00025, "0.25 ms"), (0.1, "100 ms"), (1.0, "1 s"), (90.5, "90.5 s")]
+)
+def test_writes(duration: float, shown: str) -> None:
+    assert text(duration) == shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from queue import SimpleQueue
 from threading import Event
 from typing import Any
 
@@ -297,16 +298,23 @@ class Driver(can.BusABC):
                 assert self.attempt.wait(LONG)
 
 
-class Reports(list[Report]):
-    """Reports as they come; `come` is set by each."""
+class Reports:
+    """Reports as they come; on a slow machine there may be others of slow listeners."""
 
     def __init__(self) -> None:
-        super().__init__()
-        self.come = Event()
+        self._reports: SimpleQueue[Report] = SimpleQueue()
 
     def __call__(self, report: Report) -> None:
-        self.append(report)
-        self.come.set()
+        self._reports.put(report)
+
+    def wait_for(self, event: What) -> Report:
+        """Give the next report of an event."""
+        while (report := self._reports.get(timeout=LONG)).event is not event:
+            pass
+        return report
+
+    def empty(self) -> bool:
+        return self._reports.empty()
 
 
 @pytest.fixture
@@ -328,12 +336,11 @@ def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Dri
         driver.wait_for_tries(3)
         clock.now = 0.049
         driver.wait_for_tries(3)
-        assert reports == []
+        assert reports.empty()
         clock.now = 0.050
-        assert reports.come.wait(LONG)
+        report = reports.wait_for(What.FRAME_DROPPED)
         counts = live.gatekeeper.statistics().transmit
-    assert [(report.event, report.name) for report in reports] == [(What.FRAME_DROPPED, "0x340")]
-    assert reports[0].text == "340# found no mailbox for 50 ms, 1 dropped so far"
+    assert (report.name, report.text) == ("0x340", "340# found no mailbox for 50 ms, 1 dropped so far")
     assert (counts.submitted, counts.dropped, counts.loaded, counts.completed) == (4, 1, 3, 0)
     assert live.failure is None  # a full buffer is no failure of the bus
 
@@ -362,7 +369,7 @@ def test_a_frame_that_finds_a_mailbox_is_not_dropped_however_late_the_driver_is(
         clock.now = 1.0
         driver.may_go_on.set()
     assert driver.tries == [PROTOCOL.encode(StopDrive()), PROTOCOL.encode(CheckNaviRequest())]
-    assert reports == []
+    assert reports.empty()
 
 
 def test_a_bus_that_fails_while_reading_is_a_bus_error(driver: Driver) -> None:
@@ -420,7 +427,7 @@ def test_a_listener_that_never_returns_does_not_stop_the_node(channel: str) -> N
         assert not release.is_set()
         release.set()
     assert None not in heard
-    assert [report.event for report in reports] == [What.LISTENER_STUCK]
+    assert reports.wait_for(What.LISTENER_STUCK).name.endswith("stuck")
 
 
 def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
@@ -436,5 +443,4 @@ def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
     with drive, Live(virtual(channel), gatekeeper) as live:
         live.send(CheckDriveRequest())
         assert answers.get(LONG) is not None
-        assert reports.come.wait(LONG)
-    assert [(report.event, report.name) for report in reports] == [(What.LISTENER_FAILED, "lamp")]
+        assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"

@@ -49,7 +49,7 @@ def bus() -> can.BusABC:
 
 def descriptions(folder: Path) -> dict[str, Description]:
     """Write and read three DCFs with all parameters of the drive: as delivered, few different, all different."""
-    eds = dialects.folder("canopen") / "drive.eds"
+    eds = dialects.folder() / "drive.eds"
     dictionary = from_file(eds).dictionary
     delivered = {thing.address: dictionary.default(thing.address) for thing in parameters(dictionary)}
     kinds = {"delivered": {}, "few": FEW, "all": dict(other_values(from_file(eds)))}
@@ -114,7 +114,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--turns", type=int, default=15, metavar="N", help="how often each is measured (15)")
     turns: int = parser.parse_args().turns
-    node = ROLES["drive"](dialects.load("drive", "canopen"))
+    node = ROLES["drive"](dialects.load("drive"))
     with tempfile.TemporaryDirectory() as folder, runtime.Live.node(bus(), node):
         measure(turns, descriptions(Path(folder)))
 

@@ -18,7 +18,19 @@ from eurobot_od.check import shapes
 from eurobot_od.check.frames import Frames
 from eurobot_od.check.patterns import Pattern
 from eurobot_od.check.services import Services
-from eurobot_od.check.shapes import DURATION, NAME, SCALAR, TEXT, Key, Schema, Shape, converted, problem_at, problem_of
+from eurobot_od.check.shapes import (
+    DURATION,
+    NAME,
+    SCALAR,
+    SOME_TIME,
+    TEXT,
+    Key,
+    Schema,
+    Shape,
+    converted,
+    problem_at,
+    problem_of,
+)
 from eurobot_od.check.suite import (
     Action,
     Expect,
@@ -115,13 +127,13 @@ class Format:
     def _poll_table(self) -> dict[str, Key]:
         return {
             "send": Key(self._frames.sent, "what is sent", needed=True),
-            "every": Key(DURATION, "time from one to the next", needed=True),
+            "every": Key(SOME_TIME, "time from one to the next", needed=True),
         }
 
     def _period_table(self) -> dict[str, Key]:
         return {
             "message": Key(self._frames.pattern, "which frame", needed=True),
-            "every": Key(DURATION, "time from one to the next", needed=True),
+            "every": Key(SOME_TIME, "time from one to the next", needed=True),
             "tolerance": Key(DURATION, "by how much it may be off", needed=True),
             "count": Key(shapes.whole(1, MAX_COUNT), "how many periods are measured", needed=True),
         }

@@ -30,7 +30,10 @@ class SuiteError(LocalError):
 
 
 class SuiteReader:
-    """Reads suites for a `dialect` (None: the default one), where they do not name theirs."""
+    """Reads suites for a `dialect` (None: the default one), where they do not name theirs.
+
+    Reading raises UnknownName if that dialect is not there.
+    """
 
     def __init__(self, dialect: str | None = None) -> None:
         self._dialect = dialect
@@ -81,11 +84,13 @@ class SuiteReader:
         return Format(Vocabulary(dictionaries, texts_at(document, "variables"), saved_names(document), nodes))
 
     def _dictionaries(self, dialect: str | None) -> dict[str, Dictionary]:
-        """Load a dialect once; one that is not there is told where the suite names it, so the default serves."""
+        """Load a dialect once; one that is not there is told where the suite names it, so the reader's serves."""
         if dialect not in self._loaded:
             try:
                 self._loaded[dialect] = load_dictionaries(dialect)
             except UnknownName:
+                if dialect == self._dialect:
+                    raise
                 self._loaded[dialect] = self._dictionaries(self._dialect)
         return self._loaded[dialect]
 

@@ -10,6 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+from eurobot_od.check.suite import Suite
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
@@ -20,9 +21,9 @@ RED = (Status.FAILED, Status.BUS_FAILED)
 # Console
 
 
-def heading(result: SuiteResult) -> str:
-    """Return the line above a suite's steps."""
-    return f"{result.file.name}: {result.name} ({result.how})"
+def heading(suite: Suite, how: str) -> str:
+    """Return the line above a suite's steps; `how` says how it is run, or why it is not."""
+    return f"{suite.file.name}: {suite.name} ({how})"
 
 
 def step_line(step: StepResult, in_colour: bool = False) -> str:

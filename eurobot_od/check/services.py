@@ -173,6 +173,8 @@ def _verb(given: Mapping[str, Any]) -> str:
         raise LocalError(f"'{wrong[0]}' does not belong to an SDO {verb}")
     if verb == "write":
         _one_of(given, "an SDO write", "value", "data")
+    elif "abort" in given and ("expect" in given or "save" in given):
+        raise LocalError("an SDO read that is refused with 'abort' has nothing to expect or save")
     return verb
 
 

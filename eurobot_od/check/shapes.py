@@ -27,10 +27,6 @@ class Shape(Generic[T]):
     read: Reader[T]
     schema: Schema
 
-    def described(self, text: str) -> Shape[T]:
-        """Return the shape with an explanation for editors."""
-        return Shape(self.read, self.schema | {"description": text})
-
 
 @dataclass(frozen=True)
 class Key:
@@ -70,6 +66,15 @@ NAME = Shape(
 SCALAR = Shape(yaml_places.scalar, {"type": ["string", "number"]})
 NUMBER = Shape(yaml_places.number, {"type": ["integer", "string"], "pattern": "^(0x[0-9A-Fa-f]+|[0-9]+)$"})
 DURATION = converted(SCALAR, durations.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
+
+
+def _some_time(seconds: float) -> float:
+    if seconds == 0:
+        raise LocalError("this time has to be longer than 0")
+    return seconds
+
+
+SOME_TIME = converted(DURATION, _some_time)
 
 
 def whole(low: int, high: int) -> Shape[int]:

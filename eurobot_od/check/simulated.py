@@ -141,14 +141,14 @@ def run_simulated(
         network.attach(node, number * BOOT_STEP)
     tester = Tester(next(iter(suite.dictionaries.values())))
     network.attach(tester)
-    runner = Runner(suite, SimulatedBench(network, tester), options, interrupt, show)
     programs = [Program(node, network) for node in nodes.values() if isinstance(node, Core)]
 
     async def main() -> SuiteResult:
         for program in programs:
             program.start()
         try:
-            return await runner.run("simulated")
+            bench = SimulatedBench(network, tester)
+            return await Runner(suite, bench, options, interrupt, show).run("simulated")
         finally:
             for program in programs:
                 program.stop()

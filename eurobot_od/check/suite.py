@@ -11,6 +11,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from eurobot_od import durations
 from eurobot_od.check.patterns import Pattern, Sent
 from eurobot_od.check.values import Expected, Variables
 from eurobot_od.device.nmt import NmtCommand
@@ -175,7 +176,7 @@ class Wait:
     seconds: float
 
     def __str__(self) -> str:
-        return f"wait {self.seconds:g} s"
+        return f"wait {durations.text(self.seconds)}"
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("files", nargs="*", metavar="FILE", help="suite files, or names of shipped suites (--list)")
     parser.add_argument("--list", action="store_true", help="list the shipped suites, or the given ones, and end")
+    parser.add_argument("--schema", action="store_true", help="print the JSON Schema of suites, for editors, and end")
     parser.add_argument("--simulate", action="store_true", help="check simulated nodes, in simulated time")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
@@ -58,11 +59,14 @@ def run(arguments: argparse.Namespace) -> int:
     from eurobot_od.check import shipped
     from eurobot_od.check.reader import SuiteError, SuiteReader
 
+    if arguments.schema:
+        print(shipped.SCHEMA.read_text(encoding="utf-8"), end="")
+        return FINE
     files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
     try:
-        suites = _tagged(SuiteReader(arguments.dialect).read_files(files), arguments.tag)
+        suites = _chosen(SuiteReader(arguments.dialect).read_files(files), arguments.tag, arguments.step)
     except SuiteError as error:
         print(error, file=sys.stderr)
         return WRONG_INPUT
@@ -72,12 +76,18 @@ def run(arguments: argparse.Namespace) -> int:
     return _check(arguments, suites)
 
 
-def _tagged(suites: list[Suite], tags: Sequence[str]) -> list[Suite]:
-    """Return the suites that have one of the tags; all if there are none. Raises LocalError if that leaves nothing."""
-    chosen = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
-    if suites and not chosen:
+def _chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:
+    """Return the suites with one of the tags and with one of the steps; all if nothing is asked for.
+
+    Raises LocalError if that leaves nothing.
+    """
+    tagged = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
+    if not tagged:
         known = sorted({tag for suite in suites for tag in suite.tags})
         raise LocalError(f"no suite is tagged {' or '.join(tags)}; tags: {', '.join(known) or 'none'}")
+    chosen = [suite for suite in tagged if not steps or any(_is_chosen(steps, step.name) for step in suite.steps)]
+    if not chosen:
+        raise LocalError(f"no step is named like {' or '.join(steps)}")
     return chosen
 
 
@@ -127,13 +137,14 @@ def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: 
 
 
 def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: Interrupt) -> SuiteResult:
+    from eurobot_od.check import report
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.check.runner import Options
 
     how = f"simulated, seed {seed}" if arguments.simulate else "on the bus"
     reason = _unfit(arguments, suite)
     if not _silent(arguments):
-        print(f"{suite.file.name}: {suite.name} ({reason or how})", flush=True)
+        print(report.heading(suite, reason or how), flush=True)
     if reason:
         return SuiteResult(suite.file, suite.name, how, skipped=reason)
     options = Options(arguments.keep_going, partial(_is_chosen, arguments.step))

@@ -81,16 +81,15 @@ def run(arguments: argparse.Namespace) -> int:
     from eurobot_od.logs import formats
     from eurobot_od.logs.filters import Window
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.output import Text, showing, written
-    from eurobot_od.logs.quick import quick_rows
+    from eurobot_od.logs.output import written
+    from eurobot_od.logs.quick import ways
     from eurobot_od.logs.tally import Tally
 
     decoder = Decoder(dialects.load_all(arguments.dialect))
     output, tally = _output(arguments), Tally()
     window = Window(arguments.since, arguments.until, arguments.relative)
+    show, quick = ways(decoder, filters(arguments, decoder), output)
     sys.stdout.write(output.header)
-    show = showing(decoder, filters(arguments, decoder), output)
-    quick = quick_rows(decoder.protocol, output) if isinstance(output, Text) and not _filtered(arguments) else None
     for log in arguments.logs:
         with opened(log) as file:
             entries = formats.read(file, show, form_of(log, arguments.format), quick)
@@ -110,12 +109,11 @@ def _output(arguments: argparse.Namespace) -> Output:
     return TextOfSeveral() if len(arguments.logs) > 1 else Text()
 
 
-def _filtered(arguments: argparse.Namespace) -> bool:
-    return bool(arguments.message or arguments.node or arguments.where)
+def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
+    """Return the filter that the options describe, None for none.
 
-
-def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted:
-    """Return the filter that the options describe; raises LocalError for a name or value that cannot be."""
+    Raises LocalError for a name or a value that cannot be.
+    """
     from eurobot_od.logs.filters import by_name, by_node, by_value
 
     wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in arguments.where or ()]
@@ -123,7 +121,7 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted:
         wanted.append(by_name(arguments.message, decoder.protocol))
     if arguments.node:
         wanted.append(by_node(arguments.node, [each.name for each in decoder.dictionaries]))
-    return lambda meaning: all(each(meaning) for each in wanted)
+    return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
 
 
 # Input

@@ -11,7 +11,8 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from eurobot_od.errors import BusError, LocalError, NoAnswer
+from eurobot_od.cli import options as shared
+from eurobot_od.errors import LocalError, NodeRefused
 from eurobot_od.lint.diff import (
     NO_OBJECT,
     Address,
@@ -26,13 +27,9 @@ from eurobot_od.lint.files import read_device
 from eurobot_od.lint.model import Device
 
 if TYPE_CHECKING:
-    from canopen import Network
-    from canopen.sdo.client import SdoClient
+    from eurobot_od.client.master import RemoteNode
 
 SAME, DIFFERENT = 0, 1
-SDO_REQUEST, SDO_RESPONSE = 0x600, 0x580
-ANSWER_WAIT = 0.5
-"""Seconds until a node counts as one that does not answer (CiA 301 leaves that to the client)."""
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -40,11 +37,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("left", metavar="A", help="an EDS or DCF")
     parser.add_argument("right", metavar="B", nargs="?", help="the EDS or DCF to compare it with")
     parser.add_argument("--node", type=int, metavar="ID", help="node-ID: of the live node, or to fill in for $NODEID")
-    parser.add_argument("-i", "--interface", help="python-can interface, such as socketcan (live node)")
-    parser.add_argument("-c", "--channel", help="channel of the interface, such as can0")
-    parser.add_argument("-b", "--bitrate", type=int, help="bit rate in bit/s, where the interface sets it")
     parser.add_argument("--names", action="store_true", help="compare the ParameterNames too")
     parser.add_argument("--json", action="store_true", help="write a JSON list instead of lines")
+    shared.add_bus(parser)
 
 
 def run(arguments: Namespace) -> int:
@@ -64,51 +59,30 @@ def _compare_live(device: Device, arguments: Namespace) -> list[Difference]:
     node_id = arguments.node or device.node_id
     if node_id is None:
         raise LocalError("nothing to compare with: name a second file, or a live node with --node")
-    import canopen
+    from eurobot_od.client.master import Master
 
-    with canopen.Network() as network:
-        _connect(network, arguments)
-        return compare_live(device, read_node(network, node_id, readable(device)), node_id)
-
-
-def _connect(network: Network, arguments: Namespace) -> None:
-    given = {key: getattr(arguments, key) for key in ("interface", "channel", "bitrate")}
-    try:
-        network.connect(**{key: value for key, value in given.items() if value is not None})
-    except Exception as error:  # every driver raises its own
-        raise BusError(f"cannot open the CAN bus: {error}") from error
+    with Master(shared.open_bus(arguments)) as master:
+        return compare_live(device, read_node(master.node(node_id), readable(device)), node_id)
 
 
-def read_node(network: Network, node_id: int, addresses: Sequence[Address]) -> dict[Address, Reading]:
+def read_node(node: RemoteNode, addresses: Sequence[Address]) -> dict[Address, Reading]:
     """Read variables of a node by SDO: their bytes, or the abort code; a missing object is asked for once.
 
     Raises NoAnswer if the node does not answer.
     """
-    from canopen.objectdictionary import ObjectDictionary
-    from canopen.sdo.client import SdoClient
-
-    objects = ObjectDictionary()  # type: ignore[no-untyped-call]  # canopen has no types there
-    client = SdoClient(SDO_REQUEST + node_id, SDO_RESPONSE + node_id, objects)  # type: ignore[no-untyped-call]
-    client.RESPONSE_TIMEOUT = ANSWER_WAIT
-    client.network = network
-    network.subscribe(client.tx_cobid, client.on_response)
     found: dict[Address, Reading] = {}
     missing: set[int] = set()
     for address in addresses:
-        found[address] = NO_OBJECT if address[0] in missing else _read(client, address)
+        found[address] = NO_OBJECT if address[0] in missing else _read(node, address)
         missing |= {address[0]} if found[address] == NO_OBJECT else set()
     return found
 
 
-def _read(client: SdoClient, address: Address) -> Reading:
-    from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
-
+def _read(node: RemoteNode, address: Address) -> Reading:
     try:
-        return bytes(client.upload(*address))
-    except SdoAbortedError as error:
-        return int(error.code)
-    except SdoCommunicationError as error:
-        raise NoAnswer(f"SDO upload of {place(address)}", "SDO answer", client.MAX_RETRIES, ANSWER_WAIT) from error
+        return node.upload(address)
+    except NodeRefused as error:
+        return error.code
 
 
 def _print(found: Sequence[Difference], as_json: bool) -> None:

@@ -1,4 +1,7 @@
-"""Print all objects of a CANopen node that can be read, with their values."""
+"""Print all objects of a CANopen node that can be read, with their values.
+
+Rule of this file: parse, call `client.reading`, print; an object that cannot be read is said, not left out.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003)."""
+"""Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003).
+
+Rule of this file: parse, call `client.history`, print.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Write the DCF of a live CANopen node: its EDS with the values that its parameters have now."""
+"""Write the DCF of a live CANopen node: its EDS with the values that its parameters have now.
+
+Rule of this file: parse, call `client.reading`, write.
+"""
 
 from __future__ import annotations
 

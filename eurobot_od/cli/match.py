@@ -8,18 +8,22 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.recorder import recording
+from eurobot_od.errors import RemoteError
 from eurobot_od.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.match import Event, Options, Summary
+    from eurobot_od.messages import Message
+    from eurobot_od.simulation.world import World
 
     Show = Callable[[Event], None]
     Watch = Callable[[float, Frame], None]
@@ -36,6 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
     parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
     parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
+    parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
     parser.add_argument("--json", action="store_true", help="print timeline and summary as JSON")
     shared.add_dialect(parser)
     shared.add_bus(parser)
@@ -66,8 +71,10 @@ def run(arguments: argparse.Namespace) -> int:
     )
     events: list[Event] = []
     show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
+    picture = Picture(arguments.field, arguments.dialect)
     with recording(arguments.log) as write:
-        summary = _play(arguments, options, show, write)
+        summary, world = _play(arguments, options, show, _both(write, picture.add))
+    picture.draw(world, f"Match, seed {arguments.seed}")
     if arguments.json:
         print(_as_json(events, summary))
     else:
@@ -75,12 +82,57 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _play(arguments: argparse.Namespace, options: Options, show: Show, watch: Watch) -> Summary:
+def _both(one: Watch, other: Watch) -> Watch:
+    def watch(time: float, frame: Frame) -> None:
+        one(time, frame)
+        other(time, frame)
+
+    return watch
+
+
+def _play(arguments: argparse.Namespace, options: Options, show: Show, watch: Watch) -> tuple[Summary, World]:
     from eurobot_od.match import stage
 
     if arguments.speed == "fast":
-        return stage.play_simulated(options, show, watch)[0]
-    return stage.play_live(options, show, watch, partial(shared.open_bus, arguments))[0]
+        return stage.play_simulated(options, show, watch)
+    return stage.play_live(options, show, watch, partial(shared.open_bus, arguments))
+
+
+class Picture:
+    """The match on the playing field, drawn into `file` at the end; without a file nothing is kept.
+
+    Raises UnknownName for a suffix of no format, before anything is played.
+    """
+
+    def __init__(self, file: Path | None, dialect: str | None) -> None:
+        self._file, self._dialect = file, dialect
+        self._frames: list[tuple[float, Frame]] = []
+        if file is not None:
+            from eurobot_od.view.files import form
+
+            form(file)
+
+    def add(self, time: float, frame: Frame) -> None:
+        """Keep a frame."""
+        if self._file is not None:
+            self._frames.append((time, frame))
+
+    def draw(self, world: World, title: str) -> None:
+        """Draw what the frames say, and where the robot truly was."""
+        if self._file is None:
+            return
+        from eurobot_od.view.files import save
+        from eurobot_od.view.recording import record
+
+        save(record(self._messages(), world.path), self._file, title)
+
+    def _messages(self) -> Iterator[tuple[float, Message]]:
+        from eurobot_od.protocol import Protocol
+
+        protocol = Protocol.load(self._dialect)
+        for time, frame in self._frames:
+            with suppress(RemoteError):  # the services of CANopen are none of the picture's business
+                yield time, protocol.decode(*frame)
 
 
 COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}

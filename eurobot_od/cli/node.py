@@ -29,6 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     colours = [colour.name.lower() for colour in TeamColour]
     parser.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
     parser.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
+    parser.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `eurobot-od faults` lists them")
     shared.add_dialect(parser)
     shared.add_bus(parser)
@@ -36,19 +37,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the node."""
-    from eurobot_od import dialects, runtime
-    from eurobot_od.nodes import ROLES
-    from eurobot_od.simulation import faults
+    from eurobot_od import runtime
 
-    role = ROLES[arguments.node]
-    if arguments.fault:
-        role = faults.faulty(role, arguments.fault)
-    node = role(dialects.load(arguments.node, arguments.dialect, arguments.node_id))
+    node = _make(arguments)
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
         show = lambda frame, now: print(_line(node, frame, now), flush=True)  # noqa: E731
         live.gatekeeper.add_frames(lambda: node.device.identifiers, show, "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if arguments.beacons:
+        _see(node, live)
     with live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
         if arguments.team:
@@ -57,6 +55,28 @@ def run(arguments: argparse.Namespace) -> int:
             _drill(node)
         _wait(live, arguments.duration)
     return 0
+
+
+def _make(arguments: argparse.Namespace) -> Node:
+    """Make the node from its EDS file; raises UnknownName, LocalError, DictionaryError."""
+    from eurobot_od import dialects
+    from eurobot_od.nodes import ROLES
+    from eurobot_od.simulation import faults
+
+    role = ROLES[arguments.node]
+    if arguments.fault:
+        role = faults.faulty(role, arguments.fault)
+    return role(dialects.load(arguments.node, arguments.dialect, arguments.node_id))
+
+
+def _see(node: Node, live: Live) -> None:
+    """Give a navigation simulated beacons: our robot stands, two enemies and a confederate are on their rounds."""
+    from eurobot_od.nodes import Navigation
+    from eurobot_od.simulation.world import World
+
+    if isinstance(node, Navigation):
+        deviations = lambda: (node.setting("Noise.Position deviation"), node.setting("Noise.Angle deviation"))  # noqa: E731
+        node.beacons = World(1, TeamColour.RED, 2, 1, deviations, live.clock)
 
 
 def _line(node: Node, frame: Frame, now: float) -> str:

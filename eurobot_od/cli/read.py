@@ -1,4 +1,7 @@
-"""Read objects of a CANopen node, by number or by the EDS's name."""
+"""Read objects of a CANopen node, by number or by the EDS's name.
+
+Rule of this file: parse, call `client.objects`, print.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Have a CANopen node take the defaults of its parameters again, from its next reset on (0x1011)."""
+"""Have a CANopen node take the defaults of its parameters again, from its next reset on (0x1011).
+
+Rule of this file: parse, write the signature, print.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Have a CANopen node store its parameters, so that they survive a reset (0x1010)."""
+"""Have a CANopen node store its parameters, so that they survive a reset (0x1010).
+
+Rule of this file: parse, write the signature, print.
+"""
 
 from __future__ import annotations
 

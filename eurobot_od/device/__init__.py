@@ -45,6 +45,7 @@ HEARTBEAT_TIME: Address = (0x1017, 0)
 COMMUNICATION_ERROR: Address = (0x1029, 1)
 SDO_RECEIVE: Address = (0x1200, 1)
 SDO_TRANSMIT: Address = (0x1200, 2)
+SDO_CLIENTS = range(0x1280, 0x1300)
 NMT_STARTUP: Address = (0x1F80, 0)
 
 SAVE = int.from_bytes(b"save", "little")
@@ -65,13 +66,15 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
-    `frames` to send, the `message` for the application, a `reset` of it, and the node-IDs whose heartbeat was `lost`.
+    `frames` to send, the `message` for the application, a `reset` of it, the node-IDs whose heartbeat was `lost`, and
+    an SDO `answer` to the device as a client.
     """
 
     frames: list[Frame]
     message: Message | None = None
     reset: Reset | None = None
     lost: tuple[int, ...] = ()
+    answer: Frame | None = None
 
 
 Ear = Callable[[Frame], Reaction]
@@ -120,9 +123,14 @@ class Device:
 
     def _listeners(self) -> dict[int, Ear]:
         ears: dict[int, Ear] = dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat)
+        ears |= dict.fromkeys(self._answers(), self._receive_answer)
         ears |= dict.fromkeys(self._pdos.received, self._receive_pdo)
         sdo = self._cob_id(SDO_RECEIVE)
         return ears | ({} if sdo is None else {sdo: self._receive_sdo}) | {NMT_COB_ID: self._receive_command}
+
+    def _answers(self) -> list[int]:
+        """Return the COB-IDs on which SDO servers answer to this device as a client (CiA 301, 7.5.2.34)."""
+        return [cob_id for index in SDO_CLIENTS if (cob_id := self._cob_id((index, 2))) is not None]
 
     @property
     def protocol(self) -> Protocol:
@@ -330,6 +338,9 @@ class Device:
         if self._consumer.heard(node_id, self._now):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
         return Reaction([])
+
+    def _receive_answer(self, frame: Frame) -> Reaction:
+        return Reaction([], answer=frame)
 
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if self.state is NmtState.STOPPED:

@@ -36,6 +36,9 @@ STATE = (0x1001, 0x1002, 0x1003, 0x1010, 0x1011)
 NO_OBJECT, NO_SUB_INDEX = 0x06020000, 0x06090011
 """SDO abort codes for what is not there (CiA 301, Table 22)."""
 
+NO_DATA = 0x08000024
+"""SDO abort code for an object that is there and has nothing to tell, such as an error field without errors."""
+
 
 WHOLE_DEVICE = (-1, -1)
 """Where a difference is that belongs to no object."""
@@ -266,6 +269,8 @@ def compare_live(device: Device, readings: Mapping[Address, Reading], node_id: i
 
 def _unread(variable: Variable, address: Address, reading: Reading) -> Iterator[Difference]:
     """Yield what a node has not, does not give, or gives in another length."""
+    if reading == NO_DATA:
+        return
     if isinstance(reading, int):
         is_missing = reading in (NO_OBJECT, NO_SUB_INDEX)
         yield Difference(address, "on the node", _name(variable), ABSENT if is_missing else f"abort 0x{reading:08X}")

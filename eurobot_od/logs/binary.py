@@ -93,8 +93,9 @@ def read_messages(file: BinaryIO, understand: Understand[Understood]) -> Entries
 
     number = 0
     try:
-        for number, message in enumerate(can.LogReader(file.name), 1):
-            yield number, message.timestamp, _channel(message.channel), understand(of_message(message))
+        with can.LogReader(file.name) as messages:
+            for number, message in enumerate(messages, 1):
+                yield number, message.timestamp, _channel(message.channel), understand(of_message(message))
     except NotImplementedError:  # what it raises without the package it needs
         raise LocalError(f"{file.name}: reading it needs the extra `mf4`: pip install 'eurobot-od[mf4]'") from None
     except Exception as error:  # the readers raise what comes to hand

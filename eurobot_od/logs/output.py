@@ -15,7 +15,7 @@ from functools import lru_cache
 from typing import Any, TypeAlias
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.filters import Window
+from eurobot_od.logs.filters import Wanted, Window
 from eurobot_od.logs.meaning import Finding, Meaning
 from eurobot_od.logs.raw import Entries, Raw, Understand
 from eurobot_od.logs.tally import Tally
@@ -146,12 +146,12 @@ Shown: TypeAlias = "tuple[str | None, tuple[Finding, ...]]"
 """What became of a frame: its row, None if it is not wanted, and what is wrong with it."""
 
 
-def showing(decode: Callable[[Raw], Meaning], wanted: Callable[[Meaning], bool], output: Output) -> Understand[Shown]:
-    """Return what a log reader is to make of each frame."""
+def showing(decode: Callable[[Raw], Meaning], wanted: Wanted | None, output: Output) -> Understand[Shown]:
+    """Return what a log reader is to make of each frame; `wanted` is None if every frame is."""
 
     def show(raw: Raw) -> Shown:
         meaning = decode(raw)
-        return output.row(meaning) if wanted(meaning) else None, meaning.findings
+        return output.row(meaning) if wanted is None or wanted(meaning) else None, meaning.findings
 
     return show
 

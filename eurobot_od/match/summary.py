@@ -9,16 +9,14 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from eurobot_od.device.nmt import ERROR_CONTROL_BASE
 from eurobot_od.errors import UnknownIdentifier
 from eurobot_od.frame import Frame
+from eurobot_od.logs.services import services
 from eurobot_od.protocol import Protocol
 from eurobot_od.simulation.bits import frame_bits
 
-EMCY_BASE = 0x080
-"""COB-ID of an EMCY is this plus the node-ID (CiA 301, 7.3.3)."""
-
-NODES = range(1, 128)
+BOOT_UP = 0
+"""Content of a heartbeat that is the boot-up message (CiA 301, 7.2.8.3.3)."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +52,7 @@ class Traffic:
         self._protocol = protocol
         self._counts: Counter[str] = Counter()
         self._others: Counter[str] = Counter()
+        self._services = services(())
         self._bits = 0
 
     def count(self, frame: Frame) -> None:
@@ -62,17 +61,17 @@ class Traffic:
         try:
             self._counts[self._protocol.binding_of(frame.cob_id).name] += 1
         except UnknownIdentifier:
-            self._others[_service(frame)] += 1
+            self._others[self._service(frame)] += 1
+
+    def _service(self, frame: Frame) -> str:
+        """Name a frame that is none of the protocol's messages."""
+        service = self._services.get(frame.cob_id)
+        if service is None:
+            return "Other"
+        return "Boot-up" if service.name == "Heartbeat" and frame.data == bytes([BOOT_UP]) else service.name
 
     def summary(self, seconds: float, bitrate: int, errors: list[float], reports: list[str]) -> Summary:
         """Return what was counted in `seconds`."""
         frames = {name: self._counts[name] for name in self._protocol.names()}
         load = self._bits / bitrate / seconds if seconds else 0.0
         return Summary(seconds, bitrate, frames, dict(self._others), load, errors, reports)
-
-
-def _service(frame: Frame) -> str:
-    """Name a CANopen frame that is no PDO (CiA 301, 7.3.3)."""
-    if frame.cob_id - ERROR_CONTROL_BASE in NODES:
-        return "Heartbeat" if any(frame.data) else "Boot-up"
-    return "EMCY" if frame.cob_id - EMCY_BASE in NODES else "Other"

@@ -12,7 +12,8 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
-from eurobot_od.errors import StateError
+from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.frame import Frame
 from eurobot_od.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -41,6 +42,7 @@ from eurobot_od.messages import (
     StopDrive,
 )
 from eurobot_od.nodes.flow import START, Ask, Call, Flow, Pause, Script
+from eurobot_od.nodes.identity import REVISION, Channel, DialectMismatch, description, revision_in
 from eurobot_od.nodes.node import Node
 from eurobot_od.values import Barriers, Direction, GotoFault, Obstacle, Route, TeamColour
 
@@ -139,7 +141,8 @@ class Core(Node):
     def check_nodes(self) -> Call[dict[str, float]]:
         """Check drive, then navigation; the result is the seconds each took to answer (document 2.3).
 
-        NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1).
+        NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
+        names a node that is loaded from the EDS of another dialect.
         """
         return self._run(self._check_nodes())
 
@@ -211,10 +214,16 @@ class Core(Node):
             return self._begin(script).call
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
-        flow = Flow(script, self._timers, self.offer, self._ended)
+        flow = Flow(script, self._timers, self._put, self._ended)
         self._flows.append(flow)
         self.soon(flow.start)
         return flow
+
+    def _put(self, request: Message | Frame) -> None:
+        if isinstance(request, Frame):
+            self._out.append(request)
+        else:
+            self.offer(request)
 
     def _ended(self, flow: Flow[Any]) -> None:
         self._flows.remove(flow)
@@ -247,7 +256,22 @@ class Core(Node):
             asked = self.now
             yield Ask(request, answer, self.seconds("Node check.Check wait"), self.setting("Node check.Check attempts"))
             took[node] = self.now - asked
+        for node in took:
+            yield from self._compare(node)
         return took
+
+    def _compare(self, node: str) -> Script[None]:
+        """Make sure that a node speaks our dialect, if it can be asked."""
+        channel = Channel.to(node, self.device)
+        if channel is None:
+            return
+        try:
+            answer = yield Ask(channel.ask(), channel.answer, self.seconds("Node check.Identity wait"), 1)
+        except NoAnswer:
+            return
+        theirs, ours = revision_in(answer), self.device.number(REVISION)
+        if theirs is not None and theirs != ours:
+            raise DialectMismatch(node, channel.node_id, description(node, theirs), description(self.name, ours))
 
     def _configure(self, configuration: StartConfigurationSet) -> Script[float]:
         asked: float = yield START
@@ -310,8 +334,15 @@ class Core(Node):
 
     def _act(self, message: Message) -> None:
         super()._act(message)
+        self._heard(message)
+
+    def answered(self, frame: Frame) -> None:
+        """Pass an SDO answer to the flow that waits for it."""
+        self._heard(frame)
+
+    def _heard(self, answer: Message | Frame) -> None:
         for flow in list(self._flows):
-            flow.heard(message, self.now)
+            flow.heard(answer, self.now)
 
     def _confirmed(self, _: GotoConfirm) -> Message | None:
         """Stop again if a goto is confirmed after the stop: the more urgent stop can overtake it on the bus."""

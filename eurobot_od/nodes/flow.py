@@ -15,6 +15,7 @@ from inspect import GEN_CLOSED, getgeneratorstate
 from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.errors import NoAnswer
+from eurobot_od.frame import Frame
 from eurobot_od.messages import Message
 from eurobot_od.nodes.timers import Timer, Timers
 
@@ -22,12 +23,27 @@ Result = TypeVar("Result")
 
 
 class Ask(NamedTuple):
-    """Send `request` up to `attempts` times, `wait` seconds apart, until a message of type `answer` comes."""
+    """Send `request` up to `attempts` times, `wait` seconds apart, until the `answer` comes.
 
-    request: Message
-    answer: type[Message]
+    The answer to a message is a message type, that to a frame a COB-ID.
+    """
+
+    request: Message | Frame
+    answer: type[Message] | int
     wait: float
     attempts: int
+
+    def fits(self, heard: Message | Frame) -> bool:
+        """Tell whether this is the answer."""
+        if isinstance(heard, Frame):
+            return heard.cob_id == self.answer
+        return not isinstance(self.answer, int) and isinstance(heard, self.answer)
+
+    def unanswered(self) -> NoAnswer:
+        """Return the error that nobody answered."""
+        request = str(self.request) if isinstance(self.request, Frame) else type(self.request).__name__
+        answer = f"0x{self.answer:03X}" if isinstance(self.answer, int) else self.answer.__name__
+        return NoAnswer(request, answer, self.attempts, self.wait)
 
 
 class Pause(NamedTuple):
@@ -58,7 +74,7 @@ class Flow(Generic[Result]):
         self,
         script: Script[Result],
         timers: Timers,
-        send: Callable[[Message], None],
+        send: Callable[[Message | Frame], None],
         ended: Callable[[Flow[Any]], None],
     ) -> None:
         self.call: Call[Result] = Call()
@@ -73,9 +89,9 @@ class Flow(Generic[Result]):
         if getgeneratorstate(self._script) != GEN_CLOSED:
             self._resume(lambda: self._script.send(now), now)
 
-    def heard(self, message: Message, now: float) -> bool:
-        """Take in a received message; return whether it was the answer that the flow waits for."""
-        if self._ask is None or not isinstance(message, self._ask.answer):
+    def heard(self, message: Message | Frame, now: float) -> bool:
+        """Take in a received message or SDO answer; return whether it was the answer that the flow waits for."""
+        if self._ask is None or not self._ask.fits(message):
             return False
         self._resume(lambda: self._script.send(message), now)
         return True
@@ -121,8 +137,7 @@ class Flow(Generic[Result]):
         if ask is None:
             return
         if self._sent == ask.attempts or self.call.cancelled():
-            error = NoAnswer(type(ask.request).__name__, ask.answer.__name__, ask.attempts, ask.wait)
-            self.fail(error, now)
+            self.fail(ask.unanswered(), now)
             return
         self._sent += 1
         self._timer = self._timers.at(now + ask.wait, self._transmit)

@@ -95,6 +95,8 @@ class Node:
             self.heartbeat_lost(node_id)
         if reaction.message is not None:
             self._handle(reaction.message)
+        if reaction.answer is not None:
+            self.answered(reaction.answer)
 
     # For the nodes
 
@@ -105,6 +107,9 @@ class Node:
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Do what is to be done when another node has fallen silent; the nodes that care say what."""
+
+    def answered(self, frame: Frame) -> None:
+        """Take in another node's answer to an SDO request of ours; the nodes that ask say what."""
 
     def soon(self, action: Action) -> None:
         """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""

@@ -30,6 +30,7 @@ WRONG_STEPS = {
     "no unit": ("- wait: ^500", "'500' is no duration; write a number and one of us, ms, s, min"),
     "unknown unit": ("- wait: ^1 h", "'1 h' is no duration"),
     "base 60": ("- wait: ^12:30", "'12:30' is no duration"),
+    "no period": ("- poll: {send: Stop Drive, every: ^0 s}\n  until: Goto Confirm", "this time has to be longer than 0"),
     "negative": ("- wait: ^-1 s", "'-1 s' is no duration"),
     # messages and fields
     "unknown message": ("- send: ^Stop Drove", "unknown message 'Stop Drove'; did you mean Stop Drive?"),
@@ -49,7 +50,10 @@ WRONG_STEPS = {
     "no tolerance": ("- expect: {Goto State Response: {time: ^3 +- x}}", "'x' is not allowed"),
     "unknown variable": ("- expect: {Goto State Response: {time: ^'{t}'}}", "unknown variable 't'"),
     "unknown barrier": (f"- send: {GOTO.replace('4}', '4, barriers: {^fire 7: forced}}')}", "unknown barrier 'fire 7'"),
-    "unknown passage": (f"- send: {GOTO.replace('4}', '4, barriers: {fire 1: ^f}}')}", "unknown passage 'f'; known: free"),
+    "unknown passage": (
+        f"- send: {GOTO.replace('4}', '4, barriers: {fire 1: ^f}}')}",
+        "unknown passage 'f'; known: free",
+    ),
     "half a place": (
         "- send: ^{Kalman Position Response: {x: unknown, y: 3, angle: 4, source: internal}}",
         "Kalman Position Response: x = None is not allowed",
@@ -67,6 +71,7 @@ WRONG_STEPS = {
     "unknown object": ("- sdo: {read: ^Producer heartbet time}", "unknown object of drive 'Producer heartbet time'"),
     "nothing to do": ("- sdo: ^{expect: 3}", "an SDO step has either 'read' or 'write'"),
     "nothing to write": ("- sdo: ^{write: 0x1017}", "an SDO write has either 'value' or 'data'"),
+    "refused and read": ("- sdo: ^{read: 0x1017, expect: 3, abort: 0x06020000}", "an SDO read that is refused with"),
     "read with a value": ("- sdo: ^{read: 0x1017, value: 3}", "'value' does not belong to an SDO read"),
     "value over the type": ("- sdo: {write: 0x1017, value: ^65536}", "'65536' is not allowed; allowed: 0..65535"),
     "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is no number or text in the EDS of drive"),
@@ -231,7 +236,8 @@ def test_reads_a_group() -> None:
 def test_reads_times_in_seconds() -> None:
     poll = action("- poll: {send: Goto State Request, every: 100 ms}\n  until: Goto State Response\n  within: 2 min")
     assert isinstance(poll, Poll)
-    assert (poll.every, poll.within) == (pytest.approx(0.1), 120)
+    assert poll.every == pytest.approx(0.1)
+    assert poll.within == pytest.approx(120)
 
 
 def test_reads_several_documents_of_one_file() -> None:

@@ -134,7 +134,10 @@ CASES = {
     ),
     # repetition
     "repeated": ("- {send: Check Drive Request, repeat: 3}\n- expect: Check Drive Response\n  repeat: 3", "++"),
-    "repeated too often": ("- {send: Check Drive Request, repeat: 3}\n- {expect: Check Drive Response, repeat: 4}", "+-"),
+    "repeated too often": (
+        "- {send: Check Drive Request, repeat: 3}\n- {expect: Check Drive Response, repeat: 4}",
+        "+-",
+    ),
     "a group, repeated": (
         "- repeat: 2\n  steps:\n    - send: Check Drive Request\n    - expect: Check Drive Response",
         "++++",
@@ -274,5 +277,5 @@ def test_names_the_steps_of_a_group() -> None:
     assert [step.name for step in steps] == [
         "twice 1/2: send Check Drive Request",
         "twice 2/2: send Check Drive Request",
-        "wait 0.001 s",
+        "wait 1 ms",
     ]

@@ -5,14 +5,12 @@ The whole matrix of faults and suites is `tools/fault_matrix.py`'s; here is a sa
 
 from __future__ import annotations
 
-from itertools import chain
-
 import fault_matrix
 import pytest
 from fault_matrix import Run
 
 from eurobot_od import dialects
-from eurobot_od.check.suite import Group, Step, Suite
+from eurobot_od.check.suite import Suite
 from eurobot_od.simulation import faults
 
 SUITES = [(dialect, name) for dialect in dialects.names() for name in fault_matrix.shipped(dialect)]
@@ -84,11 +82,6 @@ def names(suite: Suite) -> list[str]:
     return [step.name for step in suite.steps]
 
 
-def actions(steps: tuple[Step, ...]) -> list[Step]:
-    """Return steps, those in groups instead of the groups."""
-    return list(chain.from_iterable(actions(s.action.steps) if isinstance(s.action, Group) else [s] for s in steps))
-
-
 @pytest.mark.parametrize(("dialect", "name"), SUITES)
 def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
     assert [fault_matrix.do(Run(dialect, name, None, seed)).red for seed in (1, 2)] == [(), ()]
@@ -120,11 +113,11 @@ def test_steps_that_check_something_have_names_of_their_own(dialect: str, name: 
     assert len(set(written)) == len(written) >= 5
 
 
-def test_the_matrix_tells_what_is_not_found(capsys: pytest.CaptureFixture[str]) -> None:
-    outcome = fault_matrix.Outcome(Run("canopen", "drive", "goto-not-confirmed"), ("another step",))
+def test_the_matrix_tells_what_is_not_found() -> None:
+    outcome = fault_matrix.Outcome(Run(dialects.DEFAULT, "drive", "goto-not-confirmed"), ("another step",))
     assert list(fault_matrix.missed([outcome])) == [
         "goto-not-confirmed: expected red is drive: '2.1 Goto ACK: a goto is confirmed'; red is drive: another step"
     ]
-    assert list(fault_matrix.wrongly_red([outcome._replace(run=Run("canopen", "drive", None, 7))])) == [
-        "drive (canopen, seed 7): 'another step' is red without a fault"
+    assert list(fault_matrix.wrongly_red([outcome._replace(run=Run(dialects.DEFAULT, "drive", None, 7))])) == [
+        f"drive ({dialects.DEFAULT}, seed 7): 'another step' is red without a fault"
     ]

@@ -126,7 +126,7 @@ def test_refuses_a_variable_that_nobody_saves() -> None:
 
 
 def test_refuses_a_constant_that_is_not_allowed_there() -> None:
-    with pytest.raises(ValueProblem, match="'60' is not allowed; allowed: 0..50 %"):
+    with pytest.raises(ValueProblem, match=r"'60' is not allowed; allowed: 0\.\.50 %"):
         expectation("{speed}", scale(PERCENT, 50))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import pytest
 
 from eurobot_od import dialects
-from eurobot_od.device import LOAD, SAVE, Device
+from eurobot_od.device import LOAD, SAVE, Device, Reaction
 from eurobot_od.device.aborts import AbortCode
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand, NmtState, error_control
 from eurobot_od.device.store import Memory
@@ -62,7 +62,7 @@ def test_commands_to_a_device_or_to_all(command: NmtCommand, node_id: int, state
 @pytest.mark.parametrize("data", [b"", b"\x02", b"\x02\x00\x00", b"\x03\x00", b"\x00\x02"])
 def test_what_is_no_command_changes_nothing(data: bytes) -> None:
     wire = wired()
-    assert wire.send(Frame(NMT_COB_ID, data)) == ([], None, None, ())
+    assert wire.send(Frame(NMT_COB_ID, data)) == Reaction([])
     assert wire.device.state is NmtState.OPERATIONAL
 
 

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-import canopen
 import pytest
 
 from eurobot_od.cli.diff import read_node
 from eurobot_od.errors import NoAnswer
-from eurobot_od.lint.diff import NO_OBJECT, Reading, compare, compare_live, readable
+from eurobot_od.lint.diff import NO_DATA, NO_OBJECT, Reading, compare, compare_live, readable
 from eurobot_od.lint.files import read_device
 from eurobot_od.lint.model import Device
 from eurobot_od.lint.rules import load
+from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.lint.mutations import BASES, CLEAN
-
-DRIVE = Path(__file__).resolve().parents[2] / "eds/canopen/drive.eds"
 
 
 def device(text: str, name: str = "a.eds") -> Device:
@@ -112,6 +109,7 @@ LIVE: list[tuple[dict[tuple[int, int], Reading], list[str]]] = [
     ({(0x1017, 0): b"\xf4\x01\x00"}, ["0x1017 sub 0: bytes: 2 -> 3"]),
     ({(0x1017, 0): NO_OBJECT}, ["0x1017 sub 0: on the node: Producer heartbeat time -> -"]),
     ({(0x1017, 0): 0x08000020}, ["0x1017 sub 0: on the node: Producer heartbeat time -> abort 0x08000020"]),
+    ({(0x1017, 0): NO_DATA}, []),  # nothing to tell, as an error field without errors
     ({(0x2000, 0): b"\x01\x02\x03\x04"}, []),  # process data
     ({(0x1001, 0): b"\x01"}, []),  # a state
     ({(0x2007, 0): b"\xfb\xff"}, []),  # -5
@@ -132,14 +130,11 @@ def test_a_nodes_answers_are_compared(readings: dict[tuple[int, int], Reading], 
 
 def test_a_live_node_is_compared_by_sdo() -> None:
     file = read_device(str(DRIVE))
-    with canopen.Network() as here, canopen.Network() as there:
-        here.connect(interface="virtual", channel="diff")
-        there.connect(interface="virtual", channel="diff")
-        node = there.create_node(2, str(DRIVE))
-        same = compare_live(file, read_node(here, 2, readable(file)), 2)
-        node.sdo[0x1017].raw = 123
-        node.sdo[0x1400][1].raw = 0x80000001
-        changed = compare_live(file, read_node(here, 2, readable(file)), 2)
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        same = compare_live(file, read_node(master.node(2), readable(file)), 2)
+        node.data_store[0x1017] = {0: (123).to_bytes(2, "little")}
+        node.data_store[0x1400] = {1: (0x80000001).to_bytes(4, "little")}
+        changed = compare_live(file, read_node(master.node(2), readable(file)), 2)
     assert same == []
     assert [str(each) for each in changed] == [
         "0x1017 sub 0: value: 1000 -> 123",
@@ -147,9 +142,12 @@ def test_a_live_node_is_compared_by_sdo() -> None:
     ]
 
 
-def test_a_node_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("eurobot_od.cli.diff.ANSWER_WAIT", 0.01)
-    with canopen.Network() as network:
-        network.connect(interface="virtual", channel="nobody")
-        with pytest.raises(NoAnswer, match="0x1000 sub 0"):
-            read_node(network, 9, [(0x1000, 0)])
+def test_our_own_node_is_as_its_eds_says() -> None:
+    file = read_device(str(DRIVE))
+    with robot("drive") as channel, master_on(channel) as master:
+        assert compare_live(file, read_node(master.node(2), readable(file)), 2) == []
+
+
+def test_a_node_that_is_not_there_is_told() -> None:
+    with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer, match="0x1000:0"):
+        read_node(master.node(9), [(0x1000, 0)])

@@ -14,7 +14,7 @@ from eurobot_od.logs.filters import Window
 from eurobot_od.logs.lines import IRREGULAR
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Text, showing, written
-from eurobot_od.logs.quick import quick_rows
+from eurobot_od.logs.quick import QuickRows
 from eurobot_od.logs.tally import Tally
 from eurobot_od.protocol import Binding, Protocol
 
@@ -54,21 +54,22 @@ def test_both_ways_write_and_count_the_same(dialect: str) -> None:
     decoder, output = Decoder(dialects.load_all(dialect)), Text()
     log = "".join(random_lines(decoder.protocol)).encode()
     found = []
-    for quick in (None, quick_rows(decoder.protocol, output)):
+    rows, long = QuickRows(decoder.protocol, output), showing(decoder, None, output)
+    for show, quick in ((long, None), (long, rows.line), (rows.over(long), None), (rows.over(long), rows.line)):
         tally = Tally()
-        entries = formats.read(io.BytesIO(log), showing(decoder, lambda _: True, output), "log", quick)
+        entries = formats.read(io.BytesIO(log), show, "log", quick)
         found.append((list(written(entries, "x", output, tally, Window())), list(tally.report())))
-    assert found[0] == found[1]
+    assert all(each == found[0] for each in found)
     assert len(found[0][0]) == FRAMES
 
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_regular_frames_go_the_short_way(dialect: str) -> None:
     protocol, chance = Protocol.load(dialect), random.Random(1)
-    quick = quick_rows(protocol, Text())
+    quick = QuickRows(protocol, Text())
     for binding in protocol.bindings:
         values = {field: chance.randint(limits.low, min(limits.high, 300)) for field, limits in binding.limits.items()}
-        row, findings = quick(f"{binding.cob_id:03X}#{binding.pack(values).hex()}".encode())
+        row, findings = quick.line(f"{binding.cob_id:03X}#{binding.pack(values).hex()}".encode())
         assert str(row).startswith(binding.name)
         assert findings == ()
 
@@ -78,4 +79,4 @@ def test_regular_frames_go_the_short_way(dialect: str) -> None:
 )
 def test_other_frames_are_left_to_the_long_way(rest: bytes) -> None:
     with pytest.raises(IRREGULAR):
-        quick_rows(Protocol.load(dialects.DEFAULT), Text())(rest)
+        QuickRows(Protocol.load(dialects.DEFAULT), Text()).line(rest)

@@ -35,8 +35,8 @@ def test_messages_are_counted_under_their_names_in_the_order_of_their_priority()
         (Frame(0x701, b"\x05"), "Heartbeat"),
         (Frame(0x702, b"\x7f"), "Heartbeat"),
         (Frame(0x081, bytes(8)), "EMCY"),
-        (Frame(0x000, b"\x81\x00"), "Other"),  # NMT
-        (Frame(0x601, bytes(8)), "Other"),  # SDO
+        (Frame(0x000, b"\x81\x00"), "NMT"),
+        (Frame(0x601, bytes(8)), "SDO"),
         (Frame(0x700, b"\x05"), "Other"),  # no node has node-ID 0
     ],
 )

@@ -27,8 +27,3 @@ class Fault(NamedTuple):
     text: str
     mixin: Mixin
     caught_by: Caught
-
-
-def caught(suite: str, step: str) -> Caught:
-    """Say which step finds a fault."""
-    return Caught(suite, step)

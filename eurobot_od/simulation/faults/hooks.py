@@ -7,7 +7,7 @@ and knows nothing of faults. Several of them can stand in front of one node.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -110,9 +110,12 @@ def late(which: Which, seconds: float) -> Mixin:
             frames, cob_id = super()._flush(), _cob_id(self, which)
             for frame in frames:
                 if frame.cob_id == cob_id:
-                    self.at(self.now + seconds, lambda _, frame=frame: self._due.append(frame))  # type: ignore[misc]
+                    self.at(self.now + seconds, partial(self._release, frame))
             due, self._due = self._due, []
             return [frame for frame in frames if frame.cob_id != cob_id] + due
+
+        def _release(self, frame: Frame, _now: float) -> None:
+            self._due.append(frame)
 
     return Late
 
@@ -156,11 +159,6 @@ def every(seconds: float, action: Callable[[Any], object]) -> Mixin:
             self.at(now + seconds, self._again)
 
     return Every
-
-
-def both(one: Mixin, other: Mixin) -> Mixin:
-    """Put two classes in front of a node's class."""
-    return type("Both", (one, other), {})
 
 
 # Changes

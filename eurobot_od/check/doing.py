@@ -1,0 +1,275 @@
+"""Does one step after the other on a bench: asks, looks at what comes, and raises Failed if it is not as expected.
+
+Rule of this file: no clock and no bus but the bench's. `expect` looks at what has come since the last question, each
+frame counting once; `never` and `period` at what comes from the end of the step before. A question is a `send`
+(several in a row count as one), an `nmt`, an `sdo` or a `poll`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+from eurobot_od import durations
+from eurobot_od.check import sdo
+from eurobot_od.check.bench import Bench
+from eurobot_od.check.patterns import Difference, Pattern
+from eurobot_od.check.results import Finding
+from eurobot_od.check.suite import (
+    Action,
+    Expect,
+    Never,
+    Nmt,
+    NodeServices,
+    Order,
+    Period,
+    Poll,
+    Save,
+    SdoRead,
+    SdoWrite,
+    Send,
+    Suite,
+    Wait,
+)
+from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.device.nmt import NMT_COB_ID
+from eurobot_od.errors import NoAnswer
+from eurobot_od.frame import Frame
+
+
+class Failed(Exception):
+    """A step is red; `finding` says why."""
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__(finding.what)
+        self.finding = finding
+
+
+class Doer:
+    """Does the steps of a suite; keeps what they know of each other: the last question, used frames, variables."""
+
+    def __init__(self, suite: Suite, bench: Bench, trace: Trace) -> None:
+        self._suite, self._bench, self._trace = suite, bench, trace
+        self._variables: dict[str, Any] = {}
+        self._used: set[int] = set()
+        self._mark, self._edge = 0, len(trace)
+        self._asking = False
+
+    async def do(self, action: Action) -> None:
+        """Do one action; raises Failed, LocalError or RemoteError if it is red, BusError if the bus failed."""
+        await self.DO[type(action)](self, action)
+        self._asking = isinstance(action, Send) or (self._asking and isinstance(action, Save))
+
+    def words(self, frame: Frame) -> str:
+        """Say what a frame means; nothing if nobody knows."""
+        meaning = self._suite.decoder(frame)
+        return f"{meaning.name}  {meaning.text}".rstrip() if meaning.name else ""
+
+    # Asking
+
+    def _ask(self) -> None:
+        """Begin a question: what came before it answers nothing."""
+        self._mark = self._edge = len(self._trace)
+
+    async def _put(self, frame: Frame) -> None:
+        self._trace.add(Seen(await self._bench.send(frame), frame, own=True))
+
+    async def _send(self, action: Send) -> None:
+        if not self._asking:
+            self._ask()
+        await self._put(action.sent.frame(self._variables))
+
+    async def _nmt(self, action: Nmt) -> None:
+        self._ask()
+        await self._put(Frame(NMT_COB_ID, bytes([action.command, action.node_id])))
+
+    async def _wait(self, action: Wait) -> None:
+        await self._trace.sleep(action.seconds)
+        self._edge = len(self._trace)
+
+    # Expecting
+
+    def _longest(self, within: float | None) -> float:
+        return self._suite.timeout if within is None else within
+
+    def _deadline(self, within: float | None) -> float:
+        return self._trace.now + self._longest(within)
+
+    async def _next(self, patterns: Sequence[Pattern], start: int, deadline: float) -> tuple[int, Seen] | None:
+        """Return the next frame, with its number, that no step has used yet and that one of the patterns may be."""
+        cob_ids = frozenset(pattern.cob_id for pattern in patterns)
+        number = await self._trace.first(cob_ids, start, deadline)
+        while number in self._used:
+            number = await self._trace.first(cob_ids, number + 1, deadline)
+        return None if number is None else (number, self._trace.frames[number])
+
+    def _use(self, number: int) -> None:
+        self._used.add(number)
+        self._edge = number + 1
+
+    async def _expect(self, action: Expect) -> None:
+        order, left = action.expected.order, list(action.expected.patterns)
+        deadline, start, other = self._deadline(action.within), self._mark, None
+        while left:
+            found = await self._next(left, start, deadline)
+            if found is None:
+                raise self._nothing(action, left, other)
+            number, seen = found
+            start = number + 1
+            tried = left[:1] if order is Order.IN_ORDER else left
+            hit = next((each for each in tried if not self._differences(each, seen)), None)
+            if hit is not None:
+                self._use(number)
+                left = [] if order is Order.ANY else [each for each in left if each is not hit]
+                start = self._mark
+            elif any(each.decisive for each in left if each.cob_id == seen.frame.cob_id):
+                raise self._other(tried, seen)
+            else:
+                other = seen
+
+    def _differences(self, pattern: Pattern, seen: Seen) -> list[Difference]:
+        if pattern.cob_id != seen.frame.cob_id:
+            return [Difference("message", str(pattern), self._meaning(seen))]
+        return pattern.differences(seen.frame, self._variables)
+
+    def _meaning(self, seen: Seen) -> str:
+        return self.words(seen.frame) or str(seen.frame)
+
+    def _other(self, tried: Sequence[Pattern], seen: Seen) -> Failed:
+        """Say that something else came than expected: as the pattern that comes nearest to it sees it."""
+        nearest = min(tried, key=lambda each: (each.cob_id != seen.frame.cob_id, len(self._differences(each, seen))))
+        differences = tuple(self._differences(nearest, seen))
+        text = nearest.text(self._variables)
+        return Failed(Finding(f"{nearest} is not as expected", text, self._meaning(seen), differences))
+
+    def _nothing(self, action: Expect, left: Sequence[Pattern], other: Seen | None) -> Failed:
+        what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
+        if other is not None:
+            return self._with_last(what, left[0], other)
+        return Failed(Finding(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
+
+    def _with_last(self, what: str, pattern: Pattern, last: Seen | None) -> Failed:
+        """Say that what was wanted did not come, and what came last instead."""
+        wanted = pattern.text(self._variables)
+        if last is None:
+            return Failed(Finding(what, wanted, "nothing"))
+        return Failed(Finding(what, wanted, self._meaning(last), tuple(self._differences(pattern, last))))
+
+    async def _never(self, action: Never) -> None:
+        start, deadline = self._edge, self._deadline(action.span)
+        while (found := await self._next([action.pattern], start, deadline)) is not None:
+            number, seen = found
+            if not self._differences(action.pattern, seen):
+                what = f"{action.pattern} came, though it should not"
+                raise Failed(Finding(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
+            start = number + 1
+        self._edge = len(self._trace)
+
+    async def _poll(self, action: Poll) -> None:
+        self._ask()
+        started, start, last = self._trace.now, self._mark, None
+        deadline, count = self._deadline(action.within), 0
+        while self._trace.now < deadline:
+            await self._put(action.sent.frame(self._variables))
+            count += 1
+            pause = min(started + count * action.every, deadline)
+            while (found := await self._next([action.until], start, pause)) is not None:
+                number, last = found
+                start = number + 1
+                if not self._differences(action.until, last):
+                    self._use(number)
+                    return
+        raise self._with_last(f"{action.until} not as wanted after {count} x {action.sent}", action.until, last)
+
+    async def _period(self, action: Period) -> None:
+        latest = action.every + action.tolerance
+        start, last = self._edge, None
+        for number_of in range(action.count + 1):
+            deadline = (self._trace.now if last is None else last.time) + latest
+            found = await self._next([action.pattern], start, deadline)
+            if found is None:
+                what = f"no {action.pattern} within {durations.text(latest)}, after {number_of} of them"
+                raise self._with_last(what, action.pattern, None)
+            self._check_period(action, number_of, last, found[1])
+            self._use(found[0])
+            start, last = self._edge, found[1]
+
+    def _check_period(self, action: Period, number: int, last: Seen | None, seen: Seen) -> None:
+        differences = self._differences(action.pattern, seen)
+        if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
+            wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
+            differences.append(Difference(f"period {number}", wanted, durations.text(seen.time - last.time)))
+        if differences:
+            what = f"{action.pattern} is not as expected"
+            text = action.pattern.text(self._variables)
+            raise Failed(Finding(what, text, self._meaning(seen), tuple(differences)))
+
+    # SDO
+
+    def _exchange(self, node: NodeServices, within: float | None) -> sdo.Exchange:
+        async def exchange(request: bytes) -> bytes:
+            start = len(self._trace)
+            await self._put(Frame(node.sdo_request, request))
+            number = await self._trace.first(frozenset([node.sdo_answer]), start, self._deadline(within))
+            if number is None:
+                raise NoAnswer("SDO request", f"answer of {node.name}", 1, self._longest(within))
+            self._use(number)
+            return self._trace.frames[number].frame.data
+
+        return exchange
+
+    async def _sdo_read(self, action: SdoRead) -> None:
+        self._ask()
+        data = await self._transfer(action, sdo.upload(self._exchange(action.node, action.within), action.address))
+        if data is None:
+            return
+        value = action.decode(data)
+        if action.expected is not None and not action.expected.fits(value, self._variables):
+            wanted, came = action.expected.text(self._variables), action.expected.kind.text(value)
+            difference = Difference(action.label, wanted, came)
+            raise Failed(Finding(f"{action.label} is not as expected", wanted, came, (difference,)))
+        if action.save is not None:
+            self._variables[action.save] = value
+
+    async def _sdo_write(self, action: SdoWrite) -> None:
+        self._ask()
+        content = action.encode(self._variables)
+        exchange = self._exchange(action.node, action.within)
+        await self._transfer(action, sdo.download(exchange, action.address, content))
+
+    async def _transfer(self, action: SdoRead | SdoWrite, transfer: Awaitable[bytes | None]) -> bytes | None:
+        """Do a transfer that may have to be refused; None if it was as it had to be, or if there is nothing to read."""
+        wanted = None if action.abort is None else f"abort 0x{action.abort:08X}"
+        try:
+            data = await transfer
+        except sdo.SdoAborted as error:
+            if error.code == action.abort:
+                return None
+            came = f"abort 0x{error.code:08X}"
+            raise Failed(Finding(f"{action}: {error}", wanted or "no abort", came)) from None
+        if wanted is not None:
+            raise Failed(Finding(f"{action}: the node does not refuse", wanted, "no abort"))
+        return data
+
+    # Variables
+
+    async def _save(self, action: Save) -> None:
+        for name, (binding, field) in ((name, (each.binding, each.field)) for name, each in action.variables.items()):
+            frames = (each.frame for each in reversed(self._trace.frames) if not each.own)
+            last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
+            if last is None:
+                raise Failed(Finding(f"no {binding.name} has come yet"))
+            self._variables[name] = getattr(self._suite.decoder.protocol.decode(*last), field)
+
+    DO: ClassVar[Mapping[type, Callable[[Any, Any], Awaitable[None]]]] = {
+        Send: _send,
+        Expect: _expect,
+        Never: _never,
+        Poll: _poll,
+        Period: _period,
+        SdoRead: _sdo_read,
+        SdoWrite: _sdo_write,
+        Nmt: _nmt,
+        Save: _save,
+        Wait: _wait,
+    }

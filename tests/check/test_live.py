@@ -1,0 +1,152 @@
+"""Suites run on a live bus as they do in simulation, survive its failure, and end in good order when interrupted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from itertools import count
+
+import can
+import pytest
+
+from eurobot_od import dialects, runtime
+from eurobot_od.check.live import run_live
+from eurobot_od.check.results import Status, StepResult, SuiteResult
+from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.simulated import run_simulated
+from eurobot_od.errors import BusError
+from eurobot_od.nodes import Drive
+from tests.check.suites import HEAD, document, suite
+
+CHANNELS = count()
+TALK = """
+- send: Check Drive Request
+- expect: Check Drive Response
+- send: {Start Configuration Set: {team colour: red, enemies: 0, confederates: 0, enemy 1 diameter: 0,
+    enemy 2 diameter: 0}}
+- expect: Start Configuration Confirm
+- send: Kalman Position Request
+- expect: {Kalman Position Response: {x: 0..400, y: 1600..2000}}
+- sdo: {read: 0x1017, expect: 1000}
+- sdo: {read: Manufacturer device name, expect: Eurobot 2014 drive}
+- nmt: reset
+- heartbeat: boot-up
+- send: {raw: "008#D274"}
+- emcy: 0x8210
+- expect: {Goto Confirm: {}}
+  within: 20 ms
+"""
+WAITING = HEAD + "steps:\n  - {name: long, wait: 10 min}\n  - wait: 1 s\nteardown:\n  - send: Stop Drive\n"
+
+
+@pytest.fixture
+def open_bus() -> Callable[[], can.BusABC]:
+    """Opens buses on a channel of this test's own."""
+    channel = f"check {next(CHANNELS)}"
+    return lambda: runtime.open_bus("virtual", channel)
+
+
+@pytest.fixture
+def drive(open_bus: Callable[[], can.BusABC]) -> Iterator[runtime.Live]:
+    with runtime.Live.node(open_bus(), Drive(dialects.load("drive"))) as live:
+        yield live
+
+
+def run(text: str, open_bus: Callable[[], can.BusABC], interrupt: Interrupt | None = None) -> SuiteResult:
+    options = Options(keep_going=True)
+    return run_live(suite(text), options, interrupt or Interrupt(), lambda _: None, open_bus)
+
+
+@pytest.mark.usefixtures("drive")
+def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callable[[], can.BusABC]) -> None:
+    text = document(TALK)
+    simulated = run_simulated(suite(text), Options(keep_going=True), Interrupt(), lambda _: None)
+    live = run(text, open_bus)
+    verdicts = [step.status for step in simulated.steps]
+    assert verdicts == 12 * [Status.PASSED] + [Status.FAILED]
+    assert [step.status for step in live.steps] == verdicts
+
+
+def test_nobody_there_is_red_and_no_failure_of_the_bus(open_bus: Callable[[], can.BusABC]) -> None:
+    result = run(document("- send: Check Drive Request\n- {expect: Check Drive Response, within: 50 ms}"), open_bus)
+    assert [step.status for step in result.steps] == [Status.PASSED, Status.FAILED]
+    assert result.error is None
+
+
+class Unplugged(can.BusABC):
+    """A bus whose adapter is gone: `receiving` and `sending` say whether it still does."""
+
+    channel_info = "unplugged"
+
+    def __init__(self, *, receiving: bool, sending: Exception | None) -> None:
+        super().__init__("unplugged")
+        self._receiving, self._sending = receiving, sending
+        self._down = threading.Event()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self._sending is not None:
+            raise self._sending
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if not self._receiving:
+            raise OSError("no such device")
+        self._down.wait(timeout)
+        return None, False
+
+    def shutdown(self) -> None:
+        self._down.set()
+        super().shutdown()
+
+
+BROKEN = {
+    "reading fails": ({"receiving": False, "sending": None}, "the bus unplugged failed: no such device"),
+    "sending fails": ({"receiving": True, "sending": OSError("gone")}, "the bus unplugged failed: gone"),
+    "the driver takes nothing": (
+        {"receiving": True, "sending": can.CanOperationError("buffer full")},
+        "the bus unplugged did not take 004#",
+    ),
+}
+
+
+@pytest.mark.parametrize(("bus", "what"), BROKEN.values(), ids=BROKEN.keys())
+def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None:
+    text = HEAD + "steps:\n  - wait: 20 ms\n  - send: Stop Drive\n  - wait: 1 s\n"
+    result = run(text, lambda: Unplugged(**bus))  # type: ignore[arg-type]
+    assert isinstance(result.error, BusError)
+    assert str(result.error) == what
+    broken = [step for step in result.steps if step.status is Status.BUS_FAILED]
+    assert len(broken) == 1
+    assert result.steps[-1].status is Status.SKIPPED
+
+
+def test_an_interrupt_gives_up_the_step_and_tidies_up(open_bus: Callable[[], can.BusABC]) -> None:
+    interrupt = Interrupt()
+    timer = threading.Timer(0.05, interrupt.request)
+    timer.start()
+    result = run(WAITING, open_bus, interrupt)
+    timer.join()
+    assert [(step.name, step.status) for step in result.steps] == [
+        ("long", Status.INTERRUPTED),
+        ("send Stop Drive", Status.PASSED),
+    ]
+
+
+def test_an_interrupt_before_the_start_does_the_teardown_only(open_bus: Callable[[], can.BusABC]) -> None:
+    interrupt = Interrupt()
+    interrupt.request()
+    assert [step.name for step in run(WAITING, open_bus, interrupt).steps] == ["send Stop Drive"]
+
+
+def test_an_interrupt_ends_a_simulated_suite_too() -> None:
+    interrupt = Interrupt()
+    seen: list[StepResult] = []
+
+    def show(step: StepResult) -> None:
+        seen.append(step)
+        if len(seen) == 5:
+            interrupt.request()
+
+    endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Stop Drive\n"
+    result = run_simulated(suite(endless), Options(), interrupt, show)
+    assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
+    assert result.count(Status.PASSED) < 10

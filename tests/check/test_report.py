@@ -1,0 +1,133 @@
+"""Reports say what happened: for people, and in the forms that other programs read."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
+
+from eurobot_od.check import report
+from eurobot_od.check.patterns import Difference
+from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.yaml_places import Place
+
+FINDING = Finding(
+    "Goto State Response is not as expected",
+    "Goto State Response: time 0 ms",
+    "Goto State Response  time=5 ms",
+    (Difference("time", "0 ms", "5 ms"),),
+    (
+        Line(0.5, True, Frame(0x010), "Goto State Request"),
+        Line(0.5002, False, Frame(0x014, b"\5\0\0"), "Goto State Response  time=5 ms"),
+    ),
+)
+
+
+def step(name: str, status: Status, section: Section = Section.STEPS, finding: Finding | None = None) -> StepResult:
+    return StepResult(section, name, Place(7, 5), status, 0.5, 0.0012, finding)
+
+
+RED = SuiteResult(
+    Path("drive.yaml"),
+    "the drive",
+    "simulated",
+    (
+        step("prepared", Status.PASSED, Section.SETUP),
+        step("<it> arrives & stays # here", Status.FAILED, finding=FINDING),
+        step("the rest", Status.SKIPPED),
+        step("broken off", Status.INTERRUPTED),
+    ),
+    seconds=1.5,
+)
+LEFT_OUT = SuiteResult(Path("bytes.yaml"), "bytes", "simulated", skipped="it is for another dialect")
+BROKEN = SuiteResult(
+    Path("core.yaml"),
+    "the core",
+    "on can0",
+    (step("asked", Status.BUS_FAILED, finding=Finding("the bus can0 failed: gone")),),
+    error=BusError("the bus can0 failed: gone"),
+)
+ALL = [RED, LEFT_OUT, BROKEN]
+
+
+def test_a_step_is_a_line() -> None:
+    assert report.step_line(RED.steps[0]) == "  ok              0.500 s       1.2 ms  [setup] prepared"
+    assert report.step_line(RED.steps[2]) == "  skipped         0.500 s       1.2 ms  the rest"
+
+
+def test_a_step_has_its_colour_on_a_terminal() -> None:
+    assert report.step_line(RED.steps[1], in_colour=True).startswith("  \x1b[31mFAILED     \x1b[0m")
+
+
+def test_a_finding_tells_everything() -> None:
+    assert list(report.finding_lines(FINDING)) == [
+        "    Goto State Response is not as expected",
+        "      expected  Goto State Response: time 0 ms",
+        "      came      Goto State Response  time=5 ms",
+        "        time: expected 0 ms, came 5 ms",
+        "      last frames (> sent, < received)",
+        "           0.5000 s > 010#                  Goto State Request",
+        "           0.5002 s < 014#050000            Goto State Response  time=5 ms",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("results", "line"),
+    [
+        ([], "0 suites: no steps in 0.0 s of bus time"),
+        ([RED], "1 suite: 1 ok, 1 FAILED, 1 skipped, 1 interrupted in 1.5 s of bus time"),
+        (ALL, "3 suites: 1 ok, 1 FAILED, 1 skipped, 1 interrupted, 1 bus failed in 1.5 s of bus time"),
+    ],
+)
+def test_the_last_line_counts(results: list[SuiteResult], line: str) -> None:
+    assert report.summary(results) == line
+
+
+def test_another_program_reads_the_junit_report() -> None:
+    suites = list(JUnitXml.fromstring(report.junit(ALL).encode()))
+    assert all(isinstance(each, TestSuite) for each in suites)
+    red, left_out, broken = suites
+    assert (red.name, red.tests, red.failures, red.errors, red.skipped) == ("the drive", 4, 1, 1, 1)
+    assert red.time == pytest.approx(1.5)
+    assert (left_out.tests, left_out.skipped, broken.errors) == (1, 1, 1)
+    passed, failed, skipped, interrupted = red
+    assert isinstance(failed, TestCase)
+    assert (passed.name, passed.classname, passed.is_passed) == ("setup: prepared", "drive", True)
+    assert (failed.name, failed.time) == ("<it> arrives & stays # here", pytest.approx(0.0012))
+    assert [type(each) for case in (failed, skipped, interrupted) for each in case.result] == [Failure, Skipped, Error]
+    assert failed.result[0].message == FINDING.what
+    assert "came 5 ms" in str(failed.result[0].text)
+
+
+def test_tap_has_a_line_for_each_step() -> None:
+    lines = list(report.tap(ALL))
+    assert [line for line in lines if not line.startswith(" ")] == [
+        "TAP version 13",
+        "ok 1 - the drive: prepared",
+        "not ok 2 - the drive: <it> arrives & stays no.  here",
+        "ok 3 - the drive: the rest # SKIP a step before failed",
+        "not ok 4 - the drive: broken off",
+        "ok 5 - bytes # SKIP it is for another dialect",
+        "not ok 6 - the core: asked",
+        "Bail out! the bus can0 failed: gone",
+        "1..6",
+    ]
+    assert "          time: expected 0 ms, came 5 ms" in lines
+
+
+def test_json_has_everything() -> None:
+    red, left_out, broken = json.loads(json.dumps(report.as_data(ALL)))
+    assert [each["status"] for each in red["steps"]] == ["ok", "failed", "skipped", "interrupted"]
+    assert red["steps"][1]["line"] == 7
+    assert red["steps"][1]["finding"]["differences"] == [{"what": "time", "expected": "0 ms", "came": "5 ms"}]
+    assert red["steps"][1]["finding"]["frames"][1] == {
+        "time": 0.5002,
+        "direction": "received",
+        "frame": "014#050000",
+        "meaning": "Goto State Response  time=5 ms",
+    }
+    assert (left_out["skipped"], broken["error"]) == ("it is for another dialect", "the bus can0 failed: gone")

@@ -1,0 +1,76 @@
+"""The shipped JSON Schema is what the format says, and an editor that follows it agrees with the checker."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import make_schema
+import pytest
+import yaml
+
+from eurobot_od.check import shipped
+from tests.check.suites import HEAD, document, read
+
+VALIDATOR = jsonschema.Draft7Validator(json.loads(make_schema.FILE.read_text()))
+GUIDE = Path(__file__).parents[2] / "docs" / "checks.md"
+EXAMPLES = [text for text in re.findall(r"```yaml\n(.*?)```", GUIDE.read_text(), re.DOTALL) if "spec:" in text]
+
+WRONG = {
+    "unknown key": HEAD + "step: []\nsteps: []\n",
+    "version": HEAD.replace("1", "2") + "steps: []\n",
+    "unknown node": HEAD.replace("drive", "wheels") + "steps: []\n",
+    "no steps": HEAD,
+    "unknown action": document("- sned: Stop Drive"),
+    "two actions": document("- {send: Stop Drive, wait: 1 s}"),
+    "key of another action": document("- {send: Stop Drive, within: 1 s}"),
+    "missing key": document("- never: Goto Confirm"),
+    "no unit": document("- wait: 500"),
+    "unknown message": document("- send: Stop Drove"),
+    "message without its fields": document("- send: Goto XY"),
+    "unknown field": document("- expect: {Goto State Response: {tme: 3}}"),
+    "unknown barrier": document("- expect: {Goto XY: {barriers: {fire 7: forced}}}"),
+    "identifier over 11 bits": document("- send: {raw: '900#'}"),
+    "unknown state": document("- heartbeat: awake"),
+    "unknown command": document("- nmt: restart"),
+    "no times": document("- {wait: 1 s, repeat: 0}"),
+}
+
+
+def errors(text: str) -> list[Any]:
+    return [error for each in yaml.safe_load_all(text) for error in VALIDATOR.iter_errors(each)]
+
+
+def test_the_file_is_what_the_format_says(capsys: pytest.CaptureFixture[str]) -> None:
+    assert make_schema.main(["--check"]) == 0
+    assert capsys.readouterr().out == f"{make_schema.FILE}: is what the format says\n"
+
+
+def test_writes_the_file_and_tells_a_difference(tmp_path: Path) -> None:
+    output = tmp_path / "schema.json"
+    assert make_schema.main(["--output", str(output), "--check"]) == 1
+    assert make_schema.main(["--output", str(output)]) == 0
+    assert make_schema.main(["--output", str(output), "--check"]) == 0
+
+
+def test_it_is_a_schema() -> None:
+    jsonschema.Draft7Validator.check_schema(VALIDATOR.schema)
+
+
+@pytest.mark.parametrize("file", shipped.shipped_suites().values(), ids=lambda file: file.stem)
+def test_it_takes_the_shipped_suites(file: Path) -> None:
+    assert errors(file.read_text()) == []
+
+
+@pytest.mark.parametrize("text", EXAMPLES)
+def test_it_takes_the_guides_examples(text: str) -> None:
+    assert errors(text) == []
+
+
+@pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())
+def test_it_refuses_what_the_checker_refuses(text: str) -> None:
+    assert errors(text)
+    assert read(text)[1]

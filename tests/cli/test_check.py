@@ -1,0 +1,164 @@
+"""`eurobot-od check`: exit status and output for every way to call it."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+from pathlib import Path
+
+import pytest
+from junitparser import JUnitXml
+
+from eurobot_od.check import shipped
+from tests.check.suites import HEAD, document
+from tests.cli.console import run
+
+GREEN = document("- send: Check Drive Request\n- expect: Check Drive Response", HEAD + "tags: [quick, first]\n")
+RED = document("- expect: Goto Confirm\n- send: Stop Drive", HEAD.replace("a suite", "red") + "tags: slow\n")
+WRONG = document("- send: Stop Drove\n- wait: 1")
+FOREIGN = document("- send: Stop Drive", HEAD + "dialect: firmware2014\n")
+GUIDE = Path(__file__).parents[2] / "docs" / "checks.md"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with suites, to be the current one."""
+    for name, text in {"green": GREEN, "red": RED, "wrong": WRONG, "foreign": FOREIGN}.items():
+        (tmp_path / f"{name}.yaml").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+CALLS = {
+    # green, red, wrong
+    "green": ("green.yaml --simulate", 0, "1 suite: 2 ok in 0.0 s of bus time"),
+    "red": ("red.yaml --simulate", 1, "1 suite: 1 FAILED, 1 skipped in 1.0 s of bus time"),
+    "one of two red": ("red.yaml green.yaml --simulate", 1, "2 suites: 2 ok, 1 FAILED, 1 skipped in 1.0 s of bus time"),
+    "keep going": ("red.yaml --simulate --keep-going", 1, "1 suite: 1 ok, 1 FAILED in 1.0 s of bus time"),
+    # chosen
+    "by tag": ("red.yaml green.yaml --simulate --tag first", 0, "1 suite: 2 ok in 0.0 s of bus time"),
+    "by tags": ("red.yaml green.yaml --simulate --tag first --tag slow", 1, "2 suites: 2 ok, 1 FAILED, 1 skipped in"),
+    "by step": ("red.yaml --simulate --step STOP", 0, "1 suite: 1 ok in 0.0 s of bus time"),
+    # repeated
+    "repeated": ("green.yaml --simulate --repeat 3", 0, "3 suites: 6 ok in 0.0 s of bus time"),
+    # faults
+    "with a fault": ("green.yaml --simulate --fault drive-check-not-answered", 1, "1 suite: 1 ok, 1 FAILED in"),
+    # dialects
+    "of another dialect": ("foreign.yaml --simulate --dialect canopen", 0, "1 suite: no steps in 0.0 s of bus time"),
+    "of its dialect": ("foreign.yaml --simulate --dialect firmware2014", 0, "1 suite: 1 ok in"),
+    "of its own dialect": ("foreign.yaml --simulate", 0, "1 suite: 1 ok in"),
+    # on a bus where nobody is
+    "nobody there": ("green.yaml -i virtual -c nobody", 1, "1 suite: 1 ok, 1 FAILED in 1.0 s of bus time"),
+}
+
+
+@pytest.mark.parametrize(("words", "status", "last"), CALLS.values(), ids=CALLS.keys())
+@pytest.mark.usefixtures("folder")
+def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", *words.split())
+    assert (said.status, said.err) == (status, "")
+    assert said.out.splitlines()[-1].startswith(last)
+
+
+REFUSALS = {
+    "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is no duration"),
+    "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),
+    "no suite": ("nothing --simulate", 2, "eurobot-od: unknown suite 'nothing'; known: "),
+    "no tag": (
+        "green.yaml red.yaml --simulate --tag x",
+        2,
+        "eurobot-od: no suite is tagged x; tags: first, quick, slow",
+    ),
+    "no step": ("green.yaml --simulate --step xyz", 2, "eurobot-od: no step is named like xyz"),
+    "no fault": ("green.yaml --simulate --fault x", 2, "eurobot-od: unknown fault 'x'"),
+    "fault of a real node": ("green.yaml --fault x", 2, "eurobot-od: --fault needs --simulate"),
+    "no dialect": ("green.yaml --simulate --dialect latin", 2, "eurobot-od: unknown dialect 'latin'"),
+    "no times": (
+        "green.yaml --simulate --repeat 0",
+        2,
+        "eurobot-od check: error: argument --repeat: 0 is not a number",
+    ),
+    "two forms": ("green.yaml --tap --json", 2, "eurobot-od check: error: argument --json: not allowed with argument"),
+    "no bus": ("green.yaml -i socketcan -c nothere", 3, "eurobot-od: cannot open the socketcan bus nothere: "),
+}
+
+
+@pytest.mark.parametrize(("words", "status", "complaint"), REFUSALS.values(), ids=REFUSALS.keys())
+@pytest.mark.usefixtures("folder")
+def test_refuses(words: str, status: int, complaint: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", *words.split())
+    assert said.status == status
+    assert said.complaint.startswith(complaint)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_wrong_file_ends_it_before_anything_is_done(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", "green.yaml", "wrong.yaml", "--simulate")
+    assert said.out == ""
+    assert [line.partition(" ")[0] for line in said.err.splitlines()] == ["wrong.yaml:5:11:", "wrong.yaml:6:11:"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_prints_a_line_a_step_and_why_one_is_red(capsys: pytest.CaptureFixture[str]) -> None:
+    out = run(capsys, "check", "red.yaml", "--simulate", "--seed", "7").out.splitlines()
+    assert out[0] == "red.yaml: red (simulated, seed 7)"
+    assert out[1] == "  FAILED          0.000 s    1000.0 ms  expect Goto Confirm"
+    assert out[2:5] == [
+        "    no Goto Confirm within 1 s",
+        "      expected  Goto Confirm",
+        "      came      nothing",
+    ]
+
+
+def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--junit", "report.xml")
+    suites = list(JUnitXml.fromfile(str(folder / "report.xml")))
+    assert [(suite.name, suite.tests, suite.failures) for suite in suites] == [("a suite", 2, 0), ("red", 2, 1)]
+
+
+@pytest.mark.usefixtures("folder")
+def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -> None:
+    data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
+    assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
+    assert run(capsys, "check", "green.yaml", "--simulate", "--tap").out.splitlines()[-1] == "1..2"
+
+
+def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = run(capsys, "check", "--list").out.splitlines()
+    assert {line.split()[0] for line in lines} == set(shipped.shipped_suites())
+
+
+@pytest.mark.usefixtures("folder")
+def test_takes_a_shipped_suite_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "check", "drive", "--list").out.startswith("drive ")
+
+
+@pytest.mark.usefixtures("folder")
+def test_ctrl_c_ends_with_teardown_and_report(capsys: pytest.CaptureFixture[str]) -> None:
+    endless = "- send: Stop Drive\n- repeat: 100000\n  steps:\n    - wait: 1 ms\n"
+    Path("endless.yaml").write_text(document(endless) + "teardown:\n  - {name: tidy, send: Stop Drive}\n")
+    before = signal.getsignal(signal.SIGINT)
+    signal.setitimer(signal.ITIMER_REAL, 0.3)
+    alarm = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        said = run(capsys, "check", "endless.yaml", "green.yaml", "--simulate")
+    finally:
+        signal.signal(signal.SIGALRM, alarm)
+    assert said.status == 130
+    assert said.out.splitlines()[-2].endswith("[teardown] tidy")
+    assert "1 interrupted" in said.out.splitlines()[-1]
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_thousand_steps_are_a_suite_like_any_other(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    steps = "\n".join(["- send: Check Drive Request", "- expect: Check Drive Response"] * 500)
+    (folder / "long.yaml").write_text(document(steps))
+    assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.1 s")
+
+
+def test_the_guides_first_suite_runs_at_the_first_try(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (first,) = [text for text in re.findall(r"```yaml\n(.*?)```", GUIDE.read_text(), re.DOTALL) if "spec:" in text]
+    (folder / "first.yaml").write_text(first)
+    said = run(capsys, "check", "first.yaml", "--simulate")
+    assert said.status == 0, said.out
