@@ -7,9 +7,11 @@ file's, remote errors a peer's; an exception outside this tree is a bug of ours.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 from enum import Enum
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 class EurobotError(Exception):
@@ -27,6 +29,8 @@ class UnknownName(LocalError):
     """A name that is not in its list: a message, a field, a dialect, a barrier."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
+        from difflib import get_close_matches  # not before it is needed: every command starts with this file
+
         self.kind, self.name, self.known = kind, name, tuple(map(str, known))
         near = get_close_matches(str(name), self.known, n=2, cutoff=0.8)
         hint = f"; did you mean {near[0]}?" if len(near) == 1 else f"; known: {', '.join(self.known)}"

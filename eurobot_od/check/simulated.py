@@ -136,7 +136,7 @@ def run_simulated(
     """Run a suite against nodes of ours, made from `roles`, with all chance from `seed`."""
     network = Network()
     nodes = {name: roles[name](suite.dictionaries[name]) for name in suite.nodes}
-    _put_into_world(nodes, seed, lambda: network.now)
+    put_into_world(nodes, seed, lambda: network.now)
     for number, node in enumerate(nodes.values()):
         network.attach(node, number * BOOT_STEP)
     tester = Tester(next(iter(suite.dictionaries.values())))
@@ -157,7 +157,7 @@ def run_simulated(
     return loop.run(network, main())
 
 
-def _put_into_world(nodes: Mapping[str, Node], seed: int, clock: Callable[[], float]) -> None:
+def put_into_world(nodes: Mapping[str, Node], seed: int, clock: Callable[[], float]) -> None:
     """Make the world around the nodes: the drive's wheels and the navigation's beacons are in it."""
     match, drive, navigation = MatchOptions(), nodes.get("drive"), nodes.get("navigation")
 

@@ -30,7 +30,7 @@ WRONG_STEPS = {
     "no unit": ("- wait: ^500", "'500' is no duration; write a number and one of us, ms, s, min"),
     "unknown unit": ("- wait: ^1 h", "'1 h' is no duration"),
     "base 60": ("- wait: ^12:30", "'12:30' is no duration"),
-    "no period": ("- poll: {send: Stop Drive, every: ^0 s}\n  until: Goto Confirm", "this time has to be longer than 0"),
+    "no period": ("- poll: {send: Stop Drive, every: ^0 s}\n  until: Goto Confirm", "this time has to be longer"),
     "negative": ("- wait: ^-1 s", "'-1 s' is no duration"),
     # messages and fields
     "unknown message": ("- send: ^Stop Drove", "unknown message 'Stop Drove'; did you mean Stop Drive?"),

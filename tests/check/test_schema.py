@@ -40,6 +40,12 @@ WRONG = {
 }
 
 
+def keys_of_the_format() -> set[str]:
+    """Return all keys of suites and steps, as the schema has them."""
+    steps = VALIDATOR.schema["$defs"]["step"]["oneOf"]
+    return {*VALIDATOR.schema["properties"], *(key for each in steps for key in each["properties"])}
+
+
 def errors(text: str) -> list[Any]:
     return [error for each in yaml.safe_load_all(text) for error in VALIDATOR.iter_errors(each)]
 
@@ -68,6 +74,11 @@ def test_it_takes_the_shipped_suites(file: Path) -> None:
 @pytest.mark.parametrize("text", EXAMPLES)
 def test_it_takes_the_guides_examples(text: str) -> None:
     assert errors(text) == []
+
+
+@pytest.mark.parametrize("key", sorted(keys_of_the_format()))
+def test_the_guide_explains_every_key(key: str) -> None:
+    assert re.search(rf"`{key}[`:]", GUIDE.read_text())
 
 
 @pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())

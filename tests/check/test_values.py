@@ -130,6 +130,11 @@ def test_refuses_a_constant_that_is_not_allowed_there() -> None:
         expectation("{speed}", scale(PERCENT, 50))
 
 
+def test_says_what_may_be_written() -> None:
+    with pytest.raises(ValueProblem, match="allowed: any whole angle in degrees, unknown$"):
+        expectation("None", scale(HEADING))
+
+
 def test_needs_the_variable_to_be_saved_by_then() -> None:
     with pytest.raises(NotSaved, match="no step before has saved 't'"):
         expectation("{t}", scale(X)).fits(1, {})

@@ -30,6 +30,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+BUS_OPTIONS = {"--help", "--interface", "--channel", "--bitrate"}
+
 CALLS = {
     # green, red, wrong
     "green": ("green.yaml --simulate", 0, "1 suite: 2 ok in 0.0 s of bus time"),
@@ -127,6 +129,12 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
 def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "check", "--list").out.splitlines()
     assert {line.split()[0] for line in lines} == set(shipped.shipped_suites())
+
+
+@pytest.mark.usefixtures("folder")
+def test_the_guide_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:
+    options = set(re.findall(r"--[a-z-]+", run(capsys, "check", "--help").out)) - BUS_OPTIONS
+    assert {option for option in options if f"`{option}" not in GUIDE.read_text()} == set()
 
 
 @pytest.mark.usefixtures("folder")

@@ -51,7 +51,6 @@ from eurobot_od.values import Barriers, GotoFault, Obstacle, Passage, Source, Te
 WITHOUT_BARRIERS = 6
 """Bytes of a Goto XY that ends after the speed."""
 
-
 JUMP = 7000
 """By how many ms a time jumps."""
 

@@ -1,4 +1,4 @@
-"""What a fault is: a name, the nodes it fits, a sentence, what makes it, and the check that finds it.
+"""What a fault is: a name, a sentence, the class that makes it, and the step of a check that finds it.
 
 Rule of this file: values only.
 """

@@ -11,7 +11,9 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from eurobot_od.device import SDO_RECEIVE, SDO_TRANSMIT
 from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NMT_COB_ID
+from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
 from eurobot_od.messages import Message
@@ -33,8 +35,8 @@ Which: TypeAlias = type[Message] | Service
 React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
 """What a node does with a message: the node, the message, and the healthy reaction to call or not."""
 
-EMCY_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE = 0x080, 0x580, 0x600
-"""COB-IDs of these services are these plus the node-ID (CiA 301, 7.3.3)."""
+COB_ID_BITS = 0x7FF
+"""Bits of an entry such as 0x1014 that are the COB-ID."""
 
 UNREADABLE = (FrameLengthError, FieldError)
 """What a frame with a wrong length, or a message with a value out of range, raises: such a frame stays as it is."""
@@ -47,17 +49,17 @@ def heartbeat(node: Node) -> int:
 
 def emcy(node: Node) -> int:
     """Emergency messages."""
-    return EMCY_BASE + node.device.node_id
+    return node.device.number(EMCY_COB_ID) & COB_ID_BITS
 
 
 def sdo_answer(node: Node) -> int:
     """Answers of the SDO server."""
-    return SDO_ANSWER_BASE + node.device.node_id
+    return node.device.number(SDO_TRANSMIT) & COB_ID_BITS
 
 
 def sdo_request(node: Node) -> int:
     """Requests to the SDO server."""
-    return SDO_REQUEST_BASE + node.device.node_id
+    return node.device.number(SDO_RECEIVE) & COB_ID_BITS
 
 
 def nmt(_node: Node) -> int:

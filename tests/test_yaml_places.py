@@ -1,0 +1,130 @@
+"""YAML is read as it is written, with the place of everything, and a file's problems are all told."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import pytest
+
+from eurobot_od.yaml_places import (
+    Place,
+    Problems,
+    ReadError,
+    any_text,
+    choice,
+    compose,
+    compose_all,
+    listing,
+    mapping,
+    number,
+    read_yaml,
+    record,
+    refuse_aliases,
+    scalar,
+    text,
+)
+
+
+class Pair(NamedTuple):
+    one: int
+    two: str = ""
+
+
+PAIR = record(Pair, {"one": number}, {"two": any_text})
+
+VALID = [
+    (number, "12", 12),
+    (number, "0xFF", 255),
+    (text, "'12'", "12"),
+    (any_text, "Zürich", "Zürich"),
+    (scalar, "010", "010"),  # as written
+    (scalar, "off", "off"),
+    (choice("a", "b"), "b", "b"),
+    (listing(number), "[1, 2]", (1, 2)),
+    (listing(number, 2), "[1, 2]", (1, 2)),
+    (mapping(number), "{a: 1, b: 2}", {"a": 1, "b": 2}),
+    (PAIR, "{one: 1}", Pair(1)),
+    (PAIR, "{two: x, one: 1}", Pair(1, "x")),
+]
+
+INVALID = [
+    (number, "010", "1:1: expected a whole number, decimal or 0x hexadecimal, found '010'"),
+    (number, "'1'", "1:1: expected a whole number, decimal or 0x hexadecimal, found '1'"),
+    (text, "Zürich", "1:1: expected printable ASCII characters, found 'Zürich'"),
+    (any_text, "off", "1:1: expected a text, found 'off', which needs quotes to be one"),
+    (scalar, "[]", "1:1: expected a single value, found a list"),
+    (choice("a", "b"), "c", "1:1: expected one of a, b, found 'c'"),
+    (listing(number, 2), "[1]", "1:1: expected a list of 2, found 1"),
+    (mapping(number), "a: 1\nb: x\n", "2:4: expected a whole number, decimal or 0x hexadecimal, found 'x'"),
+    (mapping(number), "a: 1\na: 2\n", "2:1: key 'a' stands twice"),
+    (PAIR, "{two: x}", "1:1: key 'one' is missing"),
+    (PAIR, "{one: 1, three: 3}", "1:10: unknown key 'three'"),
+]
+
+
+def shown(problems: Problems) -> list[str]:
+    return [f"{line}:{column}: {what}" for (line, column), what in problems]
+
+
+@pytest.mark.parametrize(("reader", "source", "value"), VALID)
+def test_reads(reader: object, source: str, value: object) -> None:
+    assert read_yaml(source, reader, []) == value  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("reader", "source", "what"), INVALID)
+def test_tells_place_and_reason(reader: object, source: str, what: str) -> None:
+    problems: Problems = []
+    with pytest.raises(ReadError):
+        read_yaml(source, reader, problems)  # type: ignore[arg-type]
+    assert shown(problems) == [what]
+
+
+def test_tells_all_problems() -> None:
+    problems: Problems = []
+    with pytest.raises(ReadError):
+        read_yaml("[x, 1, y]", listing(number), problems)
+    assert [place for place, _ in problems] == [Place(1, 2), Place(1, 8)]
+
+
+def test_values_know_their_place() -> None:
+    value = read_yaml("- 1\n- 22\n", listing(number), [])[1]
+    assert value.place == Place(2, 3)
+
+
+@pytest.mark.parametrize(
+    ("source", "what"),
+    [
+        ("", "1:1: the file is empty"),
+        ("a: [", "1:5: expected the node content, but found '<stream end>'"),
+        ("a:\n\t- 1", "2:1: found character '\\t' that cannot start any token"),
+        ("ab\x07", "1:3: special characters are not allowed"),
+        ("a: 1\n---\nb: 2", "2:1: but found another document"),
+        ("[" * 5000, "1:1: the file is nested too deeply"),
+    ],
+)
+def test_tells_what_is_no_yaml(source: str, what: str) -> None:
+    problems: Problems = []
+    with pytest.raises(ReadError):
+        compose(source, problems)
+    assert shown(problems) == [what]
+
+
+def test_composes_several_documents() -> None:
+    nodes = compose_all("a\n---\nb\n", [])
+    assert [node.value for node in nodes] == ["a", "b"]
+    with pytest.raises(ReadError):
+        compose_all("", [])
+
+
+@pytest.mark.parametrize("source", ["[&a 1, *a]", "{x: &a {}, y: [*a]}", "&a [*a]"])
+def test_refuses_aliases(source: str) -> None:
+    problems: Problems = []
+    with pytest.raises(ReadError):
+        refuse_aliases(compose(source, []), problems)
+    assert [what for _, what in problems] == ["an alias refers to this; write it out"]
+
+
+def test_takes_what_only_looks_the_same() -> None:
+    problems: Problems = []
+    refuse_aliases(compose("[1, 1, {a: 1}]", problems), problems)
+    assert problems == []
