@@ -10,6 +10,7 @@ import os
 import subprocess
 import sys
 import venv
+from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -42,6 +43,12 @@ def _install(extras: str) -> None:
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     if result.returncode:
         sys.exit(f"pip could not install what is needed:\n{result.stderr.strip()}")
+
+
+def ensure(module: str, extras: str = "") -> None:
+    """Run this very script again in the environment if the Python that runs it lacks a module."""
+    if find_spec(module) is None:
+        sys.exit(call(prepare(extras), *sys.argv))
 
 
 def call(*command: str | Path) -> int:

@@ -12,7 +12,9 @@ from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+from environment import ROOT, ensure
+
+ensure("yaml")
 sys.path.insert(0, str(ROOT))  # the package next door, installed or not
 
 from edsgen.table import Table, TableError, read_table  # noqa: E402

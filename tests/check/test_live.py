@@ -36,7 +36,10 @@ TALK = """
 - expect: {Goto Confirm: {}}
   within: 20 ms
 """
-WAITING = HEAD + "steps:\n  - {name: long, wait: 10 min}\n  - wait: 1 s\nteardown:\n  - send: Stop Drive\n"
+WAITING = document(
+    "- {name: begun, send: Stop Drive}\n- {name: long, wait: 10 min}\n- wait: 10 min",
+    HEAD + "teardown:\n  - {name: tidy, send: Stop Drive}\n",
+)
 
 
 @pytest.fixture
@@ -53,8 +56,7 @@ def drive(open_bus: Callable[[], can.BusABC]) -> Iterator[runtime.Live]:
 
 
 def run(text: str, open_bus: Callable[[], can.BusABC], interrupt: Interrupt | None = None) -> SuiteResult:
-    options = Options(keep_going=True)
-    return run_live(suite(text), options, interrupt or Interrupt(), lambda _: None, open_bus)
+    return run_live(suite(text), Options(keep_going=True), interrupt or Interrupt(), lambda _: None, open_bus)
 
 
 @pytest.mark.usefixtures("drive")
@@ -121,20 +123,18 @@ def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None
 
 def test_an_interrupt_gives_up_the_step_and_tidies_up(open_bus: Callable[[], can.BusABC]) -> None:
     interrupt = Interrupt()
-    timer = threading.Timer(0.05, interrupt.request)
-    timer.start()
-    result = run(WAITING, open_bus, interrupt)
-    timer.join()
+    result = run_live(suite(WAITING), Options(), interrupt, lambda _: interrupt.request(), open_bus)
     assert [(step.name, step.status) for step in result.steps] == [
+        ("begun", Status.PASSED),
         ("long", Status.INTERRUPTED),
-        ("send Stop Drive", Status.PASSED),
+        ("tidy", Status.PASSED),
     ]
 
 
 def test_an_interrupt_before_the_start_does_the_teardown_only(open_bus: Callable[[], can.BusABC]) -> None:
     interrupt = Interrupt()
     interrupt.request()
-    assert [step.name for step in run(WAITING, open_bus, interrupt).steps] == ["send Stop Drive"]
+    assert [step.name for step in run(WAITING, open_bus, interrupt).steps] == ["tidy"]
 
 
 def test_an_interrupt_ends_a_simulated_suite_too() -> None:

@@ -131,7 +131,7 @@ def test_refuses_a_constant_that_is_not_allowed_there() -> None:
 
 
 def test_says_what_may_be_written() -> None:
-    with pytest.raises(ValueProblem, match="allowed: any whole angle in degrees, unknown$"):
+    with pytest.raises(ValueProblem, match=r"allowed: any whole angle in degrees, unknown$"):
         expectation("None", scale(HEADING))
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import signal
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import pytest
 from junitparser import JUnitXml
 
+from eurobot_od import cli
 from eurobot_od.check import shipped
 from tests.check.suites import HEAD, document
 from tests.cli.console import run
@@ -131,7 +134,6 @@ def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
     assert {line.split()[0] for line in lines} == set(shipped.shipped_suites())
 
 
-@pytest.mark.usefixtures("folder")
 def test_the_guide_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:
     options = set(re.findall(r"--[a-z-]+", run(capsys, "check", "--help").out)) - BUS_OPTIONS
     assert {option for option in options if f"`{option}" not in GUIDE.read_text()} == set()
@@ -142,20 +144,29 @@ def test_takes_a_shipped_suite_by_its_name(capsys: pytest.CaptureFixture[str]) -
     assert run(capsys, "check", "drive", "--list").out.startswith("drive ")
 
 
+class InterruptedAt(io.StringIO):
+    """An output whose reader presses Ctrl-C when a text appears."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self._text = text
+
+    def write(self, text: str) -> int:
+        if self._text in text:
+            signal.raise_signal(signal.SIGINT)
+        return super().write(text)
+
+
 @pytest.mark.usefixtures("folder")
-def test_ctrl_c_ends_with_teardown_and_report(capsys: pytest.CaptureFixture[str]) -> None:
-    endless = "- send: Stop Drive\n- repeat: 100000\n  steps:\n    - wait: 1 ms\n"
+def test_ctrl_c_ends_with_teardown_and_report() -> None:
+    endless = "- {name: begun, send: Stop Drive}\n- repeat: 100000\n  steps:\n    - wait: 1 ms\n"
     Path("endless.yaml").write_text(document(endless) + "teardown:\n  - {name: tidy, send: Stop Drive}\n")
     before = signal.getsignal(signal.SIGINT)
-    signal.setitimer(signal.ITIMER_REAL, 0.3)
-    alarm = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
-    try:
-        said = run(capsys, "check", "endless.yaml", "green.yaml", "--simulate")
-    finally:
-        signal.signal(signal.SIGALRM, alarm)
-    assert said.status == 130
-    assert said.out.splitlines()[-2].endswith("[teardown] tidy")
-    assert "1 interrupted" in said.out.splitlines()[-1]
+    with redirect_stdout(InterruptedAt("begun")) as output:
+        assert cli.main(["check", "endless.yaml", "green.yaml", "--simulate"]) == 130
+    *_, tidy, last = output.getvalue().splitlines()
+    assert tidy.endswith("[teardown] tidy")
+    assert re.match(r"1 suite: \d+ ok, 1 interrupted in", last)
     assert signal.getsignal(signal.SIGINT) is before
 
 

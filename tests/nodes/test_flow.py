@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.frame import Frame
 from eurobot_od.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -27,7 +28,7 @@ class Run:
 
     def __init__(self, script: Script[Any]) -> None:
         self.timers, self.now = Timers(), 0.0
-        self.sent: list[tuple[float, Message]] = []
+        self.sent: list[tuple[float, Message | Frame]] = []
         self.ended = 0
         self.flow = Flow(script, self.timers, lambda message: self.sent.append((self.now, message)), self._end)
         self.flow.start(0.0)
@@ -191,7 +192,7 @@ def test_a_call_cancelled_while_its_script_ends_stays_cancelled() -> None:
 
 @pytest.mark.parametrize("failed", [False, True])
 def test_a_call_cancelled_before_the_start_sends_nothing_and_ends_once(failed: bool) -> None:
-    sent: list[Message] = []
+    sent: list[Message | Frame] = []
     ended: list[Flow[Any]] = []
     flow = Flow(asking(), Timers(), sent.append, ended.append)
     flow.call.cancel()

@@ -11,8 +11,8 @@ from enum import Enum
 from typing import NamedTuple
 
 from edsgen.layout import Layout, Slice, layouts
-from eurobot_od.yaml_places import Number, Text
 from edsgen.table import OWN_NODE_ID, Dialect, Field, Message, Node, Record, Table
+from eurobot_od.yaml_places import Number, Text
 
 
 class Kind(Enum):
@@ -295,7 +295,8 @@ def unsigned(bits: int) -> Type:
 def object_dictionary(table: Table, dialect: Dialect, name: Text) -> list[Object]:
     """Give all objects of the node `name`, in the order of their indices."""
     node, data = table.nodes[name], layouts(table, dialect)
-    objects = [*COMMON, *own_objects(table, dialect, node), *clients(table, node), *pdos(table, name, data), *all_data(table, name, data)]
+    objects = [*COMMON, *own_objects(table, dialect, node), *clients(table, node)]
+    objects += [*pdos(table, name, data), *all_data(table, name, data)]
     objects += [*settings(table.settings, node), *settings(node.settings, node)]
     return sorted(objects, key=lambda each: each.index)
 

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from eurobot_od.yaml_places import Place, Text
 from edsgen.table import Dialect, Field, Record, Table
+from eurobot_od.yaml_places import Place, Text
 
 PADDING = Text("Padding", Place(0, 0))
 BYTE = 8

@@ -95,7 +95,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Dialect:
-    """How one dialect differs: its number in the identity, further fields, other widths, objects sent high bit first."""
+    """How one dialect differs: its number in the identity, further fields, other widths, and its bit order."""
 
     revision_number: Number
     fields: dict[Text, dict[Text, Field]] = field(default_factory=dict)

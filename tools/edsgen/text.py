@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from edsgen.dictionary import Entry, Kind, Object, Type, object_dictionary
-from eurobot_od.yaml_places import Text
 from edsgen.table import Node, Table
+from eurobot_od.yaml_places import Text
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 """The bit rates in kbit/s for which [DeviceInfo] has a key."""
