@@ -12,19 +12,18 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od import check, dialects
+from eurobot_od import dialects
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.shipped import shipped_suites
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.nodes import ROLES
 from eurobot_od.simulation import faults
 
-SUITES = Path(check.__file__).parent / "suites"
 FINE, NOT_FOUND = 0, 1
 
 UNTOUCHED, GREEN, RED, NAMED = " ", ".", "r", "X"
@@ -49,9 +48,9 @@ class Outcome(NamedTuple):
 
 @cache
 def shipped(dialect: str) -> dict[str, Suite]:
-    """Return the shipped suites that are for a dialect, by their names."""
-    suites = SuiteReader(dialect).read_files(sorted(SUITES.glob("*.yaml")))
-    return {str(suite.name): suite for suite in suites if suite.dialect in (None, dialect)}
+    """Return the shipped suites that are for a dialect, by the names of their files."""
+    suites = SuiteReader(dialect).read_files(shipped_suites().values())
+    return {suite.file.stem: suite for suite in suites if suite.dialect in (None, dialect)}
 
 
 def do(run: Run) -> Outcome:

@@ -11,13 +11,10 @@ from typing import Any, NamedTuple
 
 from eurobot_od.check.suite import NodeServices
 from eurobot_od.check.values import ValueProblem
-from eurobot_od.dictionary import Address, Dictionary
+from eurobot_od.dictionary import BASE_IDENTIFIER, Address, Dictionary
 from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.kinds import Kind, Limits
-
-SDO_REQUEST: Address = (0x1200, 1)
-SDO_ANSWER: Address = (0x1200, 2)
-"""Where an EDS has the COB-IDs of the default SDO server (CiA 301, 7.5.2.33)."""
+from eurobot_od.logs.services import SDO_ANSWER_ENTRY, SDO_REQUEST_ENTRY
 
 ADDRESS = re.compile(r"0[xX](?P<index>[0-9A-Fa-f]{1,4})(?::(?P<subindex>0x[0-9A-Fa-f]{1,2}|\d{1,3}))?")
 
@@ -109,7 +106,7 @@ def object_type(dictionary: Dictionary, address: Address) -> ObjectType | None:
 
 def services(dictionary: Dictionary) -> NodeServices:
     """Return where a node's services are, as its EDS has them."""
-    request, answer = (dictionary.default(address) for address in (SDO_REQUEST, SDO_ANSWER))
+    request, answer = (dictionary.default(address) for address in (SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY))
     if not isinstance(request, int) or not isinstance(answer, int):
-        raise DictionaryError(dictionary.file, SDO_REQUEST[0], "the COB-IDs of the SDO server are missing")
-    return NodeServices(dictionary.name, dictionary.node_id, request & 0x7FF, answer & 0x7FF)
+        raise DictionaryError(dictionary.file, SDO_REQUEST_ENTRY[0], "the COB-IDs of the SDO server are missing")
+    return NodeServices(dictionary.name, dictionary.node_id, request & BASE_IDENTIFIER, answer & BASE_IDENTIFIER)

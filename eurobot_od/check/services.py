@@ -20,14 +20,13 @@ from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
 from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NmtCommand
-from eurobot_od.dictionary import NOT_VALID, Address, Dictionary
+from eurobot_od.dictionary import BASE_IDENTIFIER, NOT_VALID, Address, Dictionary
 from eurobot_od.errors import LocalError
+from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.yaml_places import Problems, Text, refuse
 
 T = TypeVar("T")
 
-EMCY: Address = (0x1014, 0)
-COB_ID = 0x7FF
 NMT_COMMANDS = {
     "start": NmtCommand.START,
     "stop": NmtCommand.STOP,
@@ -83,10 +82,10 @@ class Services:
 
     def _emergency(self, code: int | None, given: Dictionary | None) -> Pattern:
         node = self._dictionary(given)
-        entry = node.default(EMCY)
+        entry = node.default(EMCY_ENTRY)
         if not isinstance(entry, int) or entry & NOT_VALID:
-            raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
-        return EmergencyPattern(node.name, entry & COB_ID, code)
+            raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY_ENTRY[0]:04X})")
+        return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
         to_all = given is None and len(self._words.nodes) != 1

@@ -55,7 +55,11 @@ class Cast(NamedTuple):
         return self.core, self.drive, self.navigation
 
 
-def _cast(options: Options, clock: Callable[[], float]) -> Cast:
+def assemble(options: Options, clock: Callable[[], float]) -> Cast:
+    """Make the nodes from their EDS files, and the world that gives the drive its wheels and the navigation its eyes.
+
+    Raises UnknownName, DictionaryError.
+    """
     dictionaries = {each.name: each for each in dialects.load_all(options.dialect)}
     protocol = Protocol((each, each.pdos) for each in dictionaries.values())
     core, drive = Core(dictionaries["core"]), Drive(dictionaries["drive"])
@@ -77,7 +81,7 @@ def _opening(cast: Cast, options: Options, bitrate: int, how: str) -> str:
 def _network(options: Options) -> tuple[Network, Cast]:
     """Put the cast on a simulated bus."""
     network = Network()
-    cast = _cast(options, lambda: network.now)
+    cast = assemble(options, lambda: network.now)
     for node in cast.nodes:
         network.attach(node, BOOT_TIMES[node.name])
     return network, cast
@@ -122,7 +126,7 @@ def play_live(
 
     begin = time.monotonic()
     clock: Callable[[], float] = lambda: time.monotonic() - begin  # noqa: E731
-    cast = _cast(options, clock)
+    cast = assemble(options, clock)
     traffic, timeline = Traffic(cast.protocol), Timeline(clock, show)
     reports: list[str] = []
     player = Player(cast.core, cast.world, options, timeline, clock)
