@@ -16,17 +16,18 @@ from importlib import import_module
 from eurobot_od.errors import BusError, EurobotError, RemoteError
 
 COMMANDS = {
-    "check": "check nodes, real or simulated, with suites of steps in YAML",
-    "diff": "compare two EDS or DCF files, or one with a live node",
-    "lint": "check EDS and DCF files, one by one or as a network",
     "match": "play a match of the three nodes, in simulated or real time",
     "show": "show the messages as the EDS files map them, or one message's bits",
     "node": "run one node on a CAN bus",
-    "faults": "list the faults that simulated nodes can be given",
     "send": "send a message, and wait for an answer if asked to",
+    "check": "check nodes, real or simulated, with suites of steps in YAML",
+    "faults": "list the faults that simulated nodes can be given",
     "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
     "monitor": "watch a bus, or a log, as a live table",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
+    "lint": "check EDS and DCF files, one by one or as a network",
+    "diff": "compare two EDS or DCF files, or one with a live node",
+    "export": "turn EDS and DCF files into other forms",
     "scan": "list the CANopen nodes of a bus",
     "read": "read objects of a CANopen node, by number or name",
     "write": "write one object of a CANopen node",
@@ -37,7 +38,6 @@ COMMANDS = {
     "restore": "have a CANopen node take the defaults of its parameters",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "nmt": "start, stop or reset a CANopen node",
-    "export": "turn EDS and DCF files into other forms",
 }
 
 EXIT_STATUS: tuple[tuple[type[BaseException], int], ...] = (
