@@ -66,8 +66,11 @@ def test_dialect_is_named_by_caller_or_environment(name: str, monkeypatch: pytes
     assert dialects.folder(str(EDS / name)) == EDS / name
 
 
-@pytest.mark.parametrize("name", ["canopne", "protocol.yaml", "..", "/nowhere"])
-def test_unknown_dialect_is_told_with_the_known_ones(name: str) -> None:
+@pytest.mark.parametrize("name", ["canopne", "protocol.yaml", ".", "/nowhere"])
+def test_unknown_dialect_is_told_with_the_known_ones(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(UnknownName, match=r"canopen"):
         dialects.folder(name)
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
+from eurobot_od.errors import LocalError
 from eurobot_od.values import TeamColour
 
 if TYPE_CHECKING:
@@ -20,10 +21,15 @@ if TYPE_CHECKING:
     from eurobot_od.runtime import Live
 
 
+ONLY = {"team": "core", "drill": "core", "beacons": "navigation"}
+"""Options that make sense for one node only."""
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("node", choices=("core", "drive", "navigation"), help="which node")
     parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the EDS file's)")
+    parser.add_argument("--store", metavar="FILE", help="DCF that keeps the settings which a master has it store")
     parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every message the node hears")
     colours = [colour.name.lower() for colour in TeamColour]
@@ -58,15 +64,20 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _make(arguments: argparse.Namespace) -> Node:
-    """Make the node from its EDS file; raises UnknownName, LocalError, DictionaryError."""
+    """Make the node from its EDS file and what was stored; raises UnknownName, LocalError, DictionaryError."""
     from eurobot_od import dialects
     from eurobot_od.nodes import ROLES
     from eurobot_od.simulation import faults
+    from eurobot_od.storage import FileStore
 
+    for option, node in ONLY.items():
+        if getattr(arguments, option) and arguments.node != node:
+            raise LocalError(f"--{option} is for the {node}, not for the {arguments.node}")
     role = ROLES[arguments.node]
     if arguments.fault:
         role = faults.faulty(role, arguments.fault)
-    return role(dialects.load(arguments.node, arguments.dialect, arguments.node_id))
+    dictionary = dialects.load(arguments.node, arguments.dialect, arguments.node_id)
+    return role(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None)
 
 
 def _see(node: Node, live: Live) -> None:

@@ -154,6 +154,10 @@ class Drive(Node):
         self.safe = True
         self.raise_error(ErrorCode.EMERGENCY_SHUTDOWN, EmergencyShutdown)
 
+    def halted(self) -> None:
+        """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
+        self._stop(StopDrive())
+
     # Motion
 
     @property

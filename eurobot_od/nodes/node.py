@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 from eurobot_od.device import ALWAYS, Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.errors import StateError
@@ -38,6 +39,7 @@ class Node:
         self.ignored = self.withheld = 0
         self.guard: AbstractContextManager[object] = nullcontext()
         self.wake: Callable[[], None] = _nobody
+        self._operational = False
         self._soon: list[Action] = []
         self._timers = Timers()
         self._out: list[Frame] = []
@@ -63,6 +65,7 @@ class Node:
         self.now = now
         self._out += self.device.start(now)
         self.reset()
+        self._operational = self.device.state is NmtState.OPERATIONAL
         return self._flush()
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
@@ -89,6 +92,10 @@ class Node:
 
     def _react(self, reaction: Reaction) -> None:
         self._out += reaction.frames
+        operational = self.device.state is NmtState.OPERATIONAL
+        if self._operational and not operational:
+            self.halted()
+        self._operational = operational
         if reaction.reset:
             self.reset()
         for node_id in reaction.lost:
@@ -104,6 +111,9 @@ class Node:
         """Go back to the state after power-on; the nodes add what is theirs."""
         self._timers.clear()
         self._soon.clear()
+
+    def halted(self) -> None:
+        """Do what is to be done when the node is no longer OPERATIONAL; the nodes that care say what."""
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Do what is to be done when another node has fallen silent; the nodes that care say what."""

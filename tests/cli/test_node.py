@@ -8,6 +8,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from can_remote.server import RemoteServer
@@ -92,6 +93,9 @@ def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
     [
         (["drive", "--duration", "5"], 2, "'5' is no duration; write a number and one of us, ms, s, min, such as"),
         (["drive", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
+        (["drive", "--team", "red"], 2, "--team is for the core, not for the drive"),
+        (["core", "--beacons"], 2, "--beacons is for the navigation, not for the core"),
+        (["drive", "--store", "README.md"], 2, "README.md: "),
         (["drive", "-i", "nosuch"], 3, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
         (["drive", "-i", "socketcan", "-c", "nosuch0"], 3, "cannot open the socketcan bus nosuch0: "),
     ],
@@ -103,6 +107,21 @@ def test_a_node_that_cannot_run_says_why_in_one_line(
     assert (said.status, said.out) == (status, "")
     assert said.err.startswith(f"eurobot-od: {complaint}")
     assert said.err.count("\n") == 1
+
+
+def test_what_a_master_has_stored_survives_a_restart(
+    capsys: pytest.CaptureFixture[str], shared_bus: str, tmp_path: Path
+) -> None:
+    bus, store = ("-i", "remote", "-c", shared_bus), ("--store", str(tmp_path / "drive.dcf"))
+    with node("drive", *store, *bus) as first:
+        line(first, "Ctrl-C ends it")
+        assert run(capsys, "write", "2", "Motion.Maximum speed", "650", *bus).status == 0
+        assert run(capsys, "store", "2", *bus).status == 0
+        first.send_signal(signal.SIGTERM)
+    with node("drive", *store, *bus) as second:
+        line(second, "Ctrl-C ends it")
+        assert "650" in run(capsys, "read", "2", "Motion.Maximum speed", *bus).out
+        second.send_signal(signal.SIGTERM)
 
 
 @pytest.mark.parametrize("node_id", ["0", "128", "-1"])

@@ -320,6 +320,12 @@ def test_an_nmt_reset_tells_the_wheels_to_stop_and_forgets_everything(reset: Nmt
     assert len(seat.run(1.0).wheels.commands) == steps
 
 
+@pytest.mark.parametrize("command", [NmtCommand.STOP, NmtCommand.ENTER_PRE_OPERATIONAL])
+def test_a_drive_taken_out_of_operational_brakes_and_forgets_the_goto(command: NmtCommand) -> None:
+    seat = configured().say(GOTO).run(1.0).say(Frame(NMT_COB_ID, bytes([command, 2]))).run(1.0)
+    assert (seat.drive.goto, seat.drive.moving, seat.wheels.commands[-1]) == (None, False, AT_REST)
+
+
 # The start configuration
 
 
