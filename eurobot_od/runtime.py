@@ -142,8 +142,8 @@ class Live:
 
     def _filter(self) -> None:
         """Hand the receive filters to the bus."""
-        self._filters = self.gatekeeper.filters
-        self.bus.set_filters(self._filters)
+        self._generation = self.gatekeeper.generation
+        self.bus.set_filters(self.gatekeeper.filters())
 
     def stop(self) -> None:
         """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them."""
@@ -231,7 +231,7 @@ class Live:
             self._note_error(message)
             return True
         going_on = self.gatekeeper.receive(Frame(message.arbitration_id, bytes(message.data)), self.clock())
-        if self.gatekeeper.filters is not self._filters:
+        if self.gatekeeper.generation != self._generation:
             self._filter()
         self._pump()
         return going_on

@@ -24,14 +24,14 @@ def changed(values: dict[Address, Value], dictionary: Dictionary = DRIVE) -> Pro
 
 
 def heard(gatekeeper: Gatekeeper) -> list[object]:
-    return [each["can_id"] for each in gatekeeper.filters]
+    return [each["can_id"] for each in gatekeeper.filters()]
 
 
 def test_a_listener_hears_its_message_under_the_new_identifier_only() -> None:
     gatekeeper = Gatekeeper(changed({}))
     queue = gatekeeper.add_queue(CheckDriveRequest)
     gatekeeper.start()
-    assert gatekeeper.reroute(changed({CHECK: 0x3C5})) is gatekeeper.filters
+    assert gatekeeper.reroute(changed({CHECK: 0x3C5})) == gatekeeper.filters()
     gatekeeper.receive(Frame(0x3C0), 0.0)
     gatekeeper.receive(Frame(0x3C5), 1.0)
     assert [received.timestamp for received in queue.drain()] == [1.0]

@@ -71,7 +71,7 @@ class Gatekeeper:
     `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A function
     that takes longer than `slow_after` seconds of `clock` is set aside: from then on `aside` has it called. Reports
     go to `report`, or without one to `reports`. One thread receives, but for `take_over`; whoever owns the bus sends.
-    `filters` are the receive filters as of now.
+    `generation` counts how often the receive filters have changed since the start.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Gatekeeper:
         self.mailboxes = Mailboxes(self._report, mailboxes, mailbox_wait)
         self._protocol, self._aside, self._clock, self._slow_after = protocol, aside, clock, slow_after
         self._table = ListenerTable(table_size)
-        self.filters: list[CanFilter] = []
+        self.generation = 0
         self._listeners: tuple[Registration, ...] = ()
         self._routes: dict[int, Route] = {}
         self._refused = self._unheard = 0
@@ -162,8 +162,12 @@ class Gatekeeper:
         """
         self._protocol = protocol
         self._routes = routes_to(self._listeners, protocol.decode)
-        self.filters = [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
-        return self.filters
+        self.generation += 1
+        return self.filters()
+
+    def filters(self) -> list[CanFilter]:
+        """Return the receive filters as of now, made anew: nothing but the bus keeps them (document section 6)."""
+        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
 
     # Receiving
 
