@@ -185,13 +185,14 @@ class Column(NamedTuple):
 
     `read` turns the raw value into its meaning: a tuple with an entry for every raw value, or a function where that
     would be too long; None for a field that is not mapped and always has its `default`. `write` turns the meaning into
-    the word's bits by a mapping, or into the raw value by a function.
+    the word's bits by a mapping, or into the raw value by a function; `most` is the highest raw value then.
     """
 
     field: str
     read: Sequence[Any] | Callable[[int], Any] | None
     write: Mapping[Any, int] | Callable[[Any], int]
     default: Any = None
+    most: int = 0
 
 
 class Unknown(NamedTuple):
@@ -255,15 +256,17 @@ def writer(
         return lambda _: frame
     names: dict[str, Any] = {"new": tuple.__new__, "Frame": Frame, "careful": careful}
     names.update({f"_{column.field}": column.write for column in columns})
-    called = [column.field for column in columns if callable(column.write)]
+    called = [column for column in columns if callable(column.write)]
+    odd = " or ".join(f"not 0 <= {column.field} <= {column.most}" for column in called)
     source = f"""
 def write(message):
     try:
         {", ".join(column.field for column in columns)}, = message
-        {"; ".join(f"{field} = _{field}({field})" for field in called)}
+        {"; ".join(f"{column.field} = _{column.field}({column.field})" for column in called)}
         word = {" | ".join(_writing(layout, column) for column in columns)}
     except (KeyError, TypeError, ValueError):
         return careful(message)
+    {f"if {odd}: return careful(message)" if odd else ""}
     {_if_unknown(unknown, "careful(message)")}
     return new(Frame, ({cob_id}, word.to_bytes({layout.length}, {layout.byte_order!r})))
 """

@@ -6,7 +6,10 @@ writes it, and what is allowed. Widths and limits are the EDS's and come in as a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
+from operator import index
 from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.values import Barriers, GotoFault, OutOfRange, Passage, barrier_number
@@ -35,6 +38,14 @@ class Kind:
         if not limits.low <= raw <= limits.high:
             raise ValueError(value)
         return raw
+
+    def reader(self, limits: Limits) -> Callable[[int], Any]:
+        """Return `read` with these limits as a function of the raw value alone."""
+        return partial(self.read, limits=limits)
+
+    def writer(self, limits: Limits) -> Callable[[Any], int]:
+        """Return `write` as a function of the meaning alone; whoever calls it checks the limits."""
+        return partial(self.write, limits=limits)
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
@@ -155,6 +166,12 @@ class BarrierFlags(Kind):
 
     def read(self, raw: int, limits: Limits) -> Any:
         return Barriers(raw)
+
+    def reader(self, limits: Limits) -> Callable[[int], Any]:
+        return Barriers
+
+    def writer(self, limits: Limits) -> Callable[[Any], int]:
+        return index
 
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():

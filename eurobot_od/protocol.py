@@ -168,7 +168,7 @@ class Binding:
             return Column(field, None, {default: 0}, default)
         limits, width = self.limits[field], self.layout.widths[field]
         if width > TABLE_BITS:
-            return Column(field, partial(kind.read, limits=limits), partial(self.raw, field))
+            return Column(field, kind.reader(limits), kind.writer(limits), most=limits.high)
         table = _table(kind, limits, width)
         place = partial(self.layout.place, field)
         return Column(field, table, {meaning: place(raw) for meaning, raw in _inverse(kind, limits, width).items()})

@@ -101,7 +101,7 @@ def test_generated_reader_and_writer_agree_with_the_raw_codec(case: tuple[Layout
         # tables for narrow fields, functions for wide ones, as the protocol has them
         Column(field, range(1 << bits), {n: layout.place(field, n) for n in range(1 << bits)})
         if bits <= 8
-        else Column(field, lambda raw: raw, lambda value: value)
+        else Column(field, lambda raw: raw, lambda value: value, most=(1 << bits) - 1)
         for field, bits in layout.widths.items()
     ]
     message = tuple(values.values())
