@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         source = stack.enter_context(_source(arguments))
         watch = Watch(traffic, controls, source)
-        took, refresh = stack.enter_context((_screen if rich else _lines)(watch))
+        took, refresh = stack.enter_context((on_screen if rich else _lines)(watch))
         with suppress(KeyboardInterrupt):  # the usual way to end it
             watch.run(took, refresh)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
@@ -142,7 +142,7 @@ def _lines(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
 
 
 @contextmanager
-def _screen(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
+def on_screen(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
