@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[1]
 
 @pytest.fixture(scope="module")
 def project() -> dict[str, Any]:
-    if sys.version_info < (3, 11):
-        pytest.skip("tomllib came with Python 3.11")
-    import tomllib
+    if sys.version_info >= (3, 11):
+        import tomllib
 
-    return tomllib.loads((ROOT / "pyproject.toml").read_text())
+        return tomllib.loads((ROOT / "pyproject.toml").read_text())
+    pytest.skip("tomllib came with Python 3.11")
 
 
 def test_the_wheel_has_the_eds_files_inside_the_package(project: dict[str, Any]) -> None:

@@ -54,7 +54,7 @@ CALLS = {
     "of its dialect": ("foreign.yaml --simulate --dialect firmware2014", 0, "1 suite: 1 ok in"),
     "of its own dialect": ("foreign.yaml --simulate", 0, "1 suite: 1 ok in"),
     # on a bus where nobody is
-    "nobody there": ("green.yaml -i virtual -c nobody", 1, "1 suite: 1 ok, 1 FAILED in 1.0 s of bus time"),
+    "nobody there": ("green.yaml -i virtual -c nobody", 1, "1 suite: 1 ok, 1 FAILED in "),
 }
 
 
