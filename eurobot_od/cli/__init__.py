@@ -12,6 +12,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from typing import NoReturn
 
 from eurobot_od.errors import BusError, EurobotError, RemoteError
 
@@ -49,6 +50,14 @@ EXIT_STATUS: tuple[tuple[type[BaseException], int], ...] = (
 """The first entry that fits an error gives the exit status."""
 
 
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong with a command line in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Exit with status 2."""
+        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -60,8 +69,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left; nothing more to say
         return 0
     except (EurobotError, OSError) as error:
-        print(f"eurobot-od: {error}", file=sys.stderr)
+        print(f"eurobot-od: {_in_words(error)}", file=sys.stderr)
         return next(status for kind, status in EXIT_STATUS if isinstance(error, kind))
+
+
+def _in_words(error: EurobotError | OSError) -> str:
+    """Return an error as one line; one of the file system begins with the file, as ours do."""
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def _run(words: list[str]) -> int:
@@ -70,7 +86,7 @@ def _run(words: list[str]) -> int:
         _overview().parse_args(words or ["--help"])
         return 2
     module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
-    parser = argparse.ArgumentParser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
+    parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
     module.add_arguments(parser)
     status: int = module.run(parser.parse_args(words[1:]))
     sys.stdout.flush()
@@ -80,7 +96,7 @@ def _run(words: list[str]) -> int:
 def _overview() -> argparse.ArgumentParser:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         "eurobot-od",
         description="The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.",
         epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),

@@ -27,6 +27,7 @@ def test_an_unknown_command_is_wrong_usage(capsys: pytest.CaptureFixture[str], w
     said = run(capsys, *words)
     assert said.status == 2
     assert said.complaint.startswith("eurobot-od: error: ")
+    assert said.err.count("\n") == 1
 
 
 @pytest.mark.parametrize("command", cli.COMMANDS)
@@ -44,7 +45,7 @@ def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], comma
         (StateError("not now"), 2, "not now"),
         (DictionaryError("core.eds", 0x1800, "broken"), 2, "core.eds: 0x1800: broken"),
         (BusError("the bus failed"), 3, "the bus failed"),
-        (FileNotFoundError(2, "No such file", "a.log"), 3, "[Errno 2] No such file: 'a.log'"),
+        (FileNotFoundError(2, "No such file", "a.log"), 3, "a.log: No such file"),
         (KeyboardInterrupt(), 130, ""),
     ],
 )

@@ -112,7 +112,7 @@ def test_a_log_in_a_missing_folder_is_one_line(
     log = tmp_path / "missing" / f"match{suffix}"
     said = run(capsys, *SHORT, "--log", str(log))
     assert (said.status, said.out) == (3, "")
-    assert said.err == f"eurobot-od: [Errno 2] No such file or directory: '{log}'\n"
+    assert said.err == f"eurobot-od: {log}: No such file or directory\n"
 
 
 # What is wrong
