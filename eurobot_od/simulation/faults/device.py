@@ -212,7 +212,7 @@ FAULTS = (
         "deaf-when-stopped",
         "heeds stops and shutdowns only in OPERATIONAL",
         DeafWhenStopped,
-        Caught("canopen", "2.1 Stop: acts in every NMT state"),
+        Caught("canopen", "4.2.2 Emergency mushroom: acts in every NMT state"),
     ),
     Fault(
         "emcy-missing",
