@@ -1,0 +1,100 @@
+"""Faults of other programs that touch our users, each in its smallest form: one that passes says it is mended.
+
+When one does, take it out here, the limit out of `interop_rows`, and the warning out of README.md.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import canopen
+import pytest
+from interop_rows import javascript, recordings, sheets, tools
+from interop_rows.row import Differs
+from interop_rows.tools import Tool
+
+from eurobot_od import dialects
+from eurobot_od.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.protocol import Protocol
+from eurobot_od.values import Source
+
+EDS = dialects.folder(dialects.DEFAULT)
+GOTO = 4
+"""Number of the TPDO Goto XY of the core."""
+
+
+def needs(tool: Tool) -> pytest.MarkDecorator:
+    return pytest.mark.skipif(not tool.present(), reason=f"{tool.name} is not here: {tool.remedy}")
+
+
+def stock_goto() -> Any:
+    """Return canopen's Goto XY with the mapping of our EDS."""
+    pdo = canopen.LocalNode(1, str(EDS / "core.eds")).tpdo[GOTO]
+    for subindex, bits in enumerate((12, 12, 10, 8, 16), 1):
+        pdo.add_variable(0x2000, subindex, bits)
+    return pdo
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_canopen_reads_fields_that_begin_within_a_byte_and_end_in_the_next(place: int) -> None:
+    protocol = Protocol.load()
+    frame = protocol.encode(GotoXY(x=1234, y=567, angle=89, speed=75))
+    pdo = stock_goto()
+    pdo.data = bytearray(frame.data)
+    assert pdo.map[place].raw == list(protocol.unpack(*frame)[1].values())[place]
+
+
+@pytest.mark.xfail(raises=AssertionError, reason="canopen: 8 bits at bit 34 and 16 bits at bit 42")
+@pytest.mark.parametrize("place", [3, 4])
+def test_canopen_reads_fields_of_whole_bytes_that_begin_within_a_byte(place: int) -> None:
+    pdo = stock_goto()
+    pdo.data = bytearray.fromhex("d27423592c0d9702")
+    assert pdo.map[place].raw == (75, 0xA5C3)[place - 3]
+
+
+@pytest.mark.xfail(
+    raises=pytest.fail.Exception, reason="canopen: a mapped object that is missing is only logged", strict=True
+)
+def test_canopen_refuses_a_mapping_of_an_object_that_is_not_there(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.CRITICAL)
+    od: Any = canopen.import_od(str(EDS / "core.eds"))
+    od[0x1A00 + GOTO - 1][2].default = 0x2FFF010C
+    pdo: Any = canopen.Network().create_node(1, od).tpdo[GOTO]
+    with pytest.raises(KeyError):
+        pdo.read(from_od=True)
+
+
+@pytest.mark.xfail(raises=Differs, reason="dcf2dev: a VISIBLE_STRING's default is read as Python")
+def test_dcf2dev_takes_a_string_as_cia_306_writes_it() -> None:
+    sheets.dcf2dev(EDS / "drive.eds")
+
+
+@needs(tools.OBJDICTGEN)
+@pytest.mark.xfail(
+    raises=AssertionError, reason="objdictgen: sub-index 0 of a mapping becomes the number of its places", strict=True
+)
+def test_objdictgen_keeps_a_pdo_without_data(tmp_path: Path) -> None:
+    sheets.accept(tools.ODG, "--no-color", "convert", EDS / "drive.eds", tmp_path / "drive.eds")
+    od: Any = canopen.import_od(str(tmp_path / "drive.eds"))
+    assert od[0x1600][0].default == 0
+
+
+@needs(tools.NPM_CANOPEN)
+@pytest.mark.xfail(
+    raises=AssertionError, reason="npm canopen: whole objects one behind the other, bit lengths ignored", strict=True
+)
+def test_npm_canopen_takes_the_mapped_bits() -> None:
+    frame = Protocol.load().encode(KalmanPositionResponse(x=1234, y=567, angle=89, source=Source.INTERNAL))
+    assert javascript.unpack(EDS / "core.eds", *frame) == [1234, 567, 89, 0]
+
+
+@needs(tools.TSHARK)
+@pytest.mark.xfail(
+    raises=AssertionError, reason="tshark: candump logs with the direction at the line's end are refused", strict=True
+)
+def test_tshark_reads_a_log_that_python_can_wrote(tmp_path: Path) -> None:
+    (tmp_path / "one.log").write_text("(1.000000) can0 702#05 R\n")
+    status, _ = recordings.tshark(tmp_path / "one.log")
+    assert status == 0

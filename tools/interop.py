@@ -1,0 +1,90 @@
+"""Asks other people's programs about our files and nodes, and prints the matrix of their answers.
+
+    python3 tools/interop.py            installs what is missing (pip, apt, npm), asks; exit status 1 if a row differs
+    python3 tools/interop.py --local    installs nothing; names what is absent
+    python3 tools/interop.py --write    writes docs/interop.md too
+
+Rule of this file: it installs, asks every row once, and prints; questions and judgements are in `interop_rows`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from environment import ROOT, ensure
+
+ensure("cantools", "test")
+ensure("eurobot_od", "test")
+
+from interop_rows.row import Judgement, Verdict, judge  # noqa: E402  # after the environment is there
+from interop_rows.table import ROWS  # noqa: E402
+
+PAGE = ROOT / "docs" / "interop.md"
+OPENING = """\
+# Interop: what other people's programs say
+
+Made by `python3 tools/interop.py --write`; `tests/interop` asks the same questions.
+The six EDS files go to every program as they are, but where a row says otherwise.
+"""
+HEAD = ("tool", "version", "asked", "judgement", "answer")
+
+
+def install_missing() -> None:
+    """Install each tool that is not here."""
+    for tool in dict.fromkeys(row.tool for row in ROWS):
+        if not tool.present():
+            print(f"installing {tool.name} ({tool.source}) ...", file=sys.stderr, flush=True)
+            tool.install()
+
+
+def ask_all() -> list[Verdict]:
+    """Ask every row, each in an empty folder."""
+    verdicts = []
+    for row in ROWS:
+        with tempfile.TemporaryDirectory() as folder:
+            verdicts.append(judge(row, Path(folder)))
+    return verdicts
+
+
+def cells(verdict: Verdict) -> tuple[str, ...]:
+    """Return a verdict as the columns of HEAD."""
+    tool = verdict.row.tool
+    version = tool.version() if tool.present() else "-"
+    return f"{tool.name} ({tool.source})", version, verdict.row.asked, verdict.judgement.value, verdict.said
+
+
+def page(verdicts: Iterable[Verdict]) -> str:
+    """Return docs/interop.md."""
+    rows = [HEAD, ("---",) * len(HEAD), *map(cells, verdicts)]
+    lines = ["| " + " | ".join(each.replace("|", "\\|") for each in row) + " |" for row in rows]
+    return "\n".join([OPENING, *lines, ""])
+
+
+def text(verdicts: Iterable[Verdict]) -> str:
+    """Return the matrix for a terminal."""
+    rows = [cells(each) for each in verdicts]
+    widths = [max(len(row[column]) for row in rows) for column in range(4)]
+    return "\n".join("  ".join([*map(str.ljust, row[:4], widths), row[4]]) for row in rows)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Install, ask, print; 1 if a row differs."""
+    parser = argparse.ArgumentParser(description="Ask other people's programs about our files and nodes.")
+    parser.add_argument("--local", action="store_true", help="install nothing; skip what is absent by name")
+    parser.add_argument("--write", action="store_true", help=f"write {PAGE.relative_to(ROOT)}")
+    options = parser.parse_args(arguments)
+    if not options.local:
+        install_missing()
+    verdicts = ask_all()
+    print(text(verdicts))
+    if options.write:
+        PAGE.write_text(page(verdicts), encoding="utf-8")
+    return int(any(each.judgement is Judgement.DIFFERS for each in verdicts))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

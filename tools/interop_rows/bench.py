@@ -1,0 +1,100 @@
+"""Our nodes on an in-process bus of their own, for other programs to talk to.
+
+Rule of this file: the shipped nodes, in real time; nothing here knows who asks.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import count
+
+import can
+import canopen
+
+from eurobot_od import dialects
+from eurobot_od.nodes import ROLES
+from eurobot_od.runtime import Live
+
+PATIENCE = 5.0
+"""Seconds after which an answer that has not come does not come."""
+
+MAILBOX_WAIT = 5000
+"""Milliseconds that a frame may wait for a mailbox: a block of 127 SDO segments, on a machine with much else to do."""
+
+DRIVE = 2
+"""Node-ID of the drive."""
+
+SHORT_GOTO = (0x008, bytes(3))
+"""A Goto XY that ends within its mapping: the drive answers it with EMCY 0x8210 (CiA 301, Table 26)."""
+
+_numbers = count()
+
+
+def new_channel() -> str:
+    """Name an in-process bus that nobody else has; no space, which a candump log could not have."""
+    return f"interop{next(_numbers)}"
+
+
+def open_bus(channel: str) -> can.BusABC:
+    """Open an in-process bus."""
+    return can.Bus(interface="virtual", channel=channel)
+
+
+@contextmanager
+def robot(*roles: str) -> Iterator[str]:
+    """Run our nodes on a new bus; gives its channel."""
+    channel = new_channel()
+    with ExitStack() as stack:
+        for role in roles:
+            stack.enter_context(live(role, open_bus(channel)))
+        yield channel
+
+
+def live(role: str, bus: can.BusABC) -> Live:
+    """Return one of our nodes, ready to run on a bus, with a longer wait for a mailbox."""
+    node = ROLES[role](dialects.load(role, dialects.DEFAULT))
+    node.device.objects.put(node.device.dictionary.address("Transmit.Mailbox wait"), MAILBOX_WAIT)
+    return Live.node(bus, node)
+
+
+@contextmanager
+def stock_network(bus: can.BusABC) -> Iterator[canopen.Network]:
+    """Connect canopen's network to a bus."""
+    network = canopen.Network(bus)
+    network.NOTIFIER_CYCLE = 0.01
+    network.connect()
+    try:
+        yield network
+    finally:
+        network.disconnect()
+
+
+class Heard:
+    """What has come so far of what is waited for; `heard(thing)` may be called from any thread."""
+
+    def __init__(self) -> None:
+        self.things: list[object] = []
+        self._changed = threading.Condition()
+
+    def __call__(self, thing: object) -> None:
+        with self._changed:
+            self.things.append(thing)
+            self._changed.notify_all()
+
+    def wait_for(self, wanted: object) -> bool:
+        """Wait until a thing has come; False if it did not in time."""
+        with self._changed:
+            return self._changed.wait_for(lambda: wanted in self.things, PATIENCE)
+
+
+def collect(bus: can.BusABC, done: Callable[[can.Message], bool]) -> list[can.Message]:
+    """Return what a bus brings up to the message that is `done`, or until patience ends."""
+    messages: list[can.Message] = []
+    end = time.monotonic() + PATIENCE
+    while (left := end - time.monotonic()) > 0 and not (messages and done(messages[-1])):
+        message = bus.recv(left)
+        messages += [message] if message else []
+    return messages

@@ -1,0 +1,71 @@
+"""A row of the interop matrix: a tool, what it is asked, and how its answer is judged.
+
+Rule of this file: values only. A question returns an Answer or raises Differs; any other error is its own fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from pathlib import Path
+from typing import NamedTuple
+
+from interop_rows.tools import Tool
+
+
+class Judgement(Enum):
+    """What an answer says of the tool and us."""
+
+    AGREES = "agrees"
+    LIMIT = "agrees with a limit"
+    DIFFERS = "differs"
+    ABSENT = "not asked: absent"
+
+
+class Answer(NamedTuple):
+    """What a tool answered; `limit`: what it cannot do or does wrong, by which clause, how to avoid it (Markdown)."""
+
+    said: str
+    limit: str = ""
+
+    @property
+    def judgement(self) -> Judgement:
+        """AGREES, or LIMIT if there is one."""
+        return Judgement.LIMIT if self.limit else Judgement.AGREES
+
+
+class Differs(Exception):
+    """A tool's answer is another than ours."""
+
+
+class Row(NamedTuple):
+    """One question to one tool; `ask` gets an empty folder to work in."""
+
+    tool: Tool
+    asked: str
+    ask: Callable[[Path], Answer]
+
+
+class Verdict(NamedTuple):
+    """A row and what came of it."""
+
+    row: Row
+    judgement: Judgement
+    said: str
+
+
+def agree(what: str, theirs: object, ours: object) -> None:
+    """Raise Differs if the tool has another opinion than we of `what`."""
+    if theirs != ours:
+        raise Differs(f"{what}: the tool has {theirs!r}, we have {ours!r}")
+
+
+def judge(row: Row, folder: Path) -> Verdict:
+    """Ask a row's question if its tool is there; every error counts as a difference."""
+    if not row.tool.present():
+        return Verdict(row, Judgement.ABSENT, f"{row.tool.name} is not here: {row.tool.remedy}")
+    try:
+        answer = row.ask(folder)
+    except Exception as error:  # whatever breaks between the tool and us is what the matrix is for
+        return Verdict(row, Judgement.DIFFERS, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return Verdict(row, answer.judgement, f"{answer.said}. Limit: {answer.limit}" if answer.limit else answer.said)

@@ -1,0 +1,156 @@
+"""What other programs read in our EDS and DCF files, and write of them.
+
+Rule of this file: every EDS of every dialect goes to every program, without an edit unless the answer says so.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from eurobot_od import dcf, dialects
+from eurobot_od.dictionary import Dictionary
+from eurobot_od.export import cdcf
+from eurobot_od.lint.diff import compare
+from eurobot_od.lint.files import read_bytes, read_device
+from eurobot_od.lint.findings import Severity
+from eurobot_od.lint.rules import lint
+from interop_rows.row import Answer, Differs, agree
+from interop_rows.tools import ODG, run
+
+HEARTBEAT = (0x1017, 0)
+PERIOD = 250
+"""Milliseconds, other than the EDS's default."""
+
+MASTER_YAML = """\
+master: {{node_id: 1, baudrate: 500}}
+drive: {{dcf: {eds}, node_id: 2, heartbeat_producer: {period}}}
+"""
+
+STRINGS = re.compile(r"(DataType=0x0009\n(?:\w+=.*\n)*?DefaultValue=)(.+)")
+"""The default of a VISIBLE_STRING."""
+
+AS_TEXT = (
+    "it takes a VISIBLE_STRING's DefaultValue for a Python literal, where CiA 306-1 has the plain text: an EDS with "
+    "`DefaultValue=Eurobot 2014 core` ends in a SyntaxError. Put the text of a copy in quotes"
+)
+
+
+def all_eds() -> list[Path]:
+    """Return the EDS files of all dialects."""
+    return [each for dialect in dialects.names() for each in sorted(dialects.folder(dialect).glob("*.eds"))]
+
+
+def label(file: Path) -> str:
+    """Name an EDS: `canopen/drive`."""
+    return f"{file.parent.name}/{file.stem}"
+
+
+def accept(*command: str | Path, folder: Path | None = None) -> str:
+    """Run a program that must accept what it is given, and return what it printed; raises Differs."""
+    done = run(*command, folder=folder)
+    if done.returncode or done.stderr:
+        raise Differs(f"{' '.join(map(str, command))}: {done.stderr or done.stdout}")
+    return done.stdout
+
+
+def write_dcf(folder: Path) -> Path:
+    """Write the drive's DCF with another heartbeat."""
+    file, eds = folder / "drive.dcf", dialects.folder(dialects.DEFAULT) / "drive.eds"
+    file.write_text(dcf.with_values(eds.read_text(), {HEARTBEAT: PERIOD}, 2, "drive", 500))
+    return file
+
+
+# dcf-tools
+
+
+def dcfchk(file: Path) -> None:
+    """Let dcfchk check a file, for node-ID 2; raises Differs for any word it says."""
+    agree(f"dcfchk on {file.name}", accept(sys.executable, "-m", "dcf.cli", "--node_id", "2", file), "")
+
+
+def check_files(folder: Path) -> Answer:
+    """Let dcfchk check all EDS files and a DCF."""
+    files = [*all_eds(), write_dcf(folder)]
+    for file in files:
+        dcfchk(file)
+    return Answer(f"{len(files) - 1} EDS files and a DCF accepted without a word")
+
+
+def generate_concise_dcf(folder: Path) -> Answer:
+    """Let dcfgen make the concise DCF of a slave, and read it."""
+    eds = dialects.folder(dialects.DEFAULT) / "drive.eds"
+    (folder / "robot.yaml").write_text(MASTER_YAML.format(eds=eds, period=PERIOD))
+    accept(sys.executable, "-m", "dcfgen.cli", "robot.yaml", folder=folder)
+    writes = cdcf.unpack((folder / "drive.bin").read_bytes())
+    agree("the concise DCF's writes", writes, [cdcf.Entry(HEARTBEAT, PERIOD.to_bytes(2, "little"))])
+    agree("its bytes", (folder / "drive.bin").read_bytes(), cdcf.pack(writes))
+    return Answer("EDS accepted; `drive.bin` holds the one write 0x1017 = 250, which we pack to the same bytes")
+
+
+def dcf2dev(file: Path) -> str:
+    """Let dcf2dev make C of an EDS; raises Differs if it refuses."""
+    return accept(sys.executable, "-m", "dcf2dev.cli", file, file.stem)
+
+
+def generate_c_device(folder: Path) -> Answer:
+    """Let dcf2dev make C of every EDS, with its strings in quotes."""
+    for file in all_eds():
+        quoted = folder / file.name
+        quoted.write_text(STRINGS.sub(r'\1"\2"', file.read_text()))
+        text = dcf2dev(quoted).lower()
+        missing = [index for index in Dictionary.load(file).objects if f"0x{index:04x}" not in text]
+        agree(f"objects missing in the C of {label(file)}", missing, [])
+    return Answer("C with every object of every EDS, after its strings were put in quotes", AS_TEXT)
+
+
+# objdictgen
+
+FORGOTTEN = {"access", "low limit", "high limit", "object", "bit rates"}
+"""Aspects that objdictgen's own model has no place for, so that they are lost on its way."""
+
+ERROR_FIELD = (0x1003, 0)
+LOST = (
+    "its model has no access `const`, `rwr`, `rww`, no limits narrower than the type, no bit rates, no `Granularity` "
+    "but 8; ARRAYs become RECORDs; sub-index 0 of 0x1003 and of every mapping becomes the number of places, where "
+    "CiA 301 wants the number of mapped objects (minimal example: a PDO without data, `[1600sub0] DefaultValue=0`, "
+    "comes back as 8). Read our EDS with it, do not write them with it"
+)
+
+
+def odg_list(_: Path) -> Answer:
+    """Let `odg list` print every EDS."""
+    for file in all_eds():
+        printed = accept(ODG, "--no-color", "list", file).lower()
+        missing = [index for index in Dictionary.load(file).objects if f"0x{index:04x} " not in printed]
+        agree(f"objects missing in the list of {label(file)}", missing, [])
+    return Answer("every object of all EDS files listed")
+
+
+def odg_round_trip(folder: Path) -> Answer:
+    """Let `odg convert` turn every EDS into .od and back."""
+    for file in all_eds():
+        between, back = folder / "between.od", folder / f"{file.parent.name}-{file.name}"
+        accept(ODG, "--no-color", "convert", file, between)
+        accept(ODG, "--no-color", "convert", between, back)
+        dcfchk(back)
+        agree(f"what changed in {label(file)} beside what the model lacks", list(_changes(file, back)), [])
+        agree(f"errors in {label(file)}", set(_errors(back)) - {"E632", "E227"}, set())
+    said = "indices, types, names, values, identifiers and every mapped bit are the same; dcfchk accepts what came back"
+    return Answer(said, LOST)
+
+
+def _changes(ours: Path, theirs: Path) -> Iterator[str]:
+    for each in compare(read_device(str(ours)), read_device(str(theirs)), with_names=True):
+        renamed = each.aspect == "name" and each.where[1] == 0
+        if each.aspect not in FORGOTTEN and each.where != ERROR_FIELD and not renamed:
+            yield str(each)
+
+
+def _errors(file: Path) -> Iterator[str]:
+    """Return the codes of our own checker; E632 and E227 are the two wrong numbers in LOST."""
+    for each in lint(read_bytes(str(file)), file.name):
+        if each.severity is Severity.ERROR:
+            yield each.code
