@@ -116,6 +116,7 @@ class Live:
         self._running = False
         self._pumping = False
         self._blocked = False
+        self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
         if station is not None:
             station.node.guard = self._lock
@@ -234,7 +235,14 @@ class Live:
         if self.gatekeeper.generation != self._generation:
             self._filter()
         self._pump()
+        self._hurry()
         return going_on
+
+    def _hurry(self) -> None:
+        """Wake the keeper if the node wants to be called before the keeper would look again."""
+        wakeup = self.station.next_wakeup if self.station is not None else None
+        if wakeup is not None and wakeup < self._looks_at:
+            self._wake()
 
     def _note_error(self, message: can.Message) -> None:
         """Tell the node what the controller reports."""
@@ -249,6 +257,7 @@ class Live:
             self._watch()
             with self._changed:
                 if self._running and (pause := self._pause()) > 0:
+                    self._looks_at = self.clock() + pause
                     self._changed.wait(pause)
 
     def _tick(self) -> None:

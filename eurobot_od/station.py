@@ -73,5 +73,6 @@ class Station:
             self.gatekeeper.reroute(device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
+        answers = self.node.device.sdo_answers
         for frame in frames:
-            self.gatekeeper.send_frame(frame, now)
+            self.gatekeeper.send_frame(frame, now, lasting=frame.cob_id == answers)

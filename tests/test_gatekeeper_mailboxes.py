@@ -131,6 +131,17 @@ def test_a_frame_is_not_dropped_because_its_bus_was_served_late_while_a_mailbox_
     assert (boxes.load(10 * WAIT), reports) == (frames("008#01"), [])
 
 
+def test_a_lasting_frame_waits_as_long_as_it_takes() -> None:
+    boxes, reports = mailboxes(1)
+    submit(boxes, 0.0, "001#")
+    [first] = boxes.load(0.0)
+    [part] = frames("582#01")
+    boxes.submit(part, 0.0, lasting=True)
+    boxes.load(20 * WAIT)
+    boxes.complete(first)
+    assert (boxes.load(40 * WAIT), reports) == ([part], [])
+
+
 def test_a_frame_in_a_mailbox_is_never_dropped() -> None:
     boxes, reports = mailboxes(1)
     submit(boxes, 0.0, "008#01")

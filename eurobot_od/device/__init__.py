@@ -137,6 +137,11 @@ class Device:
         """The messages of the PDOs that are valid now."""
         return self._pdos.protocol
 
+    @property
+    def sdo_answers(self) -> int | None:
+        """COB-ID on which the device answers as an SDO server, None if it is none."""
+        return self._cob_id(SDO_TRANSMIT)
+
     # Values
 
     def value(self, address: Address) -> Value:
@@ -349,7 +354,7 @@ class Device:
         return Reaction(self._sdo_frames(self._server.receive(frame.data, self._now)))
 
     def _sdo_frames(self, answers: list[bytes]) -> list[Frame]:
-        cob_id = self._cob_id(SDO_TRANSMIT)
+        cob_id = self.sdo_answers
         return [] if cob_id is None else [Frame(cob_id, data) for data in answers]
 
     def _receive_pdo(self, frame: Frame) -> Reaction:

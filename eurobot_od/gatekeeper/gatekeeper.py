@@ -235,9 +235,9 @@ class Gatekeeper:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for values out of range."""
         self.send_frame(self._protocol.encode(message), now)
 
-    def send_frame(self, frame: Frame, now: float) -> None:
-        """Leave a frame to the mailboxes; never waits."""
-        self.mailboxes.submit(frame, now)
+    def send_frame(self, frame: Frame, now: float, lasting: bool = False) -> None:
+        """Leave a frame to the mailboxes; never waits. A `lasting` one is not dropped, see Mailboxes."""
+        self.mailboxes.submit(frame, now, lasting)
 
     # Counts
 

@@ -28,6 +28,11 @@ class Waiting(NamedTuple):
     sequence: int
     deadline: float
     frame: Frame
+    lasting: bool
+
+    def until(self, latest: float) -> Waiting:
+        """Return it with a deadline that is not after `latest`, unless it waits as long as it takes."""
+        return self if self.lasting else self._replace(deadline=min(self.deadline, latest))
 
 
 class TransmitStatistics(NamedTuple):
@@ -50,14 +55,15 @@ class Mailboxes:
         self._waiting: list[Waiting] = []
         self._loaded: list[Waiting] = []
 
-    def submit(self, frame: Frame, now: float) -> None:
+    def submit(self, frame: Frame, now: float, lasting: bool = False) -> None:
         """Put a frame in its place among those that wait for a mailbox.
 
-        One for which a mailbox is free now cannot be too late, however late the bus is served.
+        One for which a mailbox is free now cannot be too late, however late the bus is served. A `lasting` one waits
+        as long as it takes: it is part of a transfer, which would be lost with it.
         """
         full = len(self._loaded) + len(self._waiting) >= self.count
-        deadline = now + self.wait if full else inf
-        insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame))
+        deadline = now + self.wait if full and not lasting else inf
+        insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, lasting))
         self._submitted += 1
 
     def load(self, now: float) -> list[Frame]:
@@ -65,7 +71,7 @@ class Mailboxes:
         self.expire(now)
         free = self.count - len(self._loaded)
         loaded, late = self._waiting[:free], now + self.wait
-        self._waiting = [each._replace(deadline=min(each.deadline, late)) for each in self._waiting[free:]]
+        self._waiting = [each.until(late) for each in self._waiting[free:]]
         self._loaded = sorted(self._loaded + loaded)
         return [each.frame for each in loaded]
 

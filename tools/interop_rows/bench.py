@@ -21,9 +21,6 @@ from eurobot_od.runtime import Live
 PATIENCE = 5.0
 """Seconds after which an answer that has not come does not come."""
 
-MAILBOX_WAIT = 5000
-"""Milliseconds that a frame may wait for a mailbox: a block of 127 SDO segments, on a machine with much else to do."""
-
 DRIVE = 2
 """Node-ID of the drive."""
 
@@ -54,10 +51,8 @@ def robot(*roles: str) -> Iterator[str]:
 
 
 def live(role: str, bus: can.BusABC) -> Live:
-    """Return one of our nodes, ready to run on a bus, with a longer wait for a mailbox."""
-    node = ROLES[role](dialects.load(role, dialects.DEFAULT))
-    node.device.objects.put(node.device.dictionary.address("Transmit.Mailbox wait"), MAILBOX_WAIT)
-    return Live.node(bus, node)
+    """Return one of our nodes, ready to run on a bus."""
+    return Live.node(bus, ROLES[role](dialects.load(role, dialects.DEFAULT)))
 
 
 @contextmanager
