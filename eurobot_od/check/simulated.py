@@ -160,12 +160,7 @@ def run_simulated(
 def put_into_world(nodes: Mapping[str, Node], seed: int, clock: Callable[[], float]) -> None:
     """Make the world around the nodes: the drive's wheels and the navigation's beacons are in it."""
     match, drive, navigation = MatchOptions(), nodes.get("drive"), nodes.get("navigation")
-
-    def deviations() -> tuple[float, float]:
-        if navigation is None:
-            return 0.0, 0.0
-        return navigation.setting("Noise.Position deviation"), navigation.setting("Noise.Angle deviation")
-
+    deviations = navigation.deviations if isinstance(navigation, Navigation) else lambda: (0.0, 0.0)
     world = World(seed, match.team, match.enemies, match.confederates, deviations, clock)
     if isinstance(drive, Drive):
         drive.chassis = world

@@ -82,12 +82,9 @@ def _make(arguments: argparse.Namespace) -> Node:
 
 def _see(node: Node, live: Live) -> None:
     """Give a navigation simulated beacons: our robot stands, two enemies and a confederate are on their rounds."""
-    from eurobot_od.nodes import Navigation
-    from eurobot_od.simulation.world import World
+    from eurobot_od.check.simulated import put_into_world
 
-    if isinstance(node, Navigation):
-        deviations = lambda: (node.setting("Noise.Position deviation"), node.setting("Noise.Angle deviation"))  # noqa: E731
-        node.beacons = World(1, TeamColour.RED, 2, 1, deviations, live.clock)
+    put_into_world({node.name: node}, 1, live.clock)
 
 
 def _line(node: Node, frame: Frame, now: float) -> str:

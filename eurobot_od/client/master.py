@@ -6,7 +6,6 @@ from the bus meanwhile.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -45,8 +44,6 @@ DRIVER_ERRORS = (can.CanError, OSError)
 """What python-can's drivers raise."""
 
 T = TypeVar("T")
-
-logging.getLogger("canopen").addHandler(logging.NullHandler())  # what it logs it raises, too; a caller hears it once
 
 
 class Master:

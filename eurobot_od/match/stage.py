@@ -64,11 +64,7 @@ def assemble(options: Options, clock: Callable[[], float]) -> Cast:
     protocol = Protocol((each, each.pdos) for each in dictionaries.values())
     core, drive = Core(dictionaries["core"]), Drive(dictionaries["drive"])
     navigation = Navigation(dictionaries["navigation"])
-
-    def deviations() -> tuple[float, float]:
-        return navigation.setting("Noise.Position deviation"), navigation.setting("Noise.Angle deviation")
-
-    world = World(options.seed, options.team, options.enemies, options.confederates, deviations, clock)
+    world = World(options.seed, options.team, options.enemies, options.confederates, navigation.deviations, clock)
     drive.chassis, navigation.beacons = world, world
     return Cast(core, drive, navigation, world, protocol)
 

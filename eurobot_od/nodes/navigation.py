@@ -72,6 +72,10 @@ class Navigation(Node):
         self.configuration: StartConfigurationSet | None = None
         self.safe = False
 
+    def deviations(self) -> tuple[float, float]:
+        """Return the standard deviations of simulated beacons by the Noise settings: mm and degrees."""
+        return self.setting("Noise.Position deviation"), self.setting("Noise.Angle deviation")
+
     def reset(self) -> None:
         """Forget the start configuration."""
         super().reset()
