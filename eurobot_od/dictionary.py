@@ -8,13 +8,11 @@ stops the load with file and index. A file's bytes are handed on as they are, ne
 from __future__ import annotations
 
 import copy
-import logging
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.codec import SLICE
 from eurobot_od.errors import DictionaryError, MappingError
@@ -65,14 +63,11 @@ ALL_BITS = (1 << 64) - 1
 PADDING = "Padding"
 """ParameterName, with or without a number behind it, of a mapped object that fills bits nobody uses."""
 
-logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is told once: by what is raised
 
-
-@dataclass(frozen=True)
-class MappedObject:
+class MappedObject(NamedTuple):
     """One entry of a mapping: the object, its mapped length in bits, its ParameterName and its limits."""
 
-    index: int
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
     subindex: int
     bits: int
     name: str
@@ -84,12 +79,11 @@ class MappedObject:
         return self.index in DUMMIES or self.name.startswith(PADDING)
 
 
-@dataclass(frozen=True)
-class Pdo:
+class Pdo(NamedTuple):
     """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping."""
 
     direction: PdoDirection
-    index: int
+    index: int  # type: ignore[assignment]  # as above
     name: str
     cob_id: int
     valid: bool
@@ -102,8 +96,7 @@ class Pdo:
         return self.index + MAPPING_OFFSET
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """What a slice is: `bits` bits of the object `whole`, from its bit `low` on."""
 
     whole: ODVariable
@@ -239,12 +232,21 @@ class Dictionary:
         return number
 
 
-def _import(path: Path) -> ObjectDictionary:
-    """Let canopen read a file; whatever it raises becomes one line."""
+@cache
+def _reader() -> Callable[[str, int | None], ObjectDictionary]:
+    """Return canopen's reader of files; its log is silent, as an error is told once: by what is raised."""
+    import logging
+
     import canopen
 
+    logging.getLogger("canopen").addHandler(logging.NullHandler())
+    return canopen.import_od
+
+
+def _import(path: Path) -> ObjectDictionary:
+    """Let canopen read a file; whatever it raises becomes one line."""
     try:
-        objects = canopen.import_od(str(path), None)
+        objects = _reader()(str(path), None)
     except OSError as error:
         raise DictionaryError(path, None, error.strerror or str(error)) from error
     except Exception as error:  # canopen and configparser raise what comes to hand

@@ -18,6 +18,7 @@ from eurobot_od.errors import FieldError, FrameLengthError, MappingError, Unknow
 from eurobot_od.frame import Frame
 from eurobot_od.kinds import Coordinate, Heading, Kind, Limits
 from eurobot_od.messages import Message, field_name, kinds, type_named
+from eurobot_od.outline import Outline
 from eurobot_od.values import OutOfRange
 
 TABLE_BITS = 12
@@ -234,7 +235,10 @@ class _OnDemand(dict[Key, Made]):
         return made
 
 
-Source: TypeAlias = tuple[Dictionary, Iterable[Pdo]]
+Loaded: TypeAlias = Dictionary | Outline
+"""A file's content; of either only its name is needed beside its PDOs."""
+
+Source: TypeAlias = tuple[Loaded, Iterable[Pdo]]
 
 
 class Protocol:
@@ -260,14 +264,14 @@ class Protocol:
     @classmethod
     def load(cls, dialect: str | Path | None = None) -> Protocol:
         """Load all EDS files of a dialect by its name or folder; raises UnknownName, DictionaryError."""
-        return cls((each, each.pdos) for each in dialects.load_all(dialect))
+        return cls((each, each.pdos) for each in dialects.outlines(dialect))
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Protocol:
         """Return the messages of one device as its EDS or DCF maps them; raises MappingError."""
         return cls([(dictionary, dictionary.pdos)])
 
-    def _bind(self, dictionary: Dictionary, pdo: Pdo) -> None:
+    def _bind(self, dictionary: Loaded, pdo: Pdo) -> None:
         binding = self._bindings.get(pdo.name)
         if binding is None:
             self._refuse_shared(dictionary, pdo)
@@ -276,7 +280,7 @@ class Protocol:
             _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo))
         (binding.senders if pdo.direction is PdoDirection.TPDO else binding.receivers).append(dictionary.name)
 
-    def _refuse_shared(self, dictionary: Dictionary, pdo: Pdo) -> None:
+    def _refuse_shared(self, dictionary: Loaded, pdo: Pdo) -> None:
         for other in self._bindings.values():
             if other.cob_id == pdo.cob_id:
                 where = f"{other.name} ({other.file.name} 0x{other.pdo.index:04X})"
@@ -354,7 +358,7 @@ class Protocol:
         return self.binding(message_type).name
 
 
-def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding) -> None:
+def _refuse_difference(known: Binding, dictionary: Loaded, other: Binding) -> None:
     """Two dictionaries that speak of one message must mean the same frame."""
     if known.cob_id != other.cob_id:
         what = f"COB-ID 0x{other.cob_id:03X}, but 0x{known.cob_id:03X} in {known.file.name}"

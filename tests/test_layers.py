@@ -24,7 +24,8 @@ NAME = PACKAGE.name
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
     {"errors", "frame"},
-    {"values", "kinds", "durations", "yaml_places", "codec", "messages", "dictionary", "dcf"},
+    {"values", "kinds", "durations", "yaml_places", "codec", "messages"}
+    | {"dictionary", "outline", "outline_cache", "dcf"},
     {"dialects", "protocol", "field"},
     {"device", "gatekeeper"},
     {"nodes"},

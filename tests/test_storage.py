@@ -11,7 +11,7 @@ import canopen
 import pytest
 
 from eurobot_od import dialects
-from eurobot_od.device import SAVE, Device
+from eurobot_od.device.device import SAVE, Device
 from eurobot_od.dictionary import Address, Value
 from eurobot_od.errors import DictionaryError
 from eurobot_od.storage import FileStore, write_whole

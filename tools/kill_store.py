@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 from eurobot_od import dialects
-from eurobot_od.device import SAVE, STORE, Device
+from eurobot_od.device.device import SAVE, STORE, Device
 from eurobot_od.dictionary import Address, Dictionary
 from eurobot_od.storage import FileStore
 

@@ -51,7 +51,7 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
     """Play the match; return its frames, the picture of the field, and the decoder of its dialect."""
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
-    decoder = Decoder(dialects.load_all(OPTIONS.dialect))
+    decoder = Decoder(dialects.outlines(OPTIONS.dialect))
     messages = ((now, message) for now, frame in frames if (message := decoder(frame).message) is not None)
     return frames, picture(record(messages, world.path), f"Match, seed {OPTIONS.seed}"), decoder
 

@@ -16,6 +16,7 @@ from eurobot_od.check.values import Scale
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.kinds import Kind, Limits
 from eurobot_od.logs.meaning import Decoder
+from eurobot_od.outline import Outline
 from eurobot_od.protocol import Protocol
 
 
@@ -34,7 +35,7 @@ class Vocabulary:
     @cached_property
     def decoder(self) -> Decoder:
         """What frames mean by the EDS files."""
-        return Decoder(self.dictionaries.values())
+        return Decoder(map(Outline.of, self.dictionaries.values()))
 
     @property
     def protocol(self) -> Protocol:

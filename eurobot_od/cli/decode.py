@@ -85,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     from eurobot_od.logs.quick import ways
     from eurobot_od.logs.tally import Tally
 
-    decoder = Decoder(dialects.load_all(arguments.dialect))
+    decoder = Decoder(dialects.outlines(arguments.dialect))
     output, tally = _output(arguments), Tally()
     window = Window(arguments.since, arguments.until, arguments.relative)
     show, quick = ways(decoder, filters(arguments, decoder), output)
@@ -120,7 +120,7 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
     if arguments.message:
         wanted.append(by_name(arguments.message, decoder.protocol))
     if arguments.node:
-        wanted.append(by_node(arguments.node, [each.name for each in decoder.dictionaries]))
+        wanted.append(by_node(arguments.node, [each.name for each in decoder.outlines]))
     return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
 
 

@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     from eurobot_od.view.recording import record
 
     form(arguments.output)
-    decoder, tally = Decoder(dialects.load_all(arguments.dialect)), Tally()
+    decoder, tally = Decoder(dialects.outlines(arguments.dialect)), Tally()
     recording = record(
         event for log in arguments.logs for event in _messages(log, form_of(log, arguments.format), decoder, tally)
     )

@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     from eurobot_od.view.controls import Controls
     from eurobot_od.view.traffic import Traffic, selected
 
-    traffic = Traffic(Decoder(dialects.load_all(arguments.dialect)), arguments.bitrate or runtime.BITRATE)
+    traffic = Traffic(Decoder(dialects.outlines(arguments.dialect)), arguments.bitrate or runtime.BITRATE)
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:

@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from eurobot_od.dictionary import Dictionary
 from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.kinds import Kind
 from eurobot_od.logs.raw import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.logs.services import services
 from eurobot_od.messages import Message, flagged_fields, service
+from eurobot_od.outline import Outline
 from eurobot_od.protocol import Binding, Protocol
 from eurobot_od.values import OutOfRange
 
@@ -48,13 +48,13 @@ class Meaning(NamedTuple):
 
 
 class Decoder:
-    """Tells what frames mean, by the dictionaries of the nodes on the bus."""
+    """Tells what frames mean, by the EDS files of the nodes on the bus."""
 
-    def __init__(self, dictionaries: Iterable[Dictionary]) -> None:
-        self.dictionaries = tuple(dictionaries)
-        self.protocol = Protocol((each, each.pdos) for each in self.dictionaries)
+    def __init__(self, outlines: Iterable[Outline]) -> None:
+        self.outlines = tuple(outlines)
+        self.protocol = Protocol((each, each.pdos) for each in self.outlines)
         self._readers = {each.cob_id: _reader(each, self.protocol) for each in self.protocol.bindings}
-        self._services = services(self.dictionaries)
+        self._services = services(self.outlines)
 
     def __call__(self, raw: Raw) -> Meaning:
         """Tell what a frame means."""
@@ -67,7 +67,7 @@ class Decoder:
         found = self._services.get(frame.cob_id)
         if found is None:
             return Meaning(frame, "", NO_GROUP, (), None, str(frame), (Finding(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
-        nodes = (found.node,) if found.node else tuple(each.name for each in self.dictionaries)
+        nodes = (found.node,) if found.node else tuple(each.name for each in self.outlines)
         if len(frame.data) != found.length:
             text = f"{len(frame.data)} bytes of data, expected {found.length}"
             finding = Finding(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")

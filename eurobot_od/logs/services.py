@@ -12,7 +12,8 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
-from eurobot_od.dictionary import NOT_VALID, Address, Dictionary
+from eurobot_od.dictionary import NOT_VALID, Address
+from eurobot_od.outline import Described, Outline
 
 NODE_IDS = range(1, 128)
 EMCY_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE = 0x080, 0x580, 0x600
@@ -33,15 +34,15 @@ class Service(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known of the node that a frame is from or for: its name, and its dictionary if there is one."""
+    """What is known of the node that a frame is from or for: its name, and the outline of its EDS if there is one."""
 
     name: str
-    dictionary: Dictionary | None = None
+    outline: Outline | None = None
 
 
-def services(dictionaries: Iterable[Dictionary]) -> dict[int, Service]:
-    """Return the services by identifier: the predefined ones of all node-IDs, then what the dictionaries say."""
-    known = {each.node_id: Known(each.name, each) for each in dictionaries}
+def services(outlines: Iterable[Outline]) -> dict[int, Service]:
+    """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say."""
+    known = {each.node_id: Known(each.name, each) for each in outlines}
     found = {NMT_COB_ID: Service("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
     for node_id in NODE_IDS:
         found |= dict(_predefined(node_id, known.get(node_id, Known(f"node {node_id}"))))
@@ -60,8 +61,8 @@ def _predefined(node_id: int, node: Known) -> Iterator[tuple[int, Service]]:
 def _configured(node: Known) -> Iterator[tuple[int, Service]]:
     services = _emcy(node), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
     for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
-        value = node.dictionary.default(address) if node.dictionary else None
-        if isinstance(value, int) and not value & NOT_VALID:
+        value = node.outline.default(address) if node.outline else None
+        if value is not None and not value & NOT_VALID:
             yield value, service
 
 
@@ -70,7 +71,7 @@ def _emcy(node: Known) -> Service:
 
 
 def _sdo(node: Known, table: Commands) -> Service:
-    return Service("SDO", node.name, 8, partial(sdo_text, table, node.dictionary))
+    return Service("SDO", node.name, 8, partial(sdo_text, table, node.outline))
 
 
 # NMT, heartbeat, EMCY
@@ -110,39 +111,57 @@ def _plain(member: NmtCommand | NmtState | ErrorCode) -> str:
 
 # SDO (CiA 301, 7.2.4.3)
 
-SdoText: TypeAlias = Callable[["Dictionary | None", bytes], str]
+SdoText: TypeAlias = Callable[["Outline | None", bytes], str]
 Commands: TypeAlias = Mapping[int, SdoText]
 
 EXPEDITED, SIZED, LAST = 1 << 1, 1 << 0, 1 << 0
 """Bits of a command byte: data in the frame itself, its size is given, last segment."""
 
 
-def sdo_text(commands: Commands, dictionary: Dictionary | None, data: bytes) -> str:
+def sdo_text(commands: Commands, outline: Outline | None, data: bytes) -> str:
     """Say what an SDO frame asks or answers; `commands` are those of its direction."""
     text = commands.get(data[0] >> 5)
-    return text(dictionary, data) if text else f"command {data[0] >> 5}"
+    return text(outline, data) if text else f"command {data[0] >> 5}"
 
 
-def _object(dictionary: Dictionary | None, data: bytes) -> str:
-    index, subindex = int.from_bytes(data[1:3], "little"), data[3]
+def _address(data: bytes) -> Address:
+    return int.from_bytes(data[1:3], "little"), data[3]
+
+
+def _object(outline: Outline | None, data: bytes) -> str:
+    index, subindex = address = _address(data)
     where = f"0x{index:04X}:{subindex:02X}"
-    variable = dictionary.variable((index, subindex)) if dictionary else None
-    return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
+    described = outline.described(address) if outline else None
+    return where if described is None else f"{where} {described.name.replace('.', ', ')}"
 
 
-def _expedited(dictionary: Dictionary | None, data: bytes) -> str:
+def _expedited(outline: Outline | None, data: bytes) -> str:
     command, content = data[0], data[4:]
     if not command & EXPEDITED:
         return f", {int.from_bytes(content, 'little')} bytes" if command & SIZED else ""
     value = content[: 4 - (command >> 2 & 3)] if command & SIZED else content
-    return f" = {_value(dictionary, data, value)}"
+    return f" = {_value(outline, _address(data), value)}"
 
 
-def _value(dictionary: Dictionary | None, data: bytes, value: bytes) -> str:
-    variable = dictionary.variable((int.from_bytes(data[1:3], "little"), data[3])) if dictionary else None
-    if variable is None:
+def _value(outline: Outline | None, address: Address, value: bytes) -> str:
+    described = outline.described(address) if outline else None
+    if outline is None or described is None:
         return value.hex(" ")
+    return _integer(described, value) if described.size else _by_type(outline, address, value)
+
+
+def _integer(described: Described, value: bytes) -> str:
+    if len(value) != described.size:
+        return value.hex(" ")
+    return str(int.from_bytes(value, "little", signed=described.signed))
+
+
+def _by_type(outline: Outline, address: Address, value: bytes) -> str:
+    """Read what is no integer as canopen does."""
     from canopen.objectdictionary import ObjectDictionaryError
+
+    variable = outline.dictionary.variable(address)
+    assert variable is not None, address
 
     try:
         return str(variable.decode_raw(value))
@@ -150,24 +169,24 @@ def _value(dictionary: Dictionary | None, data: bytes, value: bytes) -> str:
         return value.hex(" ")
 
 
-def _segment(_: Dictionary | None, data: bytes) -> str:
+def _segment(_: Outline | None, data: bytes) -> str:
     return f"segment of {7 - (data[0] >> 1 & 7)} bytes" + ", the last" * (data[0] & LAST)
 
 
-def _abort(dictionary: Dictionary | None, data: bytes) -> str:
+def _abort(outline: Outline | None, data: bytes) -> str:
     from canopen.sdo.exceptions import SdoAbortedError
 
     code = int.from_bytes(data[4:], "little")
     reason = SdoAbortedError.CODES.get(code, "unknown code")
-    return f"abort {_object(dictionary, data)}: 0x{code:08X} {reason}"
+    return f"abort {_object(outline, data)}: 0x{code:08X} {reason}"
 
 
 def _of_object(what: str, value: bool = False) -> SdoText:
-    return lambda dictionary, data: f"{what} {_object(dictionary, data)}{_expedited(dictionary, data) if value else ''}"
+    return lambda outline, data: f"{what} {_object(outline, data)}{_expedited(outline, data) if value else ''}"
 
 
 def _plainly(what: str) -> SdoText:
-    return lambda _dictionary, _data: what
+    return lambda _outline, _data: what
 
 
 REQUESTS: Commands = {

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from eurobot_od import dialects
-from eurobot_od.device import Device
+from eurobot_od.device.device import Device
 from eurobot_od.device.sdo import EXPEDITED, Client, Request, Server
 from eurobot_od.dictionary import Address, Dictionary
 from eurobot_od.errors import DictionaryError, RemoteError

@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, ClassVar
 
-from eurobot_od.device import ALWAYS, Device, Reaction
+from eurobot_od.device.device import ALWAYS, Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.store import Store

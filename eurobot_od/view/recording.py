@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
-from eurobot_od.device import ALWAYS
+from eurobot_od.device.device import ALWAYS
 from eurobot_od.field import Pose
 from eurobot_od.messages import (
     ConfederatePositionResponse,

@@ -14,11 +14,12 @@ from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import Any, NamedTuple
 
-from eurobot_od.dictionary import Address, Dictionary
+from eurobot_od.dictionary import Address
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.logs.raw import REMEMBERED, Damage, Raw
 from eurobot_od.logs.tally import Tally
+from eurobot_od.outline import Outline
 
 OVERHEAD_BITS = 47
 """Bits of a classic base frame beside its data, interframe space included and stuff bits not (ISO 11898-1)."""
@@ -91,7 +92,7 @@ class Traffic:
     def __init__(self, decoder: Decoder, bitrate: int) -> None:
         self.bitrate = bitrate
         self.rows: dict[int | Damage, Row] = {}
-        self.nodes = {each.name: NodeHealth(_heartbeat_period(each)) for each in decoder.dictionaries}
+        self.nodes = {each.name: NodeHealth(_heartbeat_period(each)) for each in decoder.outlines}
         self.tally = Tally()
         self.frames = 0
         self.now = 0.0
@@ -146,9 +147,8 @@ class Traffic:
         return (self._bits - bits) / span / self.bitrate, (self.frames - frames) / span
 
 
-def _heartbeat_period(dictionary: Dictionary) -> float:
-    period: Any = dictionary.default(HEARTBEAT_PERIOD)
-    return (period or 0) / 1000
+def _heartbeat_period(outline: Outline) -> float:
+    return (outline.default(HEARTBEAT_PERIOD) or 0) / 1000
 
 
 def _beat(health: NodeHealth, time: float, state: str) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import pytest
 
 from eurobot_od import dialects
-from eurobot_od.device import LOAD, SAVE, Device, Reaction
 from eurobot_od.device.aborts import AbortCode
+from eurobot_od.device.device import LOAD, SAVE, Device, Reaction
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand, NmtState, error_control
 from eurobot_od.device.store import Memory
 from eurobot_od.dictionary import Address, Value

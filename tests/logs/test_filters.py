@@ -35,7 +35,7 @@ MESSAGES: dict[str, Message] = {
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return Decoder(dialects.load_all(dialects.DEFAULT))
+    return Decoder(dialects.outlines(dialects.DEFAULT))
 
 
 def passed(decoder: Decoder, wanted: Wanted) -> set[str]:
@@ -71,7 +71,7 @@ def test_by_name(decoder: Decoder, names: list[str], expected: set[str]) -> None
     ],
 )
 def test_by_node(decoder: Decoder, nodes: list[str], expected: set[str]) -> None:
-    assert passed(decoder, by_node(nodes, [each.name for each in decoder.dictionaries])) == expected
+    assert passed(decoder, by_node(nodes, [each.name for each in decoder.outlines])) == expected
 
 
 @pytest.mark.parametrize(

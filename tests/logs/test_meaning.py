@@ -19,7 +19,7 @@ POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return Decoder(dialects.load_all(dialects.DEFAULT))
+    return Decoder(dialects.outlines(dialects.DEFAULT))
 
 
 def test_a_message(decoder: Decoder) -> None:
@@ -34,7 +34,7 @@ def test_a_message(decoder: Decoder) -> None:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_fields_that_the_dialect_does_not_map_are_not_in_the_words(dialect: str) -> None:
-    decoder = Decoder(dialects.load_all(dialect))
+    decoder = Decoder(dialects.outlines(dialect))
     meaning = decoder(decoder.protocol.encode(GotoXY(1, 2, 3, 4, Barriers(0))))
     assert ("direction" in meaning.text) is ("direction" in decoder.protocol.binding(GotoXY).limits)
 

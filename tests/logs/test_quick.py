@@ -51,7 +51,7 @@ def short(_: Binding, chance: random.Random) -> bytes:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_both_ways_write_and_count_the_same(dialect: str) -> None:
-    decoder, output = Decoder(dialects.load_all(dialect)), Text()
+    decoder, output = Decoder(dialects.outlines(dialect)), Text()
     log = "".join(random_lines(decoder.protocol)).encode()
     found = []
     rows, long = QuickRows(decoder.protocol, output), showing(decoder, None, output)

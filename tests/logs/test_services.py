@@ -45,7 +45,7 @@ SERVICES = [
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return Decoder(dialects.load_all(dialects.DEFAULT))
+    return Decoder(dialects.outlines(dialects.DEFAULT))
 
 
 @pytest.mark.parametrize(("cob_id", "data", "name", "text"), SERVICES)

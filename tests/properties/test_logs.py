@@ -26,7 +26,7 @@ LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))
 
 @cache
 def decoder(dialect: str) -> Decoder:
-    return Decoder(dialects.load_all(dialect))
+    return Decoder(dialects.outlines(dialect))
 
 
 def read(content: bytes, form: str) -> list[Raw]:

@@ -9,7 +9,7 @@ import kill_store
 import pytest
 
 from eurobot_od import dialects
-from eurobot_od.device import Device
+from eurobot_od.device.device import Device
 from eurobot_od.storage import FileStore
 
 

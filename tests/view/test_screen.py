@@ -15,7 +15,7 @@ from eurobot_od.view.controls import Controls
 from eurobot_od.view.screen import COLOURS, screen
 from eurobot_od.view.traffic import SORTS, Traffic
 
-DECODER = Decoder(dialects.load_all(dialects.DEFAULT))
+DECODER = Decoder(dialects.outlines(dialects.DEFAULT))
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from eurobot_od.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.view.cells import HEADINGS, health, plain_table
 from eurobot_od.view.traffic import SORTS, Period, Traffic, selected
 
-DECODER = Decoder(dialects.load_all(dialects.DEFAULT))
+DECODER = Decoder(dialects.outlines(dialects.DEFAULT))
 REQUEST = DECODER.protocol.encode(KalmanPositionRequest())
 GOTO = DECODER.protocol.encode(GotoXY(1, 2, 3, 4))
 BEAT = Frame(0x702, b"\5")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from eurobot_od.device import ALWAYS
+from eurobot_od.device.device import ALWAYS
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand, NmtState, error_control
 from eurobot_od.frame import Frame

@@ -11,7 +11,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from eurobot_od.device import SDO_RECEIVE, SDO_TRANSMIT
+from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT
 from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError

@@ -1,0 +1,394 @@
+"""One CANopen device from its EDS: NMT slave, SDO server, PDOs gated by state, heartbeats, emergencies, stored values.
+
+Rule of this file: no clock and no bus. Frames and the time in seconds go in, frames and typed messages come out;
+what a peer sends wrong becomes an EMCY, an SDO abort and a count, never an exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from eurobot_od.device.aborts import Abort, AbortCode
+from eurobot_od.device.emergency import Emergencies, ErrorCode
+from eurobot_od.device.heartbeat import HeartbeatConsumer, split
+from eurobot_od.device.nmt import (
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    TARGET,
+    NmtCommand,
+    NmtState,
+    Reset,
+    boot_state,
+    command_in,
+    error_control,
+)
+from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
+from eurobot_od.device.pdo import ALWAYS as ALWAYS
+from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
+from eurobot_od.device.sdo import SdoServer
+from eurobot_od.device.store import Memory, Store
+from eurobot_od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
+from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
+from eurobot_od.frame import Frame
+from eurobot_od.messages import Message
+from eurobot_od.protocol import Protocol
+
+ERROR_REGISTER = 0x1001
+ERROR_FIELD = 0x1003
+STORE = 0x1010
+RESTORE = 0x1011
+STORED_EDS = 0x1021
+EMCY_INHIBIT: Address = (0x1015, 0)
+CONSUMED_HEARTBEATS = 0x1016
+HEARTBEAT_TIME: Address = (0x1017, 0)
+COMMUNICATION_ERROR: Address = (0x1029, 1)
+SDO_RECEIVE: Address = (0x1200, 1)
+SDO_TRANSMIT: Address = (0x1200, 2)
+SDO_CLIENTS = range(0x1280, 0x1300)
+NMT_STARTUP: Address = (0x1F80, 0)
+
+SAVE = int.from_bytes(b"save", "little")
+LOAD = int.from_bytes(b"load", "little")
+"""Signatures that 0x1010 and 0x1011 want to see (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+
+COMMUNICATION_PROFILE = range(0x1000, 0x2000)
+"""Indices that a reset of the communication restores (CiA 301, 7.3.2.2.3)."""
+
+ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
+    0: NmtCommand.ENTER_PRE_OPERATIONAL,
+    1: None,
+    2: NmtCommand.STOP,
+}
+"""What an operational device does when a heartbeat is lost, by error behaviour 0x1029:1 (CiA 301, 7.5.2.32)."""
+
+
+class Reaction(NamedTuple):
+    """What a frame, or the time, did to a device.
+
+    `frames` to send, the `message` for the application, a `reset` of it, the node-IDs whose heartbeat was `lost`, and
+    an SDO `answer` to the device as a client.
+    """
+
+    frames: list[Frame]
+    message: Message | None = None
+    reset: Reset | None = None
+    lost: tuple[int, ...] = ()
+    answer: Frame | None = None
+
+
+Ear = Callable[[Frame], Reaction]
+"""What a device does with the frames of one COB-ID."""
+
+
+class Device:
+    """The CANopen side of a node, made from its `dictionary`; `store` keeps what 0x1010 saves.
+
+    `state` is the NMT state, `objects` its values, `protocol` its messages as they are mapped now, `identifiers` the
+    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them.
+    """
+
+    def __init__(self, dictionary: Dictionary, store: Store | None = None) -> None:
+        self._file = dictionary
+        self._store: Store = store or Memory()
+        self._stored = self._store.load()
+        self.state = NmtState.INITIALISING
+        self._now = 0.0
+        self._load(dict(self._stored))
+
+    def _load(self, values: dict[Address, Value]) -> None:
+        """Make everything anew from these values, as after power-on or a reset."""
+        number = values.setdefault(NODE_ID, self._file.node_id)
+        self.node_id = number if isinstance(number, int) else self._file.node_id
+        self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
+        self.emergencies = Emergencies(lambda: self._cob_id(EMCY_COB_ID), self._emergency_inhibit)
+        self._writers: dict[int, Writer] = {}
+        self.objects = Objects(self.dictionary, self._readers(), self._writers)
+        self.objects.values = values
+        self._pdos = Pdos(self.objects)
+        self._writers |= self._own_writers() | self._pdo_writers()
+        self._process = ProcessData(self.objects)
+        self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
+        self._server = SdoServer(self.objects)
+        self._consumer = HeartbeatConsumer()
+        self._next_heartbeat: float | None = None
+        self._configure()
+
+    def _configure(self) -> None:
+        """Listen to what is configured now."""
+        self._consumer.configure(self._consumed())
+        self._ears = self._listeners()
+        self.identifiers = sorted(self._ears)
+        self._pacing.restart(self._pdos.sent.values(), self._now)
+
+    def _listeners(self) -> dict[int, Ear]:
+        ears: dict[int, Ear] = dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat)
+        ears |= dict.fromkeys(self._answers(), self._receive_answer)
+        ears |= dict.fromkeys(self._pdos.received, self._receive_pdo)
+        sdo = self._cob_id(SDO_RECEIVE)
+        return ears | ({} if sdo is None else {sdo: self._receive_sdo}) | {NMT_COB_ID: self._receive_command}
+
+    def _answers(self) -> list[int]:
+        """Return the COB-IDs on which SDO servers answer to this device as a client (CiA 301, 7.5.2.34)."""
+        return [cob_id for index in SDO_CLIENTS if (cob_id := self._cob_id((index, 2))) is not None]
+
+    @property
+    def protocol(self) -> Protocol:
+        """The messages of the PDOs that are valid now."""
+        return self._pdos.protocol
+
+    @property
+    def sdo_answers(self) -> int | None:
+        """COB-ID on which the device answers as an SDO server, None if it is none."""
+        return self._cob_id(SDO_TRANSMIT)
+
+    # Values
+
+    def value(self, address: Address) -> Value:
+        """Return an object's present value: as written or received, else as in the file."""
+        self._process.settle()
+        return self.objects.value(address)
+
+    def number(self, address: Address) -> int:
+        """Return an object's present value as a number; raises DictionaryError if it has none."""
+        return self.objects.number(address)
+
+    def setting(self, name: str) -> int:
+        """Return the value of a setting by its ParameterNames, `Goto handshake.Confirm wait`.
+
+        Raises DictionaryError.
+        """
+        return self.objects.number(self.dictionary.address(name))
+
+    def _cob_id(self, address: Address) -> int | None:
+        """Return an identifier that an object holds, None if it is not valid or there is none."""
+        entry = self.objects.value(address)
+        return entry if isinstance(entry, int) and not entry & NOT_VALID else None
+
+    def _emergency_inhibit(self) -> float:
+        return self.objects.raw(EMCY_INHIBIT) / 10_000
+
+    # Objects that do more than keep a value
+
+    def _readers(self) -> dict[int, Reader]:
+        return {
+            ERROR_REGISTER: lambda _: self.emergencies.register,
+            ERROR_FIELD: self.emergencies.read_field,
+            STORED_EDS: self._read_eds,
+        }
+
+    def _own_writers(self) -> dict[int, Writer]:
+        return {
+            ERROR_FIELD: self.emergencies.clear_field,
+            STORE: self._save,
+            RESTORE: self._restore,
+            CONSUMED_HEARTBEATS: self._consume,
+            HEARTBEAT_TIME[0]: self._produce,
+        }
+
+    def _pdo_writers(self) -> dict[int, Writer]:
+        def followed(write: Writer) -> Writer:
+            def written(address: Address, value: Value) -> None:
+                write(address, value)
+                self._configure()
+
+            return written
+
+        return {index: followed(write) for index, write in self._pdos.writers().items()}
+
+    def _read_eds(self, _: int) -> Value:
+        try:
+            return self.dictionary.content
+        except DictionaryError as error:
+            raise Abort(AbortCode.HARDWARE, str(error)) from error
+
+    def _save(self, _: Address, signature: Value) -> None:
+        if signature != SAVE:
+            raise Abort(AbortCode.NOT_TRANSFERRED)
+        self._keep(self.objects.configuration())
+
+    def _restore(self, _: Address, signature: Value) -> None:
+        """Have the file's values back with the next reset (CiA 301, 7.5.2.14)."""
+        if signature != LOAD:
+            raise Abort(AbortCode.NOT_TRANSFERRED)
+        self._keep({})
+        self.objects.values.pop(NODE_ID, None)
+
+    def _keep(self, values: dict[Address, Value]) -> None:
+        try:
+            self._store.save(values, self.objects.number(NODE_ID))
+        except (OSError, DictionaryError) as error:
+            raise Abort(AbortCode.HARDWARE, str(error)) from error
+        self._stored = values
+
+    def _consumed(self) -> list[int]:
+        count = self.objects.raw((CONSUMED_HEARTBEATS, 0))
+        return [self.objects.raw((CONSUMED_HEARTBEATS, subindex)) for subindex in range(1, count + 1)]
+
+    def _consume(self, address: Address, value: Value) -> None:
+        """Watch other nodes' heartbeats, each but once (CiA 301, 7.5.2.19)."""
+        node_id, time = split(value if isinstance(value, int) else 0)
+        others = [split(entry) for subindex, entry in enumerate(self._consumed(), 1) if subindex != address[1]]
+        if time and any(node_id == other and others_time for other, others_time in others):
+            raise Abort(AbortCode.INCOMPATIBLE)
+        self.objects.put(address, value)
+        self._configure()
+
+    def _produce(self, address: Address, value: Value) -> None:
+        self.objects.put(address, value)
+        self._plan_heartbeat(self._now)
+
+    # NMT
+
+    def start(self, now: float) -> list[Frame]:
+        """Boot: send the boot-up message and enter the state that NMT startup 0x1F80 says (CiA 301, 7.3.2.2)."""
+        self._now = now
+        self._plan_heartbeat(now)
+        self._enter(boot_state(self.objects.raw(NMT_STARTUP)))
+        return [error_control(self.node_id, NmtState.INITIALISING)]
+
+    def _enter(self, state: NmtState) -> None:
+        self.state = state
+        self._pacing.restart(self._pdos.sent.values(), self._now)
+        if state is NmtState.STOPPED:
+            self._server.forget()
+
+    def _plan_heartbeat(self, now: float) -> None:
+        period = self.objects.raw(HEARTBEAT_TIME)
+        self._next_heartbeat = now + period / 1000 if period else None
+
+    def command(self, command: NmtCommand, now: float) -> Reaction:
+        """Carry out an NMT command."""
+        self._now = now
+        if command in TARGET:
+            self._enter(TARGET[command])
+            return Reaction([])
+        return self._reset(Reset(command), now)
+
+    def _reset(self, reset: Reset, now: float) -> Reaction:
+        """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
+        values = dict(self._stored)
+        if reset is Reset.COMMUNICATION:
+            values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
+            values |= {a: v for a, v in self.objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
+        values[NODE_ID] = self.objects.value(NODE_ID)
+        self._load(values)
+        return Reaction(self.start(now), reset=reset)
+
+    # Time
+
+    @property
+    def next_wakeup(self) -> float | None:
+        """When to call `tick`, None if nothing is planned."""
+        times = [self._next_heartbeat, self._consumer.next, self._server.deadline]
+        if self.state is NmtState.OPERATIONAL:
+            times.append(self._pacing.next)
+        if self.state is not NmtState.STOPPED:
+            times.append(self.emergencies.next)
+        return min((time for time in times if time is not None), default=None)
+
+    def tick(self, now: float) -> Reaction:
+        """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""
+        self._now = now
+        frames = self._heartbeat(now) + self._timed_pdos(now) + self._sdo_frames(self._server.tick(now))
+        lost = tuple(self._consumer.overdue(now))
+        for node_id in lost:
+            self._lose(node_id)
+        return Reaction(frames + self.emergency_frames(now), lost=lost)
+
+    def _heartbeat(self, now: float) -> list[Frame]:
+        if self._next_heartbeat is None or now < self._next_heartbeat:
+            return []
+        self._plan_heartbeat(self._next_heartbeat)
+        return [error_control(self.node_id, self.state)]
+
+    def _timed_pdos(self, now: float) -> list[Frame]:
+        if self.state is not NmtState.OPERATIONAL:
+            return []
+        return self._pacing.released(now) + [self._process.frame(binding) for binding in self._pacing.due(now)]
+
+    def _lose(self, node_id: int) -> None:
+        """Report a lost heartbeat and behave as 0x1029 says."""
+        self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
+        command = ON_COMMUNICATION_ERROR.get(self.objects.raw(COMMUNICATION_ERROR))
+        if command is not None and self.state is NmtState.OPERATIONAL:
+            self._enter(TARGET[command])
+
+    def bus_error(self, code: ErrorCode, now: float) -> None:
+        """Note what the CAN controller reports; `tick` sends the EMCY."""
+        self.emergencies.happened(code, now)
+
+    def emergency_frames(self, now: float) -> list[Frame]:
+        """Return the EMCY frames that may go now; in STOPPED they wait (CiA 301, 7.3.2.2.4)."""
+        return [] if self.state is NmtState.STOPPED else self.emergencies.due(now)
+
+    # Frames
+
+    def receive(self, frame: Frame, now: float) -> Reaction:
+        """Take in one frame from the bus; before `start` a device hears nothing."""
+        ear = self._ears.get(frame.cob_id)
+        if ear is None or self.state is NmtState.INITIALISING:
+            return Reaction([])
+        self._now = now
+        reaction = ear(frame)
+        reaction.frames.extend(self.emergency_frames(now))
+        return reaction
+
+    def _receive_command(self, frame: Frame) -> Reaction:
+        command = command_in(frame, self.node_id)
+        return Reaction([]) if command is None else self.command(command, self._now)
+
+    def _receive_heartbeat(self, frame: Frame) -> Reaction:
+        node_id = frame.cob_id - ERROR_CONTROL_BASE
+        if self._consumer.heard(node_id, self._now):
+            self.emergencies.cleared((HeartbeatConsumer, node_id))
+        return Reaction([])
+
+    def _receive_answer(self, frame: Frame) -> Reaction:
+        return Reaction([], answer=frame)
+
+    def _receive_sdo(self, frame: Frame) -> Reaction:
+        if self.state is NmtState.STOPPED:
+            return Reaction([])
+        self._process.settle()
+        return Reaction(self._sdo_frames(self._server.receive(frame.data, self._now)))
+
+    def _sdo_frames(self, answers: list[bytes]) -> list[Frame]:
+        cob_id = self.sdo_answers
+        return [] if cob_id is None else [Frame(cob_id, data) for data in answers]
+
+    def _receive_pdo(self, frame: Frame) -> Reaction:
+        binding = self._pdos.received[frame.cob_id]
+        if self.state is not NmtState.OPERATIONAL and binding.type not in ALWAYS:
+            return Reaction([])
+        info = frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)])
+        try:
+            message = self.protocol.decode(*frame)
+        except FrameLengthError:
+            self.emergencies.raised(ErrorCode.PDO_TOO_SHORT, binding.name, info)
+            return Reaction([])
+        self._process.note(binding, frame.data)
+        if len(frame.data) > binding.layout.length:
+            self.emergencies.raised(ErrorCode.PDO_TOO_LONG, binding.name, info)
+        else:
+            self.emergencies.cleared(binding.name)
+        return Reaction([], message)
+
+    def transmit(self, message: Message) -> Frame:
+        """Return the frame of a message as this device would send it.
+
+        Raises StateError if it is not one of its TPDOs or if its NMT state does not allow it, FieldError for a value.
+        """
+        binding = self._pdos.sent.get(type(message))
+        if binding is None:
+            raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}")
+        if self.state is not NmtState.OPERATIONAL and not isinstance(message, ALWAYS):
+            raise StateError(f"{self.dictionary.name} is {self.state.name}: only stops may be sent")
+        return self.protocol.encode(message)
+
+    def send(self, message: Message, now: float) -> list[Frame]:
+        """Return the frame of a message to send now, none if its inhibit time holds it back; raises as `transmit`."""
+        frame = self.transmit(message)
+        binding = self._pdos.sent[type(message)]
+        self._process.note(binding, frame.data)
+        return self._pacing.admit(binding, frame, now)
