@@ -174,7 +174,7 @@ def unpack(data):
     word = from_bytes(data, {layout.byte_order!r})
     return ({"".join(f"{layout.extract(field)}, " for field in layout.fields)})
 """
-    return _generate("unpack", source, {"from_bytes": int.from_bytes})
+    return generate("unpack", source, {"from_bytes": int.from_bytes})
 
 
 # Meanings
@@ -228,7 +228,7 @@ def read(data):
     {_if_unknown(unknown, f"new(message, ({nothing}))")}
     return new(message, ({fields}))
 """
-    return _generate("read", source, names)
+    return generate("read", source, names)
 
 
 def _reading(layout: Layout, column: Column) -> str:
@@ -270,7 +270,7 @@ def write(message):
     {_if_unknown(unknown, "careful(message)")}
     return new(Frame, ({cob_id}, word.to_bytes({layout.length}, {layout.byte_order!r})))
 """
-    return _generate("write", source, names)
+    return generate("write", source, names)
 
 
 def _writing(layout: Layout, column: Column) -> str:
@@ -283,7 +283,7 @@ def _if_unknown(unknown: Unknown | None, result: str) -> str:
     return f"if word & {unknown.mask:#x} == {unknown.code:#x}: return {result}" if unknown else ""
 
 
-def _generate(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:
+def generate(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:
     """Compile one generated function; field names are identifiers, and numbers the only other thing put in."""
     exec(compile(source, f"<generated {name}>", "exec"), names)
     function: Callable[[Any], Any] = names[name]

@@ -7,7 +7,6 @@ stops the load with file and index. A file's bytes are handed on as they are, ne
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
 from functools import cache, cached_property
@@ -127,7 +126,9 @@ class Dictionary:
 
     def renumbered(self, node_id: int) -> Dictionary:
         """Return the same file's dictionary for another node-ID."""
-        objects = copy.deepcopy(self.objects)
+        from copy import deepcopy
+
+        objects = deepcopy(self.objects)
         _resolve_node_id(self.file, objects, node_id)
         return Dictionary(self.file, objects, node_id)
 

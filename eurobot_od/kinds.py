@@ -47,6 +47,10 @@ class Kind:
         """Return `write` as a function of the meaning alone; whoever calls it checks the limits."""
         return partial(self.write, limits=limits)
 
+    def numbers(self, limits: Limits) -> range:
+        """Return the raw values that mean their own number, so that `text` writes that and the unit."""
+        return range(limits.low, limits.high + 1)
+
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
         return int(text, 0)
@@ -75,6 +79,10 @@ class Angle(Kind):
 
     def allowed(self, limits: Limits) -> str:
         return "any whole angle in degrees"
+
+
+    def numbers(self, limits: Limits) -> range:
+        return range(self.FULL)
 
 
 class Heading(Angle):
@@ -122,6 +130,9 @@ class Remaining(Kind):
             return self.MEANING[raw]
         return super().read(raw, Limits(0, self.UNKNOWN))
 
+    def numbers(self, limits: Limits) -> range:
+        return range(self.UNKNOWN)
+
     def write(self, value: Any, limits: Limits) -> int:
         return self.CODE[value] if value in self.CODE else super().write(value, Limits(0, self.UNKNOWN - 1))
 
@@ -147,6 +158,9 @@ class Choice(Kind):
     def read(self, raw: int, limits: Limits) -> Any:
         return self.enum(raw) if raw in self.enum.__members__.values() else OutOfRange(raw)
 
+    def numbers(self, limits: Limits) -> range:
+        return range(0)
+
     def write(self, value: Any, limits: Limits) -> int:
         return int(self.enum(_integer(value)))
 
@@ -166,6 +180,9 @@ class BarrierFlags(Kind):
 
     def read(self, raw: int, limits: Limits) -> Any:
         return Barriers(raw)
+
+    def numbers(self, limits: Limits) -> range:
+        return range(0)
 
     def reader(self, limits: Limits) -> Callable[[int], Any]:
         return Barriers

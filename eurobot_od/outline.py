@@ -6,6 +6,7 @@ back, so that it can be kept (see `outline_cache`). For whatever it does not say
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -37,7 +38,6 @@ class Outline:
         self.file, self.name, self.plain, self._dictionary = file, file.stem, plain, dictionary
         self.node_id: int = plain["node_id"]
         self.pdos = tuple(map(_pdo, plain["pdos"]))
-        self._objects: Mapping[str, Sequence[Any]] = plain["objects"]
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Outline:
@@ -45,9 +45,15 @@ class Outline:
         plain = {
             "node_id": dictionary.node_id,
             "pdos": list(map(_plain_pdo, dictionary.pdos)),
-            "objects": dict(_described(dictionary)),
+            "objects": json.dumps(dict(_described(dictionary))),
         }
         return cls(dictionary.file, plain, dictionary)
+
+    @cached_property
+    def _objects(self) -> Mapping[str, Sequence[Any]]:
+        """What is said of the objects; it is text until it is asked for, as few logs ask."""
+        objects: Mapping[str, Sequence[Any]] = json.loads(self.plain["objects"])
+        return objects
 
     def described(self, address: Address) -> Described | None:
         """Return what is known of an object, None if there is none."""
@@ -91,5 +97,5 @@ def _plain_pdo(pdo: Pdo) -> Pdo:
 
 def _pdo(plain: Sequence[Any]) -> Pdo:
     direction, index, name, cob_id, valid, transmission_type, mapping = plain
-    mapped = tuple(MappedObject(*entry[:-1], limits=Limits(*entry[-1])) for entry in mapping)
+    mapped = tuple(MappedObject(*entry)._replace(limits=Limits(*entry[-1])) for entry in mapping)
     return Pdo(PdoDirection(direction), index, name, cob_id, valid, transmission_type, mapped)

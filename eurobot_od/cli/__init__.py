@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from eurobot_od.errors import BusError, EurobotError, RemoteError
 
@@ -50,8 +50,29 @@ EXIT_STATUS: tuple[tuple[type[BaseException], int], ...] = (
 """The first entry that fits an error gives the exit status."""
 
 
+class Help(argparse.HelpFormatter):
+    """Help as wide as the terminal; argparse would import `shutil` and three compression libraries for that."""
+
+    def __init__(self, prog: str) -> None:
+        super().__init__(prog, width=_terminal_width() - 2)
+
+
+class Verbatim(Help, argparse.RawDescriptionHelpFormatter):
+    """Help with its description and epilog as they are."""
+
+
+def _terminal_width() -> int:
+    try:
+        return int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
+    except (ValueError, OSError):  # no number; no terminal
+        return 80
+
+
 class Parser(argparse.ArgumentParser):
     """Says what is wrong with a command line in one line."""
+
+    def __init__(self, prog: str, **options: Any) -> None:
+        super().__init__(prog, **{"formatter_class": Help} | options)
 
     def error(self, message: str) -> NoReturn:
         """Exit with status 2."""
@@ -100,7 +121,7 @@ def _overview() -> argparse.ArgumentParser:
         "eurobot-od",
         description="The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.",
         epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        formatter_class=Verbatim,
     )
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
     return parser

@@ -27,8 +27,8 @@ CHUNK = 1 << 16
 """Bytes read from a pipe at once."""
 
 PROGRESS_FROM = 8 << 20
-PROGRESS_STEP = 1 << 14
-"""A log of this many bytes or more shows its progress, every so many lines."""
+PROGRESS_STEP = 1 << 20
+"""A log of this many bytes or more shows its progress, every time that so much has been written."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,34 +78,29 @@ def add_filters(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Decode all logs; report what is wrong in them."""
     from eurobot_od import dialects
-    from eurobot_od.logs import formats
+    from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.output import written
-    from eurobot_od.logs.quick import ways
-    from eurobot_od.logs.tally import Tally
 
-    decoder = Decoder(dialects.outlines(arguments.dialect))
-    output, tally = _output(arguments), Tally()
+    decoder, output = Decoder(dialects.outlines(arguments.dialect)), _output(arguments)
     window = Window(arguments.since, arguments.until, arguments.relative)
-    show, quick = ways(decoder, filters(arguments, decoder), output)
+    decoding = Decoding(decoder, output, filters(arguments, decoder), window)
     sys.stdout.write(output.header)
     for log in arguments.logs:
         with opened(log) as file:
-            entries = formats.read(file, show, form_of(log, arguments.format), quick)
-            sys.stdout.writelines(_watched(written(entries, log, output, tally, window), file))
+            sys.stdout.writelines(_watched(decoding.texts(file, log, form_of(log, arguments.format)), file))
     sys.stdout.flush()
-    sys.stderr.writelines(f"{line}\n" for line in tally.report())
-    return 1 if arguments.strict and tally.total else 0
+    sys.stderr.writelines(f"{line}\n" for line in decoding.tally.report())
+    return 1 if arguments.strict and decoding.tally.total else 0
 
 
 def _output(arguments: argparse.Namespace) -> Output:
-    from eurobot_od.logs.output import Csv, JsonLines, Text, TextOfSeveral
+    from eurobot_od.logs.output import Text, TextOfSeveral
 
-    if arguments.json:
-        return JsonLines()
-    if arguments.csv:
-        return Csv()
+    if arguments.json or arguments.csv:
+        from eurobot_od.logs.records import Csv, JsonLines
+
+        return JsonLines() if arguments.json else Csv()
     return TextOfSeveral() if len(arguments.logs) > 1 else Text()
 
 
@@ -114,6 +109,8 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
 
     Raises LocalError for a name or a value that cannot be.
     """
+    if not (arguments.where or arguments.message or arguments.node):
+        return None
     from eurobot_od.logs.filters import by_name, by_node, by_value
 
     wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in arguments.where or ()]
@@ -121,7 +118,7 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
         wanted.append(by_name(arguments.message, decoder.protocol))
     if arguments.node:
         wanted.append(by_node(arguments.node, [each.name for each in decoder.outlines]))
-    return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
+    return lambda meaning: all(each(meaning) for each in wanted)
 
 
 # Input
@@ -135,7 +132,7 @@ def form_of(log: str, form: str | None) -> str | None:
 
 
 @contextmanager
-def opened(log: str) -> Iterator[BinaryIO]:
+def opened(log: str) -> Iterator[io.BufferedReader]:
     """Open a log; standard input gives its lines as they come."""
     if log == STANDARD_INPUT:
         yield _standard_input()
@@ -144,9 +141,9 @@ def opened(log: str) -> Iterator[BinaryIO]:
             yield file
 
 
-def _standard_input() -> BinaryIO:
+def _standard_input() -> io.BufferedReader:
     """Return standard input; from a pipe, what was decoded is shown before the next lines are waited for."""
-    file = sys.stdin.buffer
+    file: io.BufferedReader = sys.stdin.buffer  # type: ignore[assignment]  # as it is, unless a program replaces it
     if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         return file
     return io.BufferedReader(Pipe(file.fileno(), sys.stdout.flush), CHUNK)
@@ -180,9 +177,11 @@ def _watched(lines: Iterable[str], file: BinaryIO) -> Iterable[str]:
 
 
 def _with_progress(lines: Iterable[str], file: BinaryIO, size: int) -> Iterator[str]:
-    for number, line in enumerate(lines):
-        if number % PROGRESS_STEP == 0:
+    written = 0
+    for line in lines:
+        if written % PROGRESS_STEP < len(line):
             sys.stderr.write(f"\r{bar(file.tell() / size)}")
+        written += len(line)
         yield line
     sys.stderr.write("\r" + " " * len(bar(1.0)) + "\r")
 

@@ -15,10 +15,10 @@ OPENING, CLOSING = b"()"
 """What stands around a time."""
 
 FOREIGN = (
-    (Damage.ERROR_FRAME, re.compile(rb"[2367ABEF][0-9A-F]{7}#([0-9A-F]{2})*", re.IGNORECASE)),
-    (Damage.FD, re.compile(rb"([0-9A-F]{3}|[0-9A-F]{8})##[0-9A-F]([0-9A-F]{2}){0,64}", re.IGNORECASE)),
-    (Damage.REMOTE, re.compile(rb"([0-9A-F]{3}|[0-9A-F]{8})#R[0-9A-F]?", re.IGNORECASE)),
-    (Damage.EXTENDED, re.compile(rb"[0-9A-F]{8}#([0-9A-F]{2}){0,8}", re.IGNORECASE)),
+    (Damage.ERROR_FRAME, rb"[2367ABEF][0-9A-F]{7}#([0-9A-F]{2})*"),
+    (Damage.FD, rb"([0-9A-F]{3}|[0-9A-F]{8})##[0-9A-F]([0-9A-F]{2}){0,64}"),
+    (Damage.REMOTE, rb"([0-9A-F]{3}|[0-9A-F]{8})#R[0-9A-F]?"),
+    (Damage.EXTENDED, rb"[0-9A-F]{8}#([0-9A-F]{2}){0,8}"),
 )
 """What is no classic base data frame, the first that fits; an error frame has bit 29 of its identifier set."""
 
@@ -44,6 +44,6 @@ def _frame(rest: bytes) -> Frame:
 
 def _foreign(rest: bytes) -> Foreign:
     for damage, pattern in FOREIGN:
-        if pattern.fullmatch(rest):
+        if re.fullmatch(pattern, rest, re.IGNORECASE):
             return Foreign(damage, rest.decode())
     raise ValueError(rest)

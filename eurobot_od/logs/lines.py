@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from functools import lru_cache
-from typing import TypeAlias
 
 from eurobot_od.logs.raw import REMEMBERED, Damage, Entries, Foreign, Raw, Understand, Understood, shortened
 
@@ -35,28 +34,20 @@ class LineFormat:
         raise NotImplementedError
 
 
-Quick: TypeAlias = Callable[[bytes], Understood]
-"""Understands the rest of a line as it stands there, or raises one of IRREGULAR."""
-
-IRREGULAR = (LookupError, TypeError, ValueError)
-
-
 def read_lines(
     lines: Iterable[bytes],
     form: LineFormat,
     understand: Understand[Understood],
-    quick: Quick[Understood] | None = None,
+    before: int = 0,
+    time: float = 0.0,
 ) -> Entries[Understood]:
     """Read a log of lines; what cannot be read is Foreign, with the time of the entry before.
 
-    `quick` is a shorter way for what it knows: it gives what `understand` gives for the same frame.
+    `before` is the number of lines before these, `time` that of the last entry among them.
     """
     split = form.split
     once: Callable[[bytes], Understood] = lru_cache(REMEMBERED)(lambda rest: understand(form.parse(rest)))
-    if quick is not None:
-        once = _shortened(once, quick)
-    time = 0.0
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(lines, before + 1):
         try:
             time_read, channel, rest = split(line)
             what = once(rest)
@@ -67,16 +58,6 @@ def read_lines(
         else:
             time = time_read
         yield number, time, channel, what
-
-
-def _shortened(long: Quick[Understood], short: Quick[Understood]) -> Quick[Understood]:
-    def once(rest: bytes) -> Understood:
-        try:
-            return short(rest)
-        except IRREGULAR:
-            return long(rest)
-
-    return once
 
 
 def _unreadable(line: bytes) -> Foreign:

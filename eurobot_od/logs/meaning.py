@@ -5,19 +5,21 @@ Rule of this file: nothing raises, whatever the frame; what is wrong with it is 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from functools import lru_cache
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.kinds import Kind
 from eurobot_od.logs.raw import REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.logs.services import services
 from eurobot_od.messages import Message, flagged_fields, service
 from eurobot_od.outline import Outline
 from eurobot_od.protocol import Binding, Protocol
 from eurobot_od.values import OutOfRange
+
+if TYPE_CHECKING:
+    from eurobot_od.logs.services import Service
 
 CANOPEN = "CANopen"
 """What the services belong to, as messages belong to GTP, ELP and GIP."""
@@ -54,7 +56,13 @@ class Decoder:
         self.outlines = tuple(outlines)
         self.protocol = Protocol((each, each.pdos) for each in self.outlines)
         self._readers = {each.cob_id: _reader(each, self.protocol) for each in self.protocol.bindings}
-        self._services = services(self.outlines)
+
+    @cached_property
+    def _services(self) -> Mapping[int, Service]:
+        """The services by identifier; many a log has none of them."""
+        from eurobot_od.logs.services import services
+
+        return services(self.outlines)
 
     def __call__(self, raw: Raw) -> Meaning:
         """Tell what a frame means."""

@@ -6,14 +6,13 @@ Rule of this file: constant memory; of each kind of damage the first entry is ke
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from eurobot_od.logs.meaning import Finding
 from eurobot_od.logs.raw import Damage
 
 
-@dataclass
-class Count:
+class Count(NamedTuple):
     """How often one kind of damage was met, in which log and line first, and what exactly was wrong there."""
 
     log: str
@@ -31,8 +30,8 @@ class Tally:
     def add(self, log: str, line: int, findings: Iterable[Finding]) -> None:
         """Count what is wrong with the entry at a line of a log."""
         for damage, text in findings:
-            count = self.counts.setdefault(damage, Count(log, line, text))
-            count.number += 1
+            count = self.counts.get(damage) or Count(log, line, text)
+            self.counts[damage] = count._replace(number=count.number + 1)
 
     @property
     def total(self) -> int:

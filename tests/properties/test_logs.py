@@ -15,13 +15,27 @@ from eurobot_od import dialects
 from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
+from eurobot_od.logs.decoding import Decoding
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.output import Csv, JsonLines, Text
+from eurobot_od.logs.output import Text, showing, written
 from eurobot_od.logs.raw import Damage, Foreign, Raw, shortened
+from eurobot_od.logs.records import Csv, JsonLines
+from eurobot_od.logs.tally import Tally
 from eurobot_od.messages import flagged_fields
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))
+WORDS = st.sampled_from(
+    ["(1.000000)", "(1.5)", "can0", "008", "#", "00", "180#1B796C2008", "00C#", " ", "\n", "(", ")", "R"]
+)
+LOGS = st.lists(
+    st.one_of(
+        FRAMES.map(lambda frame: f"(1396.123456) can0 {frame}\n"),
+        st.just("(1396.123456) can0 180#1B796C2008\n"),
+        WORDS,
+    ),
+    max_size=12,
+).map("".join)
 
 
 @cache
@@ -43,6 +57,18 @@ def test_any_bytes_are_read_without_an_error(form: str, content: bytes) -> None:
 def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty(lines: list[bytes]) -> None:
     entries = formats.read(io.BytesIO(b"\n".join(lines)), lambda raw: raw, "log")
     assert [line for line, *_ in entries] == [n for n, line in enumerate(lines, 1) if line.strip()]
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+@given(log=LOGS)
+def test_a_log_taken_at_once_gives_the_text_of_its_lines(dialect: str, log: str) -> None:
+    decode, output, tally = decoder(dialect), Text(), Tally()
+    entries = formats.read(io.BytesIO(log.encode()), showing(decode, None, output), "log")
+    decoding = Decoding(decode, output)
+    assert "".join(decoding.texts(io.BytesIO(log.encode()), "x", "log")) == "".join(
+        written(entries, "x", output, tally)
+    )
+    assert list(decoding.tally.report()) == list(tally.report())
 
 
 @given(st.lists(FRAMES))

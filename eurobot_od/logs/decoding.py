@@ -1,0 +1,44 @@
+"""Logs to lines of output, each the shortest way there is for what is asked.
+
+Rule of this file: the ways give the same text. Text of all entries comes from the tables of `rows`, that of a candump
+log in bulk; whatever else is asked for takes the meaning of each frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from io import BufferedReader, BytesIO
+from typing import TypeAlias
+
+from eurobot_od.logs import formats
+from eurobot_od.logs.bulk import Bulk
+from eurobot_od.logs.filters import Wanted, Window
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.logs.output import Output, Text, showing, written
+from eurobot_od.logs.rows import by_tables, rows_of
+from eurobot_od.logs.tally import Tally
+
+EVERYTHING = Window()
+
+Log: TypeAlias = BufferedReader | BytesIO
+"""An open log."""
+
+
+class Decoding:
+    """What is asked for: the `output`, the entries `wanted` (None: all), their times; `tally` counts what is wrong."""
+
+    def __init__(
+        self, decoder: Decoder, output: Output, wanted: Wanted | None = None, window: Window = EVERYTHING
+    ) -> None:
+        self.tally = Tally()
+        self._output, self._window = output, window
+        self._show = showing(decoder, wanted, output)
+        self._rows = rows_of(decoder.protocol, output) if wanted is None and isinstance(output, Text) else {}
+        self._bulk = bool(self._rows) and window == EVERYTHING
+
+    def texts(self, file: Log, log: str, form: str | None = None) -> Iterator[str]:
+        """Yield the output for an open log named `log`, a line or many at once; errors as `formats.form_of`."""
+        if self._bulk and isinstance(self._output, Text) and formats.form_of(file, form) == (formats.CANDUMP, False):
+            return Bulk(self._rows, self._show, self._output, log, self.tally).texts(file)
+        show = by_tables(self._rows, self._show) if self._rows else self._show
+        return written(formats.read(file, show, form), log, self._output, self.tally, self._window.clock())

@@ -1,0 +1,94 @@
+"""Decoded entries as data for other programs: JSON lines and CSV.
+
+Rule of this file: a field is a number, nothing (unknown), or the words that a person writes.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from enum import IntEnum
+from functools import lru_cache
+from typing import Any
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Meaning
+from eurobot_od.logs.output import Output
+from eurobot_od.messages import TYPES, kinds
+from eurobot_od.values import Barriers
+
+
+class JsonLines(Output):
+    """One JSON object a line; fields as numbers, null (unknown), or the words that a person writes."""
+
+    def row(self, meaning: Meaning) -> str:
+        data: dict[str, Any] = _identification(meaning)
+        if meaning.message is not None:
+            data["fields"] = _fields(meaning)
+        elif meaning.text:
+            data["text"] = meaning.text
+        if meaning.findings:
+            data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.findings]
+        return json.dumps(data, ensure_ascii=False)[1:]
+
+    def line(self, log: str, number: int, time: float, channel: str, row: str) -> str:
+        return f'{{"log": {_quoted(log)}, "line": {number}, "time": {time:.6f}, "channel": {_quoted(channel)}, {row}\n'
+
+
+def _identification(meaning: Meaning) -> dict[str, Any]:
+    """Return identifier, data, message or service, group and nodes, as far as they are known."""
+    frame = meaning.raw if isinstance(meaning.raw, Frame) else None
+    known = {
+        "id": frame and f"0x{frame.cob_id:03X}",
+        "data": frame and frame.data.hex().upper(),
+        "message": meaning.name or None,
+        "protocol": meaning.group or None,
+        "nodes": list(meaning.nodes) or None,
+    }
+    return {key: value for key, value in known.items() if value is not None}
+
+
+def _fields(meaning: Meaning) -> dict[str, Any]:
+    assert meaning.message is not None
+    written = kinds(type(meaning.message))
+    return {
+        field: written[field].text(value) if isinstance(value, (IntEnum, Barriers)) else value
+        for field, value in meaning.message._asdict().items()
+    }
+
+
+@lru_cache
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+FIELDS = tuple(dict.fromkeys(field for each in TYPES for field in kinds(each)))
+"""The columns for fields: each field of any message once."""
+
+
+PLACE = ("log", "line", "timestamp", "channel")
+FRAME = ("id", "data", "message", "protocol")
+
+
+class Csv(Output):
+    """Comma-separated values, one column for every field of any message; unknown is empty."""
+
+    header = ",".join((*PLACE, *FRAME, "text", "damage", *FIELDS)) + "\n"
+
+    def row(self, meaning: Meaning) -> str:
+        known = _identification(meaning)
+        fields = _fields(meaning) if meaning.message is not None else {}
+        damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.findings)
+        head = [known.get(key, "") for key in FRAME]
+        return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in FIELDS)])
+
+    def line(self, log: str, number: int, time: float, channel: str, row: str) -> str:
+        return f"{_joined((log,))},{number},{time:.6f},{_joined((channel,))},{row}\n"
+
+
+def _joined(values: Sequence[Any]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="").writerow(values)
+    return text.getvalue()
