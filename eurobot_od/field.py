@@ -10,8 +10,7 @@ import math
 from enum import Enum
 from typing import NamedTuple
 
-from eurobot_od.errors import UnknownName
-from eurobot_od.values import BARRIER_NAMES, TeamColour, barrier_number
+from eurobot_od.values import BARRIER_NAMES, TeamColour
 
 WIDTH = 3000.0
 """Length of the field along x, mm; the origin is its lower left corner (document section 1, Figure 1)."""
@@ -112,18 +111,6 @@ BARRIERS = (
     Barrier(8, BarrierKind.POOL, 2100.0, 900.0),
 )
 """The barriers in the order of their numbers (document Figure 2)."""
-
-
-def find_barrier(which: int | str) -> Barrier:
-    """Find a barrier by its number 1..8 or by its name as people write it: `fire 2`, `fire-2`, `Pool_1`.
-
-    Raises UnknownName for any other number or name.
-    """
-    number = barrier_number(which) if isinstance(which, str) else which
-    if not 1 <= number <= len(BARRIERS):
-        raise UnknownName("barrier", which, BARRIER_NAMES)
-    return BARRIERS[number - 1]
-
 
 # Start places
 

@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from eurobot_od.errors import UnknownName
 from eurobot_od.field import (
     BARRIERS,
     HEIGHT,
@@ -16,7 +15,6 @@ from eurobot_od.field import (
     BarrierKind,
     Point,
     Pose,
-    find_barrier,
     normalise,
     turn,
 )
@@ -59,26 +57,6 @@ ARCS = [
     (200.0 * math.pi, 360.0, Pose(0.0, 0.0, 90.0)),  # once round
 ]
 
-BARRIERS_AS_WRITTEN = [
-    (1, 1),
-    (8, 8),
-    ("fire 2", 2),
-    ("fire-2", 2),
-    ("Fire_6", 6),
-    (" POOL 1 ", 7),
-    ("pool-2", 8),
-]
-
-NO_BARRIERS = [
-    0,  # numbers begin with 1
-    -1,
-    9,
-    "fire 7",  # 7 is a pool
-    "pool 3",
-    "pool",
-    "",
-]
-
 
 @pytest.mark.parametrize(("angle", "expected"), ANGLES)
 def test_normalise(angle: float, expected: float) -> None:
@@ -109,17 +87,6 @@ def test_a_long_way_in_small_arcs_is_the_way_in_one() -> None:
     for _ in range(100):
         pose = pose.moved(3.0, 1.2)
     assert pose == pytest.approx(Pose(1000.0, 500.0, 10.0).moved(300.0, 120.0))
-
-
-@pytest.mark.parametrize(("which", "number"), BARRIERS_AS_WRITTEN)
-def test_barrier_is_found(which: int | str, number: int) -> None:
-    assert find_barrier(which).number == number
-
-
-@pytest.mark.parametrize("which", NO_BARRIERS)
-def test_unknown_barrier_is_an_error_that_lists_the_known_ones(which: int | str) -> None:
-    with pytest.raises(UnknownName, match="pool 2"):
-        find_barrier(which)
 
 
 def test_barriers_have_the_numbers_and_names_of_the_flags() -> None:

@@ -94,6 +94,7 @@ class Player:
         self._end = 0.0
         self._mushroom: float | None = None
         self._stopped = False
+        self._why = ""
 
     def _check_emergency(self) -> None:
         at, duration = self.options.emergency_at, self._duration
@@ -181,23 +182,30 @@ class Player:
             self._stop_for(obstacle)
 
     def _stop_for(self, obstacle: Obstacle) -> None:
+        self._why = f"{obstacle.name.lower()} ahead"
         self.core.emergency_stop(obstacle)
-        self.timeline.tell(EventKind.STOP, f"emergency stop: {obstacle.name.lower()} ahead", obstacle=obstacle.name)
+        self.timeline.tell(EventKind.STOP, f"emergency stop: {self._why}", obstacle=obstacle.name)
 
     def _stop_for_good(self) -> None:
         self._stopped = True
         if self._mushroom is None:
+            self._why = "the match is over"
             self.core.stop()
-            self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
+            self.timeline.tell(EventKind.STOP, f"stop drive: {self._why}")
         else:
+            self._why = "the mushroom was hit"
             self.core.emergency_shutdown()
-            self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
+            self.timeline.tell(EventKind.EMERGENCY, f"emergency shutdown: {self._why}")
 
     async def _tell(self, report: GotoReport) -> None:
-        if report.outcome is not Outcome.ARRIVED:
-            text = f"{report.outcome.value} after {report.ended:.2f} s"
-            self.timeline.tell(EventKind.GIVEN_UP, text, outcome=report.outcome.value, seconds=report.ended)
+        if report.outcome is Outcome.ARRIVED:
+            await self._tell_arrival(report)
             return
+        outcome, why = report.outcome, self._why if report.outcome is Outcome.STOPPED else None
+        text = f"{outcome.value} after {report.ended:.2f} s"
+        self.timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome.value, why=why, seconds=report.ended)
+
+    async def _tell_arrival(self, report: GotoReport) -> None:
         error = await self._position_error()
         self.errors.append(error)
         confirmed = f"confirmed after {(report.confirmed or 0) * 1000:.1f} ms, "
@@ -207,6 +215,7 @@ class Player:
             seconds=report.ended,
             confirmed=report.confirmed,
             error=round(error, 1),
+            distance=round(self.world.robot.distance(Point(report.goto.x, report.goto.y)), 1),
         )
 
     async def _position_error(self) -> float:

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from eurobot_od import dialects
+from eurobot_od.dictionary import Dictionary
 from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Report
 from eurobot_od.match.options import Options
 from eurobot_od.match.play import Player
 from eurobot_od.match.summary import Summary, Traffic
@@ -39,15 +41,33 @@ Result = TypeVar("Result")
 Watcher = Callable[[float, Frame], None]
 """Called with the time in seconds and each frame on the bus."""
 
+Show = Callable[[Event], None]
+"""Called with each event of the timeline as it comes."""
+
+
+class Script(NamedTuple):
+    """What the EDS files of a dialect say, for any number of matches: each node's dictionary and all messages."""
+
+    dialect: str
+    dictionaries: dict[str, Dictionary]
+    protocol: Protocol
+
+
+def read(dialect: str | None) -> Script:
+    """Read the EDS files of a dialect; raises UnknownName, DictionaryError."""
+    dictionaries = {each.name: each for each in dialects.load_all(dialect)}
+    protocol = Protocol((each, each.pdos) for each in dictionaries.values())
+    return Script(dialects.folder(dialect).name, dictionaries, protocol)
+
 
 class Cast(NamedTuple):
-    """The three nodes and the world they act in."""
+    """The three nodes, the world they act in, and the EDS files they come from."""
 
     core: Core
     drive: Drive
     navigation: Navigation
     world: World
-    protocol: Protocol
+    script: Script
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -55,32 +75,56 @@ class Cast(NamedTuple):
         return self.core, self.drive, self.navigation
 
 
-def assemble(options: Options, clock: Callable[[], float]) -> Cast:
-    """Make the nodes from their EDS files, and the world that gives the drive its wheels and the navigation its eyes.
+def assemble(options: Options, clock: Callable[[], float], script: Script | None = None) -> Cast:
+    """Make the nodes, and the world that gives the drive its wheels and the navigation its eyes.
 
-    Raises UnknownName, DictionaryError.
+    Without a script the EDS files are read. Raises UnknownName, DictionaryError.
     """
-    dictionaries = {each.name: each for each in dialects.load_all(options.dialect)}
-    protocol = Protocol((each, each.pdos) for each in dictionaries.values())
-    core, drive = Core(dictionaries["core"]), Drive(dictionaries["drive"])
-    navigation = Navigation(dictionaries["navigation"])
+    script = script or read(options.dialect)
+    core, drive = Core(script.dictionaries["core"]), Drive(script.dictionaries["drive"])
+    navigation = Navigation(script.dictionaries["navigation"])
     world = World(options.seed, options.team, options.enemies, options.confederates, navigation.deviations, clock)
     drive.chassis, navigation.beacons = world, world
-    return Cast(core, drive, navigation, world, protocol)
+    return Cast(core, drive, navigation, world, script)
 
 
-def _opening(cast: Cast, options: Options, bitrate: int, how: str) -> str:
-    folder = dialects.folder(options.dialect).name
-    return f"{', '.join(node.name for node in cast.nodes)} at {bitrate // 1000} kbit/s, {how}; EDS files: {folder}"
+class Performance:
+    """A match that is ready to be played, by whatever clock and bus: its cast, and who watches and counts.
+
+    Raises UnknownName, DictionaryError, LocalError for options that do not fit each other.
+    """
+
+    def __init__(
+        self, options: Options, clock: Callable[[], float], show: Show, watch: Watcher, script: Script | None = None
+    ) -> None:
+        self.cast = assemble(options, clock, script)
+        self._traffic, self._timeline = Traffic(self.cast.script.protocol), Timeline(clock, show)
+        self._player = Player(self.cast.core, self.cast.world, options, self._timeline, clock)
+        self._watch = watch
+
+    def seen(self, now: float, frame: Frame) -> None:
+        """Take in a frame that was on the bus."""
+        self._traffic.count(frame)
+        self._watch(now, frame)
+
+    async def play(self, bitrate: int, how: str) -> None:
+        """Play from power-on to the end; raises NoAnswer."""
+        who = ", ".join(node.name for node in self.cast.nodes)
+        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self.cast.script.dialect}"
+        self._timeline.tell(EventKind.START, f"{who} at {where}")
+        await asyncio.sleep(POWER_UP)
+        await self._player.play()
+
+    def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> tuple[Summary, World]:
+        """Return what the match came to, `seconds` after power-on, and its world."""
+        summary = self._traffic.summary(seconds, bitrate, self._player.errors, [str(each) for each in reports])
+        return summary, self.cast.world
 
 
-def _network(options: Options) -> tuple[Network, Cast]:
-    """Put the cast on a simulated bus."""
-    network = Network()
-    cast = assemble(options, lambda: network.now)
+def _switch_on(cast: Cast, network: Network) -> None:
+    """Put the nodes on a simulated bus."""
     for node in cast.nodes:
         network.attach(node, BOOT_TIMES[node.name])
-    return network, cast
 
 
 def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: Options = DEFAULTS) -> Result:
@@ -88,58 +132,38 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: O
 
     The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
     """
-    network, cast = _network(options)
+    network = Network()
+    cast = assemble(options, lambda: network.now)
+    _switch_on(cast, network)
     network.run(POWER_UP)
     return loop.run(network, strategy(cast.core))
 
 
-def play_simulated(options: Options, show: Callable[[Event], None], watch: Watcher) -> tuple[Summary, World]:
-    """Play a match in simulated time; raises NoAnswer, DictionaryError."""
-    network, cast = _network(options)
-    clock: Callable[[], float] = lambda: network.now  # noqa: E731
-    traffic, timeline = Traffic(cast.protocol), Timeline(clock, show)
-    network.observers += [lambda _, frame: traffic.count(frame), watch]
-    player = Player(cast.core, cast.world, options, timeline, clock)
-
-    async def main() -> None:
-        timeline.tell(EventKind.START, _opening(cast, options, network.bitrate, "simulated"))
-        await asyncio.sleep(POWER_UP)
-        await player.play()
-
-    loop.run(network, main())
-    reports = [str(report) for report in network.reports]
-    return traffic.summary(network.now, network.bitrate, player.errors, reports), cast.world
+def play_simulated(options: Options, show: Show, watch: Watcher, script: Script | None = None) -> tuple[Summary, World]:
+    """Play a match in simulated time; raises NoAnswer, UnknownName, DictionaryError, LocalError."""
+    network = Network()
+    match = Performance(options, lambda: network.now, show, watch, script)
+    _switch_on(match.cast, network)
+    network.observers.append(match.seen)
+    loop.run(network, match.play(network.bitrate, "simulated"))
+    return match.result(network.now, network.bitrate, network.reports)
 
 
 def play_live(
-    options: Options, show: Callable[[Event], None], watch: Watcher, open_bus: Callable[[], can.BusABC]
+    options: Options, show: Show, watch: Watcher, open_bus: Callable[[], can.BusABC]
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
 
-    Raises BusError, NoAnswer, DictionaryError.
+    Raises BusError, NoAnswer, UnknownName, DictionaryError, LocalError.
     """
     from eurobot_od import runtime
 
     begin = time.monotonic()
     clock: Callable[[], float] = lambda: time.monotonic() - begin  # noqa: E731
-    cast = assemble(options, clock)
-    traffic, timeline = Traffic(cast.protocol), Timeline(clock, show)
-    reports: list[str] = []
-    player = Player(cast.core, cast.world, options, timeline, clock)
-
-    def seen(now: float, frame: Frame) -> None:
-        traffic.count(frame)
-        watch(now, frame)
-
-    async def main() -> None:
-        timeline.tell(EventKind.START, _opening(cast, options, runtime.BITRATE, "in real time"))
-        await asyncio.sleep(POWER_UP)
-        await player.play()
-
+    match, reports = Performance(options, clock, show, watch), list[Report]()
     with ExitStack() as stack:
-        stack.enter_context(runtime.Watch(open_bus(), seen, clock))
-        for node in cast.nodes:
-            report = lambda each: reports.append(str(each))  # noqa: E731
-            stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=report))
-        asyncio.run(main())
-    return traffic.summary(clock(), runtime.BITRATE, player.errors, reports), cast.world
+        stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))
+        for node in match.cast.nodes:
+            stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
+        asyncio.run(match.play(runtime.BITRATE, "in real time"))
+    return match.result(clock(), runtime.BITRATE, reports)

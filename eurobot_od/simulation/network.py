@@ -30,13 +30,12 @@ class Sending(NamedTuple):
 class Network:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
-    `busy` sums the seconds the bus was in use. `reports` are the gatekeepers' reports.
+    `reports` are the gatekeepers' reports.
     """
 
     def __init__(self, bitrate: int = 500_000) -> None:
         self.bitrate = bitrate
         self.now = 0.0
-        self.busy = 0.0
         self.observers: list[Observer] = []
         self.reports: list[Report] = []
         self._stations: list[Station] = []
@@ -114,7 +113,5 @@ class Network:
         offers = [(frame, s) for s in self._stations if (frame := s.gatekeeper.mailboxes.urgent()) is not None]
         if offers:
             winner = min(frame for frame, _ in offers)
-            duration = frame_bits(winner) / self.bitrate
-            self.busy += duration
             senders = tuple(station for frame, station in offers if frame == winner)
-            self._sending = Sending(winner, senders, self.now + duration)
+            self._sending = Sending(winner, senders, self.now + frame_bits(winner) / self.bitrate)

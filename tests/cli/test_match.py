@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +17,7 @@ import pytest
 from tests.cli.console import run
 
 SHORT = ["match", "--duration", "2"]
+SCRIPT = [sys.executable, "-m", "eurobot_od"]
 
 
 def total(out: str) -> int:
@@ -27,9 +32,7 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
     said = run(capsys, *SHORT)
     lines = said.out.splitlines()
     assert (said.status, said.err) == (0, "")
-    assert lines[0] == (
-        "    0.000 s  start      core, drive, navigation at 500 kbit/s, simulated; EDS files: canopen"
-    )
+    assert lines[0] == ("    0.000 s  start      core, drive, navigation at 500 kbit/s, simulated; EDS files: canopen")
     kinds = [line[13:23].strip() for line in lines[: lines.index("")]]
     assert kinds[:6] == ["start", "check", "configure", "position", "match", "goto"]
     assert kinds[-1] == "end"
@@ -106,9 +109,7 @@ def test_an_unknown_format_leaves_a_file_alone(capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize("suffix", [".log", ".db"])
-def test_a_log_in_a_missing_folder_is_one_line(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str
-) -> None:
+def test_a_log_in_a_missing_folder_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str) -> None:
     log = tmp_path / "missing" / f"match{suffix}"
     said = run(capsys, *SHORT, "--log", str(log))
     assert (said.status, said.out) == (3, "")
@@ -131,6 +132,12 @@ def test_a_log_in_a_missing_folder_is_one_line(
         (["--team", "blue"], "argument --team: invalid choice: "),
         (["--seed", "one"], "argument --seed: invalid int value: 'one'"),
         (["--speed", "slow"], "argument --speed: invalid choice: "),
+        (["--seeds", "0"], "argument --seeds: 0 is neither a number of seeds nor FIRST-LAST"),
+        (["--seeds", "5-2"], "argument --seeds: 5-2 is neither a number of seeds nor FIRST-LAST"),
+        (["--seeds", "1-"], "argument --seeds: 1- is neither a number of seeds nor FIRST-LAST"),
+        (["--seeds", "9" * 5000], f"argument --seeds: {'9' * 5000} is neither"),  # more digits than int() takes
+        (["--jobs", "0"], "argument --jobs: 0 is not a number from 1 to 60"),
+        (["--jobs", "0100"], "argument --jobs: 0100 is not a number from 1 to 60"),
         (["extra"], "unrecognized arguments: extra"),
     ],
 )
@@ -147,6 +154,14 @@ def test_wrong_usage_is_told_in_the_last_line(
     [
         (["--emergency-at", "2"], 2, "an emergency at 2 s is not within the match of 2 s"),
         (["--emergency-at", "40"], 2, "an emergency at 40 s is not within the match of 2 s"),
+        (["--jobs", "2"], 2, "--jobs goes with --seeds only"),
+        (["--seeds", "3", "--emergency-at", "40"], 2, "an emergency at 40 s is not within the match of 2 s"),
+        (["--seeds", "3", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
+        (["--seeds", "3", "--seed", "1"], 2, "--seed 1 is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "--speed", "real"], 2, "--speed real is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["--speed", "real", "-i", "nosuch"], 3, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
     ],
@@ -176,6 +191,52 @@ def test_a_broken_eds_is_one_line_that_names_the_file(
     assert said.err.startswith(f"eurobot-od: {folder / 'core.eds'}: ")
     assert what in said.err
     assert said.err.count("\n") == 1
+
+
+# Many seeds
+
+
+ASLEEP = ("drive", "1F80", "DefaultValue", "0x0000000C")
+"""A drive that waits for a master to start it (CiA 302-2, NMT startup)."""
+
+
+def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "match", "--duration", "6", "--seeds", "2-4", "--jobs", "1")
+    lines = said.out.splitlines()
+    assert (said.status, said.err) == (0, "")
+    assert lines[0].split() == ["gotos", "matches", "gotos"]
+    assert [line.rsplit(maxsplit=2)[1:] for line in lines if line.startswith("stopped: object")] == [["3", "3"]]
+    assert lines[-1] == "3 matches, seeds 2 to 4: nothing went wrong"
+
+
+def test_json_of_many_seeds_is_an_object_a_line_the_same_on_any_number_of_processes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["match", "--duration", "6", "--seeds", "5", "--json", "--jobs"]
+    here = run(capsys, *words, "1")
+    there = subprocess.run([*SCRIPT, *words, "3"], capture_output=True, text=True, check=True)
+    assert [json.loads(line)["seed"] for line in here.out.splitlines()] == [1, 2, 3, 4, 5]
+    assert (there.stdout, there.stderr) == (here.out, here.err)
+
+
+def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], spoil_eds: Callable[..., Path]) -> None:
+    said = run(capsys, "match", "--seeds", "2", "--jobs", "1", "--dialect", str(spoil_eds(ASLEEP)))
+    assert (said.status, said.err) == (1, "")
+    first, second, last = said.out.splitlines()[-3:]
+    assert first.startswith("seed 1: no CheckDriveResponse after ")
+    assert second.startswith("seed 2: no CheckDriveResponse after ")
+    assert last == "2 matches, seeds 1 to 2: something went wrong in 2"
+
+
+def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
+    words = [*SCRIPT, "match", "--seeds", "1000", "--jobs", "2", "--json"]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as running:
+        assert running.stdout
+        assert running.stderr
+        running.stdout.readline()
+        os.killpg(running.pid, signal.SIGINT)
+        assert running.stderr.read() == b""
+        assert running.wait() == 130
 
 
 # In real time

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.field import BARRIERS, HEIGHT, WIDTH, Barrier, Point, find_barrier
+from eurobot_od.field import BARRIERS, HEIGHT, WIDTH, Barrier, Point
 from eurobot_od.match.play import MIRRORED, TASKS, Task
 from eurobot_od.nodes.route import Clearances, find_route
-from eurobot_od.values import Barriers, Passage, TeamColour
+from eurobot_od.values import Barriers, Passage, TeamColour, barrier_number
 
 TASK = Task("there", 700, 1150, 225, 60, {"fire 1": Passage.NORMAL, "pool 2": Passage.FORCED})
 
@@ -28,7 +28,7 @@ def test_a_mirror_image_of_a_mirror_image_is_the_task(task: Task) -> None:
 
 @pytest.mark.parametrize("barrier", BARRIERS, ids=lambda barrier: barrier.name)
 def test_a_mirrored_barrier_stands_on_the_other_half(barrier: Barrier) -> None:
-    other = find_barrier(MIRRORED[barrier.name])
+    other = BARRIERS[barrier_number(MIRRORED[barrier.name]) - 1]
     assert (other.x, other.y, other.kind) == (WIDTH - barrier.x, barrier.y, barrier.kind)
 
 

@@ -7,9 +7,9 @@ import math
 
 import pytest
 
-from eurobot_od.field import Point, find_barrier
+from eurobot_od.field import BARRIERS, Point
 from eurobot_od.nodes.route import Clearances, find_route
-from eurobot_od.values import Barriers, Passage
+from eurobot_od.values import Barriers, Passage, barrier_number
 
 USUAL = Clearances(fire=200.0, pool=240.0, edge=100.0)
 WIDE = Clearances(fire=420.0, pool=420.0, edge=200.0)
@@ -20,7 +20,7 @@ ALL = range(1, 9)
 
 
 def flags(passage: Passage, *barriers: int | str) -> Barriers:
-    return Barriers.of({find_barrier(each).number: passage for each in barriers})
+    return Barriers.of({each if isinstance(each, int) else barrier_number(each): passage for each in barriers})
 
 
 def length(start: Point, route: tuple[Point, ...] | None) -> float:
@@ -82,8 +82,8 @@ def test_normal_barriers_without_a_way_round_are_crossed() -> None:
 
 
 def test_a_normal_barrier_is_crossed_rather_than_a_forced_one() -> None:
-    forced = {find_barrier(name).number: Passage.FORCED for name in ("fire 1", "pool 1")}
-    closed = Barriers.of({**forced, find_barrier("fire 5").number: Passage.NORMAL})
+    forced = {barrier_number(name): Passage.FORCED for name in ("fire 1", "pool 1")}
+    closed = Barriers.of({**forced, barrier_number("fire 5"): Passage.NORMAL})
     route = find_route(LEFT, RIGHT, closed, WIDE)
     assert route is not None
     assert min(point.y for point in route) < 900.0 - WIDE.pool  # below the pool, where fire 5 stands
@@ -95,7 +95,7 @@ def test_both_bits_of_a_barrier_are_forced_too() -> None:
 
 
 def test_way_points_stay_off_the_edge() -> None:
-    fire = find_barrier("fire 3")
+    fire = BARRIERS[barrier_number("fire 3") - 1]
     narrow = Clearances(fire=310.0, pool=240.0, edge=100.0)  # 90 mm are left between the disc and the edge
     route = find_route(Point(300.0, 300.0), Point(300.0, 1500.0), flags(Passage.FORCED, "fire 3"), narrow)
     assert route is not None
