@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -51,9 +52,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _messages(log: str, form: str | None, decoder: Decoder, tally: Tally) -> Iterator[tuple[float, Message]]:
     from eurobot_od.logs import formats
+    from eurobot_od.logs.raw import REMEMBERED
 
+    decode = lru_cache(REMEMBERED)(decoder)
     with opened(log) as file:
-        for line, time, _, meaning in formats.read(file, decoder, form):
+        for line, time, _, raw in formats.read(file, form):
+            meaning = decode(raw)
             tally.add(log, line, meaning.findings)
             if meaning.message is not None:
                 yield time, meaning.message

@@ -119,7 +119,7 @@ def _entries(logs: list[str], form: str | None) -> Generator[Timed, None, None]:
 
     for log in logs:
         with opened(log) as file:
-            for _, time, _, raw in formats.read(file, lambda raw: raw, form_of(log, form)):
+            for _, time, _, raw in formats.read(file, form_of(log, form)):
                 yield time, raw
 
 

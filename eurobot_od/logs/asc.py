@@ -6,7 +6,11 @@ Rule of this file: frames are read, the events around them (statistics, chip sta
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Mapping
+from functools import cache
+from itertools import product
 
+from eurobot_od.frame import Frame
 from eurobot_od.logs.lines import LineFormat, seconds
 from eurobot_od.logs.raw import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 
@@ -17,6 +21,12 @@ EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|
 """A time and something else than a frame: a word where the channel would be, or behind it."""
 
 DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
+ERROR_FRAME, CANFD, REMOTE, EXTENDED = b"errorframe", b"CANFD", (b"r", b"R"), (b"x", b"X")
+
+DIGITS = "0123456789abcdefABCDEF"
+HEX = {text.encode(): int(text, 16) for text in (*DIGITS, *map("".join, product(DIGITS, repeat=2)))}
+OCTET: Mapping[int, Callable[[bytes], int]] = {16: HEX.__getitem__, 10: int}
+"""Reads one byte, by the base of the numbers; they raise LookupError or ValueError."""
 
 
 class Asc(LineFormat):
@@ -31,28 +41,35 @@ class Asc(LineFormat):
             self._base = NUMBER[base[1].lower()]
         return bool(HEADER.match(text) or EVENT.match(text))
 
-    def split(self, line: bytes) -> tuple[float, str, bytes]:
-        stamp, channel, rest = line.split(None, 2)
-        if channel.upper() == b"CANFD":
-            return seconds(stamp), str(int(rest.split(None, 1)[0]) - 1), b"CANFD " + rest
-        return seconds(stamp), str(int(channel) - 1), rest
-
-    def parse(self, rest: bytes) -> Raw:
-        words = rest.split()
-        foreign = self._foreign(words)
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, channel, *words = line.split()
+        foreign = _foreign(line, channel, words)
         if foreign:
-            return Foreign(foreign, shortened(rest))
+            channel = words[0] if channel.upper() == CANFD else channel
+            return seconds(stamp), _channel(channel), Foreign(foreign, shortened(line.split(None, 2)[2]))
+        return seconds(stamp), _channel(channel), self._frame(words)
+
+    def _frame(self, words: list[bytes]) -> Frame:
         identifier, direction, kind, length, *octets = words
         count = min(int(length, self._base), MAX_LENGTH)
-        if direction not in DIRECTIONS or kind != b"d" or len(octets) < count:
-            raise ValueError(rest)
-        return frame(int(identifier, self._base), bytes(int(octet, self._base) for octet in octets[:count]))
+        data = bytes(map(OCTET[self._base], octets[:count]))
+        if direction not in DIRECTIONS or kind != b"d" or len(data) != count:
+            raise ValueError(octets)
+        return frame(int(identifier, self._base), data)
 
-    def _foreign(self, words: list[bytes]) -> Damage | None:
-        if b"errorframe" in (word.lower() for word in words[:4]):
-            return Damage.ERROR_FRAME
-        if words[0] == b"CANFD":
-            return Damage.FD
-        if words[2] in (b"r", b"R"):
-            return Damage.REMOTE
-        return Damage.EXTENDED if words[0][-1:] in (b"x", b"X") else None
+
+@cache
+def _channel(channel: bytes) -> str:
+    """Return a channel as python-can counts them, from 0."""
+    return str(int(channel) - 1)
+
+
+def _foreign(line: bytes, channel: bytes, words: list[bytes]) -> Damage | None:
+    """Return why a line is no classic base data frame, None if it is one; raises IndexError if it is too short."""
+    if ERROR_FRAME in line.lower():
+        return Damage.ERROR_FRAME
+    if channel.upper() == CANFD:
+        return Damage.FD
+    if words[2] in REMOTE:
+        return Damage.REMOTE
+    return Damage.EXTENDED if words[0][-1:] in EXTENDED else None

@@ -8,23 +8,11 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import closing
-from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
-from eurobot_od.logs.raw import (
-    MAX_LENGTH,
-    REMEMBERED,
-    Damage,
-    Entries,
-    Foreign,
-    Raw,
-    Understand,
-    Understood,
-    frame,
-    shortened,
-)
+from eurobot_od.logs.raw import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame, shortened
 
 if TYPE_CHECKING:
     import can
@@ -56,16 +44,15 @@ def _raw(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
 # SQLite
 
 
-def read_table(file: BinaryIO, understand: Understand[Understood]) -> Entries[Understood]:
+def read_table(file: BinaryIO) -> Entries:
     """Read the table `messages` of an SQLite file."""
-    once = lru_cache(REMEMBERED)(lambda *row: understand(_of_row(*row)))
     with closing(sqlite3.connect(f"{Path(file.name).absolute().as_uri()}?mode=ro", uri=True)) as connection:
         rows = _rows(connection)
         for number, (time, *row) in enumerate(rows, 1):
             if isinstance(time, Foreign):
-                yield number, 0.0, "", understand(time)
+                yield number, 0.0, "", time
             else:
-                yield number, time, "", once(*row)
+                yield number, time, "", _of_row(*row)
 
 
 def _rows(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
@@ -87,7 +74,7 @@ def _of_row(cob_id: int, extended: int, remote: int, error: int, length: int, da
 # Whatever else python-can knows
 
 
-def read_messages(file: BinaryIO, understand: Understand[Understood]) -> Entries[Understood]:
+def read_messages(file: BinaryIO) -> Entries:
     """Read a log by python-can's reader for the file's suffix; raises LocalError if that needs an extra."""
     import can
 
@@ -95,11 +82,11 @@ def read_messages(file: BinaryIO, understand: Understand[Understood]) -> Entries
     try:
         with can.LogReader(file.name) as messages:
             for number, message in enumerate(messages, 1):
-                yield number, message.timestamp, _channel(message.channel), understand(of_message(message))
+                yield number, message.timestamp, _channel(message.channel), of_message(message)
     except NotImplementedError:  # what it raises without the package it needs
         raise LocalError(f"{file.name}: reading it needs the extra `mf4`: pip install 'eurobot-od[mf4]'") from None
     except Exception as error:  # the readers raise what comes to hand
-        yield number + 1, 0.0, "", understand(Foreign(Damage.CUT_OFF, shortened(str(error))))
+        yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
 
 
 def _channel(channel: Any) -> str:

@@ -7,14 +7,13 @@ that python-can reads and writes (after Toby Lorenz' Vector BLF library; Vector 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import datetime, timezone
-from functools import lru_cache
 from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, TypeAlias
 
-from eurobot_od.logs.raw import REMEMBERED, Damage, Entries, Foreign, Raw, Understand, Understood, frame, shortened
+from eurobot_od.logs.raw import Damage, Entries, Foreign, Raw, frame, shortened
 
 FILE_HEADER = Struct("<4sL64xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -28,41 +27,40 @@ CLOCK = Struct("<L4xQ")
 CONTAINER = Struct("<H6xL4x")
 """Compression (0 none, 2 deflate) and size of what it holds."""
 
-CLASSIC = Struct("<BBL8s")
-"""Behind the channel: flags, length, identifier, data."""
+CLASSIC = Struct("<BxBBL8s")
+"""Channel, flags, length, identifier, data."""
 
 FILE_SIGNATURE, SIGNATURE = b"LOGG", b"LOBJ"
 CONTAINER_TYPE = 10
 CLASSIC_TYPES = (1, 86)
 FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME, 100: Damage.FD, 101: Damage.FD}
+FRAME_TYPES = {*CLASSIC_TYPES, *FOREIGN_TYPES}
+CHANNEL = [str(number - 1) for number in range(256)]
+"""Channels as python-can counts them, from 0, by their number in the file."""
+
 NOT_COMPRESSED, DEFLATE = 0, 2
 REMOTE_FLAG, EXTENDED_FLAG = 0x80, 1 << 31
 TICKS = {1: 1e-5}
 NANOSECOND = 1e-9
 
 
-class Object(NamedTuple):
-    """One object: its type, time in s since the start, and what is behind its header."""
-
-    type: int
-    time: float
-    body: bytes
+Object: TypeAlias = tuple[int, float, bytes]
+"""One object: its type, time in s since the start, and what is behind its header."""
 
 
-def read_blf(file: BinaryIO, understand: Understand[Understood]) -> Entries[Understood]:
+def read_blf(file: BinaryIO) -> Entries:
     """Read a BLF file; if it is none, or is cut off, its last entry says so."""
-    once: Callable[[int, bytes], Understood] = lru_cache(REMEMBERED)(lambda kind, body: understand(_parse(kind, body)))
     number, time, start = 0, 0.0, 0.0
     try:
         start = _start(file)
-        for each in _objects(_containers(file)):
-            if each.type in CLASSIC_TYPES or each.type in FOREIGN_TYPES:
-                number, time = number + 1, start + each.time
-                yield number, time, str(each.body[0] - 1), once(each.type, each.body[2:])
+        for kind, since, body in _objects(_containers(file)):
+            if kind in FRAME_TYPES:
+                number, time = number + 1, start + since
+                yield number, time, CHANNEL[body[0]], _parse(kind, body)
     except (EOFError, IndexError, StructError, zlib.error):
-        yield number + 1, time, "", understand(Foreign(Damage.CUT_OFF, "the file ends in the middle of an object"))
+        yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of an object")
     except ValueError as error:
-        yield number + 1, time, "", understand(Foreign(Damage.UNREADABLE, str(error)))
+        yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
 
 
 def _start(file: BinaryIO) -> float:
@@ -120,7 +118,7 @@ def _objects(contents: Iterator[bytes]) -> Iterator[Object]:
             if end > len(data):
                 break
             ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
-            yield Object(kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end])
+            yield kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
             position = end
         left = data[position:]
         if len(left) > 8 and SIGNATURE not in left[:8]:
@@ -131,8 +129,8 @@ def _objects(contents: Iterator[bytes]) -> Iterator[Object]:
 
 def _parse(kind: int, body: bytes) -> Raw:
     if kind in FOREIGN_TYPES:
-        return Foreign(FOREIGN_TYPES[kind], shortened(body.hex().upper()))
-    flags, length, identifier, data = CLASSIC.unpack_from(body)
+        return Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
+    _, flags, length, identifier, data = CLASSIC.unpack_from(body)
     cob_id = identifier & ~EXTENDED_FLAG
     damage = Damage.REMOTE if flags & REMOTE_FLAG else Damage.EXTENDED if identifier & EXTENDED_FLAG else None
     if damage:

@@ -7,18 +7,15 @@ the tables. Both ways give the same text.
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Mapping, Sequence
 from io import BytesIO
 from typing import NamedTuple, NoReturn, Protocol
 
-from eurobot_od.logs.candump import Candump
+from eurobot_od.logs.candump import Candump, parse
 from eurobot_od.logs.lines import read_lines
-from eurobot_od.logs.meaning import Finding
-from eurobot_od.logs.output import GAP, TIME_WIDTH, Shown, Text, written
-from eurobot_od.logs.raw import REMEMBERED, Entries, Understand
-from eurobot_od.logs.rows import HASH, IRREGULAR, MARK, Rows
+from eurobot_od.logs.output import GAP, TIME_WIDTH, Show, Shown, Text, written
+from eurobot_od.logs.raw import Entries
+from eurobot_od.logs.rows import HASH, Rows, complete, from_tables
 from eurobot_od.logs.tally import Tally
 
 PIECE = 1 << 14
@@ -62,11 +59,10 @@ COLUMNS = len(Columns._fields)
 class Bulk:
     """Turns one log into text and counts what is wrong in it."""
 
-    def __init__(self, rows: Mapping[int, Rows], show: Understand[Shown], output: Text, log: str, tally: Tally) -> None:
-        self._rows = {f"{cob_id:03X}": each for cob_id, each in rows.items()}
+    def __init__(self, rows: Mapping[int, Rows], show: Show, output: Text, log: str, tally: Tally) -> None:
+        self._tables = {f"{cob_id:03X}": each.of_hex for cob_id, each in rows.items()}
         self._show, self._output, self._log, self._tally = show, output, log, tally
         self._form = Candump()
-        self._once: Callable[[bytes], Shown] = lru_cache(REMEMBERED)(lambda rest: show(self._form.parse(rest)))
         self._lines, self._time = 0, 0.0  # how many lines there were so far, and the time of the last one
 
     def texts(self, file: Blocks) -> Iterator[str]:
@@ -85,11 +81,11 @@ class Bulk:
                 yield from self._texts(half)
 
     def _one_by_one(self, piece: bytes) -> Iterator[str]:
-        entries = read_lines(BytesIO(piece), self._form, self._show, self._lines, self._time)
-        yield from written(self._noted(entries), self._log, self._output, self._tally)
+        entries = read_lines(BytesIO(piece), self._form, self._lines, self._time)
+        yield from written(self._noted(entries), self._show, self._log, self._output, self._tally)
         self._lines += piece.count(b"\n")
 
-    def _noted(self, entries: Entries[Shown]) -> Entries[Shown]:
+    def _noted(self, entries: Entries) -> Entries:
         for entry in entries:
             self._time = entry[1]
             yield entry
@@ -98,40 +94,19 @@ class Bulk:
         """Return the text of a regular piece, None for another."""
         try:
             columns = _columns(piece.decode("ascii"))
-            rows = self._from_tables(columns)
-            findings = self._complete(rows, columns)
+            rows = from_tables(self._tables, columns.identifiers, columns.frames)
+            findings = complete(rows, lambda place: self._long(columns.identifiers[place] + columns.frames[place]))
         except ValueError:
             return None
-        for place, found in findings:
-            self._tally.add(self._log, self._lines + place + 1, found)
+        for place, wrong in findings:
+            self._tally.add(self._log, self._lines + place + 1, wrong)
         self._lines += len(rows)
         self._time = float(columns.times[-1][1:-1])
         return self._joined(columns, rows)
 
-    def _from_tables(self, columns: Columns) -> list[str]:
-        """Return the rows, each message's at once; with a MARK where they are not in the tables."""
-        rows = [MARK] * len(columns.frames)
-        for identifier, places in _places(columns.identifiers).items():
-            try:
-                found = self._rows[identifier].of_frames([columns.frames[place] for place in places])
-            except IRREGULAR:
-                continue
-            for place, row in zip(places, found):
-                rows[place] = row
-        return rows
-
-    def _complete(self, rows: list[str], columns: Columns) -> list[tuple[int, tuple[Finding, ...]]]:
-        """Put in the rows that are not in the tables; return their places and what is wrong with them.
-
-        Raises ValueError for what is no frame.
-        """
-        if MARK not in "".join(rows):
-            return []
-        places = [place for place, row in enumerate(rows) if MARK in row]
-        shown = [self._once(f"{columns.identifiers[place]}{columns.frames[place]}".encode()) for place in places]
-        for place, (row, _) in zip(places, shown):
-            rows[place] = row or ""
-        return [(place, findings) for place, (_, findings) in zip(places, shown) if findings]
+    def _long(self, rest: str) -> Shown:
+        """Return what is shown of a frame that is in no table; raises ValueError for what is no frame."""
+        return self._show(parse(rest.encode()))
 
     def _joined(self, columns: Columns, rows: Sequence[str]) -> str:
         """Return the lines, as `Text.line` writes each of them."""
@@ -223,11 +198,3 @@ def _are_times(text: str, count: int) -> bool:
         and (digits == 1 or "0" not in first)
         and (digits < MOST_DIGITS or max(first) <= HIGHEST_FIRST)
     )
-
-
-def _places(identifiers: Sequence[str]) -> Mapping[str, list[int]]:
-    """Return where each identifier stands."""
-    places: defaultdict[str, list[int]] = defaultdict(list)
-    for place, identifier in enumerate(identifiers):
-        places[identifier].append(place)
-    return places

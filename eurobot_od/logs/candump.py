@@ -26,15 +26,17 @@ FOREIGN = (
 class Candump(LineFormat):
     """Reads one log of candump."""
 
-    def split(self, line: bytes) -> tuple[float, str, bytes]:
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
         stamp, channel, rest, *_ = line.split()
         time = float(stamp[1:-1])
         if 0 <= time < LATEST and stamp[0] == OPENING and stamp[-1] == CLOSING:
-            return time, channel.decode(), rest
+            return time, channel.decode(), parse(rest)
         raise ValueError(line)
 
-    def parse(self, rest: bytes) -> Raw:
-        return _frame(rest) if rest[3:4] == b"#" and rest[4:5] not in (b"#", b"R", b"r") else _foreign(rest)
+
+def parse(rest: bytes) -> Raw:
+    """Read what stands behind the channel, `008#D27423592C0D9702`; raises ValueError."""
+    return _frame(rest) if rest[3:4] == b"#" and rest[4:5] not in (b"#", b"R", b"r") else _foreign(rest)
 
 
 def _frame(rest: bytes) -> Frame:

@@ -5,14 +5,22 @@ Rule of this file: the seven columns as python-can's CSVWriter writes them, the 
 
 from __future__ import annotations
 
-from base64 import b64decode
+from binascii import a2b_base64
 
 from eurobot_od.logs.lines import LineFormat, seconds
 from eurobot_od.logs.raw import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 
 HEADER = b"timestamp,"
-FLAGS = {(b"0", b"0"): None, (b"1", b"0"): Damage.REMOTE, (b"0", b"1"): Damage.ERROR_FRAME}
-"""What the columns `remote` and `error` say together."""
+FLAGS: dict[tuple[bytes, ...], Damage | None] = {
+    (b"0", b"0", b"0"): None,
+    (b"1", b"0", b"0"): Damage.EXTENDED,
+    **dict.fromkeys([(b"0", b"1", b"0"), (b"1", b"1", b"0")], Damage.REMOTE),
+    **dict.fromkeys([(b"0", b"0", b"1"), (b"1", b"0", b"1")], Damage.ERROR_FRAME),
+}
+"""What the columns `extended`, `remote` and `error` say together."""
+
+CLASSIC = (None, Damage.EXTENDED)
+"""Damage of a classic data frame."""
 
 
 class Csv(LineFormat):
@@ -21,19 +29,23 @@ class Csv(LineFormat):
     def comment(self, line: bytes) -> bool:
         return not line.strip() or line.startswith(HEADER)
 
-    def split(self, line: bytes) -> tuple[float, str, bytes]:
-        stamp, _, rest = line.partition(b",")
-        return seconds(stamp), "", rest
-
-    def parse(self, rest: bytes) -> Raw:
-        identifier, extended, remote, error, length, base64 = rest.strip().split(b",")
-        damage = FLAGS.get((remote, error), Damage.UNREADABLE)
-        data = b64decode(base64, validate=True)
-        if damage is Damage.UNREADABLE or (damage is None and int(length) != len(data)):
-            raise ValueError(rest)
-        cob_id = int(identifier, 16)
-        if damage is None and len(data) > MAX_LENGTH:
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        stamp, identifier, *flags, length, base64 = line.split(b",")
+        damage, data = FLAGS[tuple(flags)], _data(base64.rstrip())
+        if len(data) != int(length) and damage in CLASSIC:
+            raise ValueError(line)
+        if len(data) > MAX_LENGTH and damage in CLASSIC:
             damage = Damage.FD
-        if damage is None and extended == b"1":
-            damage = Damage.EXTENDED
-        return Foreign(damage, shortened(f"{cob_id:X}#{data.hex().upper()}")) if damage else frame(cob_id, data)
+        return seconds(stamp), "", _raw(damage, int(identifier, 16), data)
+
+
+def _data(base64: bytes) -> bytes:
+    """Read base 64; raises ValueError for what is none. What the reader leaves out makes the data too short."""
+    data = a2b_base64(base64)
+    if len(base64) != 4 * ((len(data) + 2) // 3):
+        raise ValueError(base64)
+    return data
+
+
+def _raw(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
+    return Foreign(damage, shortened(f"{cob_id:X}#{data.hex().upper()}")) if damage else frame(cob_id, data)

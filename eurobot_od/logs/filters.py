@@ -132,10 +132,10 @@ class Window(NamedTuple):
     until: float = float("inf")
     relative: bool = False
 
-    def clock(self) -> Callable[[float], float | None] | None:
-        """Return the function from an entry's time to the time shown, None for one not wanted; None if all are."""
+    def clock(self) -> Callable[[float], float | None]:
+        """Return the function from an entry's time to the time shown, None for one not wanted."""
         if self == Window():
-            return None
+            return float
         start: list[float] = [] if self.relative else [0.0]
 
         def shown(time: float) -> float | None:

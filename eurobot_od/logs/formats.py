@@ -5,14 +5,13 @@ Rule of this file: a log is opened once, read forwards, and never held in memory
 
 from __future__ import annotations
 
-from functools import partial
 from importlib import import_module
 from pathlib import PurePath
 from typing import Any, BinaryIO, NamedTuple, cast
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.logs.lines import LineFormat, read_lines
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Read, Understand, Understood
+from eurobot_od.logs.lines import read_lines
+from eurobot_od.logs.raw import Damage, Entries, Foreign, Read
 
 STANDARD_INPUT = CANDUMP = "log"
 """Format of standard input, unless another is asked for."""
@@ -63,30 +62,26 @@ def form_of(file: BinaryIO, form: str | None = None) -> Form:
     return Form(suffix, packed)
 
 
-def read(file: BinaryIO, understand: Understand[Understood], form: str | None = None) -> Entries[Understood]:
+def read(file: BinaryIO, form: str | None = None) -> Entries:
     """Yield the entries of an open log; errors as `form_of`."""
     suffix, packed = form_of(file, form)
     reader = _reader(FORMATS[suffix])
-    return _unpacked(reader, file, understand) if packed else reader(file, understand)
+    return _unpacked(reader, file) if packed else reader(file)
 
 
-def _reader(home: Home) -> Read[Any]:
+def _reader(home: Home) -> Read:
     found: Any = getattr(import_module(f"eurobot_od.logs.{home.module}"), home.name)
-    return partial(_lines, found) if isinstance(found, type) else found
+    return (lambda file: read_lines(file, found())) if isinstance(found, type) else found
 
 
-def _lines(form: type[LineFormat], file: BinaryIO, understand: Understand[Understood]) -> Entries[Understood]:
-    return read_lines(file, form(), understand)
-
-
-def _unpacked(reader: Read[Understood], file: BinaryIO, understand: Understand[Understood]) -> Entries[Understood]:
+def _unpacked(reader: Read, file: BinaryIO) -> Entries:
     """Yield the entries of a packed log; if it cannot be unpacked to its end, the last one says so."""
     import gzip
     import zlib
 
     line, time = 0, 0.0
     try:
-        for line, time, channel, what in reader(cast("BinaryIO", gzip.GzipFile(fileobj=file)), understand):
-            yield line, time, channel, what
+        for line, time, channel, raw in reader(cast("BinaryIO", gzip.GzipFile(fileobj=file))):
+            yield line, time, channel, raw
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        yield line + 1, time, "", understand(Foreign(Damage.CUT_OFF, str(error)))
+        yield line + 1, time, "", Foreign(Damage.CUT_OFF, str(error))

@@ -1,22 +1,21 @@
 """Logs that consist of lines.
 
-Rule of this file: a line is split into its time, its channel and the rest, and the rest is parsed once for each
-distinct text. A line that cannot be read is an entry like any other and costs no other line.
+Rule of this file: a format makes an entry of a line or says why not. A line that cannot be read is an entry like any
+other and costs no other line.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from functools import lru_cache
+from collections.abc import Iterable
 
-from eurobot_od.logs.raw import REMEMBERED, Damage, Entries, Foreign, Raw, Understand, Understood, shortened
+from eurobot_od.logs.raw import Damage, Entries, Foreign, Raw, shortened
 
 LATEST = 1e11
 """A time in s that no log has; it also sorts out `nan` and `inf`."""
 
 
 class LineFormat:
-    """A format of lines; `split` and `parse` raise ValueError for what is no entry.
+    """A format of lines; `entry` raises ValueError or LookupError for what is none.
 
     A format with a header keeps what it says; an instance is used for one log.
     """
@@ -25,39 +24,26 @@ class LineFormat:
         """Tell whether a line that cannot be split belongs to the format all the same; read a header from it."""
         return not line.strip()
 
-    def split(self, line: bytes) -> tuple[float, str, bytes]:
-        """Return time in s, channel, and what of the line says which frame it is."""
-        raise NotImplementedError
-
-    def parse(self, rest: bytes) -> Raw:
-        """Return the frame."""
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
+        """Return time in s, channel, and what stands there."""
         raise NotImplementedError
 
 
-def read_lines(
-    lines: Iterable[bytes],
-    form: LineFormat,
-    understand: Understand[Understood],
-    before: int = 0,
-    time: float = 0.0,
-) -> Entries[Understood]:
+def read_lines(lines: Iterable[bytes], form: LineFormat, before: int = 0, time: float = 0.0) -> Entries:
     """Read a log of lines; what cannot be read is Foreign, with the time of the entry before.
 
     `before` is the number of lines before these, `time` that of the last entry among them.
     """
-    split = form.split
-    once: Callable[[bytes], Understood] = lru_cache(REMEMBERED)(lambda rest: understand(form.parse(rest)))
+    entry = form.entry
     for number, line in enumerate(lines, before + 1):
         try:
-            time_read, channel, rest = split(line)
-            what = once(rest)
+            time, channel, raw = entry(line)
         except (ValueError, LookupError):
             if form.comment(line):
                 continue
-            channel, what = "", understand(_unreadable(line))
+            yield number, time, "", _unreadable(line)
         else:
-            time = time_read
-        yield number, time, channel, what
+            yield number, time, channel, raw
 
 
 def _unreadable(line: bytes) -> Foreign:

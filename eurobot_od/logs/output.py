@@ -7,10 +7,11 @@ Rule of this file: what does not depend on time and place in the log (`row`) is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.logs.meaning import Finding, Meaning
-from eurobot_od.logs.raw import Entries, Raw, Understand
+from eurobot_od.logs.raw import REMEMBERED, Entries, Raw
 from eurobot_od.logs.tally import Tally
 from eurobot_od.messages import TYPES
 
@@ -20,11 +21,11 @@ if TYPE_CHECKING:
 NAME_WIDTH = max(len(each.__name__) for each in TYPES) + 2
 """Width of the column with the messages' names: longer than the type names by their spaces."""
 
-TIME_WIDTH = 13
-"""Width of the column with the times."""
+TIME_WIDTH, GAP = 13, "  "
+"""Width of the column with the times, and what stands between the columns."""
 
-GAP = "  "
-"""Between the columns."""
+LINE = f"%s%{TIME_WIDTH}.6f{GAP}%s{GAP}%s\n"
+"""What a line begins with, time, channel and row."""
 
 
 class Output:
@@ -60,7 +61,7 @@ class Text(Output):
         return ""
 
     def line(self, log: str, number: int, time: float, channel: str, row: str) -> str:
-        return f"{self.start(log)}{time:{TIME_WIDTH}.6f}{GAP}{channel}{GAP}{row}\n"
+        return LINE % (self.start(log), time, channel, row)
 
 
 class TextOfSeveral(Text):
@@ -77,12 +78,15 @@ Shown: TypeAlias = "tuple[str | None, tuple[Finding, ...]]"
 """What became of a frame: its row, None if it is not wanted, and what is wrong with it."""
 
 
+Show: TypeAlias = "Callable[[Raw], Shown]"
 Clock: TypeAlias = "Callable[[float], float | None]"
+"""From an entry's time to the one that is shown, None for an entry that is not wanted."""
 
 
-def showing(decode: Callable[[Raw], Meaning], wanted: Wanted | None, output: Output) -> Understand[Shown]:
-    """Return what a log reader is to make of each frame; `wanted` is None if every frame is."""
+def showing(decode: Callable[[Raw], Meaning], wanted: Wanted | None, output: Output) -> Show:
+    """Return what is to become of each frame; `wanted` is None if every frame is. Distinct frames are asked once."""
 
+    @lru_cache(REMEMBERED)
     def show(raw: Raw) -> Shown:
         meaning = decode(raw)
         return output.row(meaning) if wanted is None or wanted(meaning) else None, meaning.findings
@@ -91,16 +95,14 @@ def showing(decode: Callable[[Raw], Meaning], wanted: Wanted | None, output: Out
 
 
 def written(
-    entries: Entries[Shown], log: str, output: Output, tally: Tally, clock: Clock | None = None
+    entries: Entries, show: Show, log: str, output: Output, tally: Tally, clock: Clock = float
 ) -> Iterator[str]:
-    """Yield the lines of a log's wanted entries; what is wrong is counted, wanted or not.
-
-    `clock` turns an entry's time into the one that is shown, None for an entry that is not wanted.
-    """
+    """Yield the lines of a log's wanted entries; what is wrong is counted, wanted or not."""
     write = output.line
-    for number, time, channel, (row, findings) in entries:
+    for number, time, channel, raw in entries:
+        row, findings = show(raw)
         if findings:
             tally.add(log, number, findings)
-        shown = time if clock is None else clock(time)
+        shown = clock(time)
         if row is not None and shown is not None:
             yield write(log, number, shown, channel, row)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from enum import Enum
-from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
+from typing import BinaryIO, NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame
 
@@ -16,7 +16,7 @@ MAX_LENGTH = 8
 """Highest identifier and longest data of a classic base frame (ISO 11898-1)."""
 
 REMEMBERED = 8192
-"""How many distinct frames, or values of a field, are kept understood."""
+"""How many distinct frames, or values of a field, are kept understood by those who read logs."""
 
 
 class Damage(Enum):
@@ -42,16 +42,11 @@ class Foreign(NamedTuple):
 
 Raw: TypeAlias = Frame | Foreign
 
-Understood = TypeVar("Understood")
-Understand: TypeAlias = Callable[[Raw], Understood]
-"""What the user of a reader makes of a frame; it is asked once for each distinct frame."""
+Entry: TypeAlias = tuple[int, float, str, Raw]
+"""One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
 
-
-Entry: TypeAlias = tuple[int, float, str, Understood]
-"""One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what it means."""
-
-Entries: TypeAlias = Iterator[Entry[Understood]]
-Read: TypeAlias = Callable[[BinaryIO, Understand[Understood]], Entries[Understood]]
+Entries: TypeAlias = Iterator[Entry]
+Read: TypeAlias = Callable[[BinaryIO], Entries]
 """A reader of a format: an open file in, entries out."""
 
 

@@ -1,4 +1,4 @@
-"""The rows of regular frames by tables made of the kinds, one frame or many of one message at once.
+"""The rows of regular frames by tables made of the kinds, all frames of one message at once.
 
 Rule of this file: nothing is decided here. The tables hold what `field_text` writes of each value; for whatever is not
 in them (another length, a value unknown or out of range, no message of ours) the caller goes the long way.
@@ -7,16 +7,17 @@ in them (another length, a value unknown or out of range, no message of ours) th
 from __future__ import annotations
 
 from binascii import unhexlify
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from struct import unpack
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od import codec
 from eurobot_od.kinds import Kind, Limits
-from eurobot_od.logs.meaning import field_text
+from eurobot_od.logs.meaning import Finding, field_text
 from eurobot_od.logs.output import Shown, Text
-from eurobot_od.logs.raw import REMEMBERED, Raw, Understand
+from eurobot_od.logs.raw import REMEMBERED
 from eurobot_od.protocol import TABLE_BITS, Binding, Protocol
 from eurobot_od.values import OutOfRange
 
@@ -30,15 +31,14 @@ IRREGULAR = (LookupError, ValueError)
 """What is raised for frames that are not in the tables."""
 
 
-class Integers(NamedTuple):
+class Integer(NamedTuple):
     """How `struct` names an integer of `size` bytes."""
 
     size: int
     code: str
 
 
-INTEGERS = (Integers(1, "B"), Integers(2, "H"), Integers(4, "I"), Integers(8, "Q"))
-ORDERS = {"little": "<", "big": ">"}
+INTEGERS = (Integer(1, "B"), Integer(2, "H"), Integer(4, "I"), Integer(8, "Q"))
 
 
 class Piece(NamedTuple):
@@ -53,8 +53,9 @@ class Rows:
 
     def __init__(self, binding: Binding, output: Text) -> None:
         self._binding, self._output, self._layout = binding, output, binding.layout
-        self._integers = next(each for each in INTEGERS if each.size >= max(self._layout.length, 1))
-        self._zeros = "00" * (self._integers.size - self._layout.length)
+        self._big = self._layout.byte_order == "big"
+        self._integer = next(each for each in INTEGERS if each.size >= self._layout.length)
+        self._zeros = bytes(self._integer.size - self._layout.length)
 
     @cached_property
     def _texts(self) -> Callable[[Sequence[int]], list[str]]:
@@ -79,31 +80,73 @@ class Rows:
             return Piece(_around(field, kind, f"raw if (raw := {raw}) in _{field} else mark"), numbers)
         return Piece(f"{{_{field}({raw})}}", lru_cache(REMEMBERED)(lambda raw: _text(field, kind, limits, raw)))
 
-    def of_frame(self, data: bytes) -> str:
-        """Return the row of a frame; raises one of IRREGULAR."""
-        if len(data) != self._layout.length:
-            raise ValueError(data)
-        (row,) = self._texts((int.from_bytes(data, self._layout.byte_order),))
-        if MARK in row:
-            raise LookupError(data)
-        return row
-
-    def of_frames(self, frames: Sequence[str]) -> list[str]:
-        """Return the rows of frames given as `#D27423592C0D9702`, those of irregular values with a MARK.
+    def of_hex(self, frames: Sequence[str]) -> list[str]:
+        """Return the rows of frames given as `#D27423592C0D9702`, with a MARK where the tables have nothing.
 
         Raises ValueError if one of them is no data, or of another length.
         """
-        words = f"{ORDERS[self._layout.byte_order]}{len(frames)}{self._integers.code}"
-        return self._texts(unpack(words, self._octets(frames)))
-
-    def _octets(self, frames: Sequence[str]) -> bytes:
-        """Return the data of all frames, each filled up to the size of an integer."""
         text, size = "".join(frames), len(HASH) + 2 * self._layout.length
         if len(text) != size * len(frames) or text[::size] != HASH * len(frames):
             raise ValueError(frames)
-        if self._layout.byte_order == "big":
-            return unhexlify(text.replace(HASH, self._zeros))
-        return unhexlify(text.replace(HASH, self._zeros)[len(self._zeros) :] + self._zeros)
+        zeros = "00" * len(self._zeros)
+        filled = text.replace(HASH, zeros)
+        return self._of_words(unhexlify(filled if self._big else filled[len(zeros) :] + zeros))
+
+    def of_data(self, frames: Sequence[bytes]) -> list[str]:
+        """Return the rows of frames as `of_hex` does."""
+        if set(map(len, frames)) != {self._layout.length}:
+            raise ValueError(frames)
+        filled = self._zeros.join(frames)
+        return self._of_words(self._zeros + filled if self._big else filled + self._zeros)
+
+    def _of_words(self, data: bytes) -> list[str]:
+        """Return the rows of frames that are filled up to the size of an integer."""
+        words = f"{'>' if self._big else '<'}{len(data) // self._integer.size}{self._integer.code}"
+        return self._texts(unpack(words, data))
+
+
+Key = TypeVar("Key", int, str)
+Data = TypeVar("Data", bytes, str)
+
+
+def from_tables(
+    tables: Mapping[Key, Callable[[Sequence[Data]], list[str]]], identifiers: Sequence[Any], frames: Sequence[Any]
+) -> list[str]:
+    """Return the rows of frames, each message's at once; with a MARK where they are not in the tables."""
+    rows = [MARK] * len(frames)
+    for identifier, places in _places(identifiers).items():
+        try:
+            found = tables[identifier]([frames[place] for place in places])
+        except IRREGULAR:
+            continue
+        for place, row in zip(places, found):
+            rows[place] = row
+    return rows
+
+
+def _places(identifiers: Sequence[Any]) -> Mapping[Any, list[int]]:
+    """Return where each identifier stands."""
+    places: defaultdict[Any, list[int]] = defaultdict(list)
+    for place, identifier in enumerate(identifiers):
+        places[identifier].append(place)
+    return places
+
+
+Findings: TypeAlias = "list[tuple[int, tuple[Finding, ...]]]"
+"""Places of rows, and what is wrong there."""
+
+
+def complete(rows: list[str], show: Callable[[int], Shown]) -> Findings:
+    """Put in the rows that are not in the tables; `show` is given their places."""
+    if MARK not in "".join(rows):
+        return []
+    shown = {place: show(place) for place, row in enumerate(rows) if MARK in row}
+    for place, (row, _) in shown.items():
+        rows[place] = row or ""
+    return [(place, findings) for place, (_, findings) in shown.items() if findings]
+
+
+# Tables
 
 
 def _around(field: str, kind: Kind, number: str) -> str:
@@ -137,15 +180,3 @@ def _text(field: str, kind: Kind, limits: Limits, raw: int) -> str:
 def rows_of(protocol: Protocol, output: Text) -> dict[int, Rows]:
     """Return the rows of all messages by COB-ID."""
     return {each.cob_id: Rows(each, output) for each in protocol.bindings}
-
-
-def by_tables(rows: Mapping[int, Rows], show: Understand[Shown]) -> Understand[Shown]:
-    """Return `show` with the tables asked first."""
-
-    def shown(raw: Raw) -> Shown:
-        try:
-            return rows[raw[0]].of_frame(raw[1]), ()  # type: ignore[index,arg-type]  # Foreign is in no table
-        except IRREGULAR:
-            return show(raw)
-
-    return shown

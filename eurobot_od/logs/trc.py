@@ -38,8 +38,11 @@ class Trc(LineFormat):
         self._set_columns(COLUMNS["1.0"])
 
     def _set_columns(self, columns: str) -> None:
-        self._columns = columns.strip().split(",")
-        self._bus = self._columns.index("B") - 2 if "B" in self._columns else None
+        """Note where each column is behind the number and the offset; the data is the last one."""
+        letters = columns.strip().split(",")[2:]
+        self._data = len(letters) - 1
+        self._bus, self._type = (letters.index(each) if each in letters else None for each in "BT")
+        self._identifier, self._length = letters.index("I"), letters.index("l" if "l" in letters else "L")
 
     def comment(self, line: bytes) -> bool:
         text = line.decode("latin-1").strip()
@@ -57,27 +60,27 @@ class Trc(LineFormat):
     def _start_time(self, days: str) -> None:
         self._start = (EPOCH + timedelta(days=float(days))).timestamp()
 
-    def split(self, line: bytes) -> tuple[float, str, bytes]:
+    def entry(self, line: bytes) -> tuple[float, str, Raw]:
         _, offset, rest = line.split(None, 2)
         time = float(offset) / 1000 + self._start
         if line[:1] == b";" or not abs(time) < LATEST:
             raise ValueError(line)
-        return time, "1" if self._bus is None else rest.split(None, self._bus + 1)[self._bus].decode(), rest
+        words = rest.decode("ascii").split(None, self._data)
+        return time, "1" if self._bus is None else words[self._bus], self._raw(rest, words)
 
-    def parse(self, rest: bytes) -> Raw:
-        words = rest.decode("ascii").split(None, len(self._columns) - 3)
-        column = dict(zip(self._columns[2:], words))
-        identifier, data = column.get("I", ""), column.get("D", "").split()
-        damage = Damage.REMOTE if data == [REMOTE_DATA] else FRAMES.get(column.get("T", "DT"), Damage.UNREADABLE)
-        if damage is Damage.UNREADABLE:
-            raise ValueError(rest)
+    def _raw(self, rest: bytes, words: list[str]) -> Raw:
+        identifier, data = words[self._identifier], " ".join(words[self._data :]).rstrip()
+        damage = None if self._type is None else FRAMES[words[self._type]]
+        if data == REMOTE_DATA:
+            damage = Damage.REMOTE
         if damage is None and len(identifier) >= EXTENDED_DIGITS:
             damage = Damage.EXTENDED
         if damage is not None:
             return Foreign(damage, shortened(rest))
-        if int(column.get("l") or column["L"]) != len(data):
+        octets = bytes.fromhex(data)
+        if int(words[self._length]) != len(octets):
             raise ValueError(rest)
-        return frame(int(identifier, 16), bytes(int(octet, 16) for octet in data))
+        return frame(int(identifier, 16), octets)
 
 
 HEADER = {"$FILEVERSION": Trc._version, "$STARTTIME": Trc._start_time, "$COLUMNS": Trc._set_columns}

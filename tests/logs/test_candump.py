@@ -15,7 +15,7 @@ GOTO_FRAME = Frame(0x008, bytes.fromhex("D27423592C0D9702"))
 
 
 def read(text: str) -> list[tuple[int, float, str, Raw]]:
-    return list(formats.read(io.BytesIO(text.encode("latin-1")), lambda raw: raw, "log"))
+    return list(formats.read(io.BytesIO(text.encode("latin-1")), "log"))
 
 
 VALID = [
@@ -98,10 +98,3 @@ def test_an_unreadable_end_without_line_end_is_cut_off() -> None:
 
 def test_empty_lines_are_nothing_and_count_as_lines() -> None:
     assert [line for line, *_ in read("\n\n(1.0) can0 00C#\n  \n")] == [3]
-
-
-def test_each_distinct_frame_is_understood_once() -> None:
-    asked: list[Raw] = []
-    text = f"(1.0) can0 {GOTO}\n(2.0) can0 {GOTO}\n(3.0) can0 00C#\n"
-    list(formats.read(io.BytesIO(text.encode()), asked.append, "log"))
-    assert asked == [GOTO_FRAME, Frame(0x00C)]

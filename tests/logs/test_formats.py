@@ -68,7 +68,7 @@ def write_table(file: Path, messages: list[can.Message]) -> None:
 
 def read(file: Path) -> list[tuple[int, float, str, Raw]]:
     with file.open("rb") as opened:
-        return list(formats.read(opened, lambda raw: raw))
+        return list(formats.read(opened))
 
 
 def raws(file: Path) -> list[Raw]:
@@ -150,7 +150,7 @@ End TriggerBlock
 @pytest.mark.parametrize(("base", "identifier", "data"), [("hex", "1C0", "2 0A FF"), ("dec", "448", "2 10 255")])
 def test_asc_headers_and_events_are_no_frames(base: str, identifier: str, data: str) -> None:
     text = ASC.format(base=base, identifier=identifier, data=data)
-    found = list(formats.read(io.BytesIO(text.encode()), lambda raw: raw, "asc"))
+    found = list(formats.read(io.BytesIO(text.encode()), "asc"))
     assert found == [(9, 2.0, "1", Frame(0x1C0, b"\x0a\xff"))]
 
 
@@ -165,7 +165,7 @@ TRC = {
 
 @pytest.mark.parametrize("text", TRC.values(), ids=TRC)
 def test_trc_versions(text: str) -> None:
-    ((_, _, _, raw),) = formats.read(io.BytesIO(text.encode()), lambda raw: raw, "trc")
+    ((_, _, _, raw),) = formats.read(io.BytesIO(text.encode()), "trc")
     assert raw == Frame(0x014, b"\x01\x02\x03")
 
 
@@ -263,7 +263,7 @@ def test_a_packed_log_that_cannot_be_unpacked_ends_with_an_entry_that_says_so(
 
 def test_unknown_suffix() -> None:
     with pytest.raises(UnknownName, match=r"unknown log format 'xyz'; known: log, asc"):
-        formats.read(io.BytesIO(), lambda raw: raw, "xyz")
+        formats.read(io.BytesIO(), "xyz")
 
 
 def test_mf4(tmp_path: Path) -> None:
@@ -284,4 +284,4 @@ def test_mf4_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 @pytest.mark.parametrize("form", ["db", "mf4"])
 def test_some_formats_must_be_files(form: str) -> None:
     with pytest.raises(LocalError, match="must be a file"):
-        formats.read(io.BytesIO(), lambda raw: raw, form)
+        formats.read(io.BytesIO(), form)

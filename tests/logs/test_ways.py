@@ -10,10 +10,12 @@ import pytest
 
 from eurobot_od import dialects
 from eurobot_od.logs import bulk, formats
+from eurobot_od.logs.batch import Batches
 from eurobot_od.logs.decoding import Decoding
+from eurobot_od.logs.filters import Window
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Text, TextOfSeveral, showing, written
-from eurobot_od.logs.rows import IRREGULAR, by_tables, rows_of
+from eurobot_od.logs.rows import MARK, from_tables, rows_of
 from eurobot_od.logs.tally import Tally
 from eurobot_od.protocol import Binding, Protocol
 
@@ -34,12 +36,13 @@ class Blocks(io.BytesIO):
 
 def way(decoder: Decoder, log: bytes, output: Text, name: str) -> tuple[str, list[str]]:
     """Give the text of a log by one of the ways, and the report on what is wrong in it."""
-    tally, long = Tally(), showing(decoder, None, output)
+    tally, show = Tally(), showing(decoder, None, output)
+    entries = formats.read(io.BytesIO(log), "log")
     if name == "long":
-        text = "".join(written(formats.read(io.BytesIO(log), long, "log"), "x", output, tally))
-    elif name == "tables":
-        show = by_tables(rows_of(decoder.protocol, output), long)
-        text = "".join(written(formats.read(io.BytesIO(log), show, "log"), "x", output, tally))
+        text = "".join(written(entries, show, "x", output, tally))
+    elif name == "batches":
+        rows = rows_of(decoder.protocol, output)
+        text = "".join(Batches(rows, show, output, "x", tally, float).texts(entries))
     else:
         decoding = Decoding(decoder, output)
         text, tally = "".join(decoding.texts(Blocks(log, int(name)), "x", "log")), decoding.tally
@@ -81,7 +84,7 @@ def test_all_ways_write_and_count_the_same(dialect: str, output: Text) -> None:
     log = "".join(random_lines(decoder.protocol)).encode()
     expected = way(decoder, log, output, "long")
     assert expected[0].count("\n") == FRAMES
-    for name in ("tables", "100", "5000", "1000000"):
+    for name in ("batches", "100", "5000", "1000000"):
         assert way(decoder, log, output, name) == expected
 
 
@@ -142,10 +145,10 @@ REGULAR = "(1396.001356) can0 180#1B796C2008\n(1396.005961) can0 010#\n(1396.013
         (REGULAR + "x" * 50_000 + "\n", "a very long line at the end"),
     ],
 )
-@pytest.mark.parametrize("most", ["37", "100000"])
-def test_what_is_not_regular_is_read_as_ever(log: str, reason: str, most: str) -> None:
+@pytest.mark.parametrize("name", ["37", "100000", "batches"])
+def test_what_is_not_regular_is_read_as_ever(log: str, reason: str, name: str) -> None:
     decoder, content = Decoder(dialects.outlines(dialects.DEFAULT)), log.encode()
-    assert way(decoder, content, Text(), most) == way(decoder, content, Text(), "long"), reason
+    assert way(decoder, content, Text(), name) == way(decoder, content, Text(), "long"), reason
 
 
 def test_a_regular_piece_does_not_go_the_long_way(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -162,7 +165,9 @@ def test_regular_frames_are_in_the_tables(dialect: str) -> None:
     rows = rows_of(protocol, Text())
     for binding in protocol.bindings:
         values = {field: chance.randint(limits.low, min(limits.high, 300)) for field, limits in binding.limits.items()}
-        assert rows[binding.cob_id].of_frame(binding.pack(values)).startswith(binding.name)
+        (row,) = rows[binding.cob_id].of_data([binding.pack(values)])
+        assert row.startswith(binding.name)
+        assert MARK not in row
 
 
 @pytest.mark.parametrize(
@@ -174,8 +179,24 @@ def test_regular_frames_are_in_the_tables(dialect: str) -> None:
         (0x008, "FFFFFFFFFFFFFFFF", "out of range"),
         (0x014, "FFFF0F", "a time that is unknown"),
         (0x400, "FFF00FFF03", "a position that is unknown"),
+        (0x7FE, "", "an unknown identifier"),
     ],
 )
 def test_other_frames_are_left_to_the_long_way(cob_id: int, data: str, reason: str) -> None:
-    with pytest.raises(IRREGULAR):
-        assert rows_of(Protocol.load(dialects.DEFAULT), Text())[cob_id].of_frame(bytes.fromhex(data)), reason
+    rows = rows_of(Protocol.load(dialects.DEFAULT), Text())
+    (row,) = from_tables({key: each.of_hex for key, each in rows.items()}, [cob_id], [f"#{data}"])
+    assert MARK in row, reason
+    (row,) = from_tables({key: each.of_data for key, each in rows.items()}, [cob_id], [bytes.fromhex(data)])
+    assert MARK in row, reason
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_a_time_window_is_heeded_in_batches(dialect: str) -> None:
+    decoder = Decoder(dialects.outlines(dialect))
+    log = "".join(random_lines(decoder.protocol)).encode()
+    window, tally = Window(since=10.0, until=50.0, relative=True), Tally()
+    show, entries = showing(decoder, None, Text()), formats.read(io.BytesIO(log), "log")
+    expected = "".join(written(entries, show, "x", Text(), tally, window.clock()))
+    decoding = Decoding(decoder, Text(), None, window)
+    assert "".join(decoding.texts(io.BytesIO(log), "x", "log")) == expected != ""
+    assert list(decoding.tally.report()) == list(tally.report())

@@ -44,7 +44,7 @@ def decoder(dialect: str) -> Decoder:
 
 
 def read(content: bytes, form: str) -> list[Raw]:
-    return [raw for *_, raw in formats.read(io.BytesIO(content), lambda raw: raw, form)]
+    return [raw for *_, raw in formats.read(io.BytesIO(content), form)]
 
 
 @pytest.mark.parametrize("form", sorted(formats.FORMATS.keys() - formats.BY_NAME))
@@ -55,7 +55,7 @@ def test_any_bytes_are_read_without_an_error(form: str, content: bytes) -> None:
 
 @given(st.lists(LINES))
 def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty(lines: list[bytes]) -> None:
-    entries = formats.read(io.BytesIO(b"\n".join(lines)), lambda raw: raw, "log")
+    entries = formats.read(io.BytesIO(b"\n".join(lines)), "log")
     assert [line for line, *_ in entries] == [n for n, line in enumerate(lines, 1) if line.strip()]
 
 
@@ -63,10 +63,10 @@ def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty(lines: list[
 @given(log=LOGS)
 def test_a_log_taken_at_once_gives_the_text_of_its_lines(dialect: str, log: str) -> None:
     decode, output, tally = decoder(dialect), Text(), Tally()
-    entries = formats.read(io.BytesIO(log.encode()), showing(decode, None, output), "log")
+    entries = formats.read(io.BytesIO(log.encode()), "log")
     decoding = Decoding(decode, output)
     assert "".join(decoding.texts(io.BytesIO(log.encode()), "x", "log")) == "".join(
-        written(entries, "x", output, tally)
+        written(entries, showing(decode, None, output), "x", output, tally)
     )
     assert list(decoding.tally.report()) == list(tally.report())
 

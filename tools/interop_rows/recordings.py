@@ -82,7 +82,7 @@ def written_by_python_can(folder: Path) -> Answer:
             for message in messages:
                 logger(message)
         with file.open("rb") as opened:
-            found = [raw for *_, raw in formats.read(opened, lambda raw: raw)]
+            found = [raw for *_, raw in formats.read(opened)]
         agree(f"frames in {file.name}", [_frame(each) for each in messages], found)
     return Answer(f"{', '.join(FORMATS)}: every frame of a session read by us as recorded", LOSES)
 
@@ -102,7 +102,7 @@ def _read_match(file: Path) -> int:
     with contextlib.redirect_stdout(io.StringIO()):
         agree("the exit status", cli.main(["match", "--duration", "3", "--log", str(file)]), 0)
     with file.open("rb") as opened:
-        ours = [raw for *_, raw in formats.read(opened, lambda raw: raw)]
+        ours = [raw for *_, raw in formats.read(opened)]
     with can.LogReader(file) as reader:
         agree(f"frames in {file.name}", [_frame(each) for each in reader], ours)
     return len(ours)
