@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import lint_bench
 import lint_fuzz
 import lint_mutants
 import pytest
+from bench.eds import make_eds
 
 from eurobot_od.lint.rules import lint, load
 
@@ -28,14 +28,15 @@ def test_the_table_of_rules_is_up_to_date() -> None:
     assert lint_mutants.check() == 0
 
 
-def test_the_measured_device_is_a_clean_one() -> None:
-    data = lint_bench.make_eds(200).encode()
-    assert len(load(data, "bench.eds").objects) == 200
+@pytest.mark.parametrize(("objects", "pdos"), [(200, 16), (4, 0)])
+def test_the_measured_device_is_a_clean_one(objects: int, pdos: int) -> None:
+    data = make_eds(objects, pdos).encode()
+    assert len(load(data, "bench.eds").objects) == objects
     assert lint(data, "bench.eds") == []
 
 
 def test_ten_thousand_objects_are_checked() -> None:
-    data = lint_bench.make_eds(10_000).encode()
+    data = make_eds(10_000).encode()
     assert len(load(data, "bench.eds").objects) == 10_000
 
 

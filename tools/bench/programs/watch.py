@@ -1,38 +1,30 @@
-"""Measures what watching a full bus costs: our monitor, python-can's viewer and a bare notifier, one after the other.
+"""One program that watches a full bus, on the terminal it was started on: `watch.py READER SECONDS DESCRIPTOR`.
 
-Rule of this file: each reader is the real program on a terminal of its own, in a process of its own, with the same
-frames from a thread beside it; the CPU time of that thread is taken off.
+Rule of this file: the real programs, with frames from a thread beside them; the CPU time of that thread is taken off.
+What it took is written to the descriptor as JSON.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
-import pty
 import random
-import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable
 
-from environment import ensure
+import can
 
-ensure("can", "test")
-
-import can  # noqa: E402
-
-from eurobot_od import dialects  # noqa: E402
-from eurobot_od.protocol import Protocol  # noqa: E402
+from eurobot_od import dialects
+from eurobot_od.protocol import Protocol
 
 RATE = 9000
 """Frames in a second: 8 bytes of data each at 100 % of 1 Mbit/s."""
 
-CHANNEL = "monitor bench"
+CHANNEL = "bench"
 
-AFTER = 0.5
+AFTER = 0.3
 """Seconds that a reader has for what is still in its queue."""
 
 ESCAPE = 27
@@ -88,7 +80,7 @@ def monitor(sender: Sender) -> int:
     from eurobot_od.view.traffic import Traffic
 
     source = BusSource(can.Bus(interface="virtual", channel=CHANNEL))
-    watch = command.Watch(Traffic(Decoder(dialects.load_all()), 1_000_000), Controls("identifier", ""), source)
+    watch = command.Watch(Traffic(Decoder(dialects.outlines()), 1_000_000), Controls("identifier", ""), source)
     sender.start()
     sender.then(lambda: watch.controls.key("q"))
     with command.on_screen(watch) as (took, refresh):
@@ -120,61 +112,18 @@ def notifier(sender: Sender) -> int:
     return len(came)
 
 
-READERS: dict[str, Callable[[Sender], int]] = {"monitor": monitor, "python-can viewer": viewer, "notifier": notifier}
+READERS: dict[str, Callable[[Sender], int]] = {"monitor": monitor, "viewer": viewer, "notifier": notifier}
 
 
-def measure(reader: str, seconds: float) -> dict[str, float]:
-    """Run a reader here and return what it took."""
-    sender = Sender(seconds)
+def main() -> None:
+    """Run a reader and report what it took."""
+    reader, seconds, report = sys.argv[1:]
+    sender = Sender(float(seconds))
     begin = time.process_time()
     counted = READERS[reader](sender)
-    share = (time.process_time() - begin - sender.cpu) / seconds
-    return {"share": share, "sent": sender.sent, "counted": counted}
-
-
-def on_terminal(reader: str, seconds: float) -> dict[str, float]:
-    """Run a reader in a process on a terminal of its own."""
-    control, terminal = pty.openpty()
-    result, report = os.pipe()
-    options = {"--reader": reader, "--seconds": str(seconds), "--report": str(report)}
-    command = [sys.executable, str(Path(__file__)), *(word for option in options.items() for word in option)]
-    environment = os.environ | {"TERM": "xterm-256color", "LINES": "50", "COLUMNS": "160"}
-    with subprocess.Popen(command, stdin=terminal, stdout=terminal, pass_fds=[report], env=environment):
-        os.close(terminal)
-        os.close(report)
-        threading.Thread(target=_swallow, args=[control], daemon=True).start()
-        with os.fdopen(result) as answer:
-            measured: dict[str, float] = json.loads(answer.read())
-    return measured
-
-
-def _swallow(control: int) -> None:
-    """Read what a program writes to its terminal, so that it can go on."""
-    try:
-        while os.read(control, 65536):
-            pass
-    except OSError:  # the program has ended
-        return
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print a line for each reader; 1 if the monitor lost a frame."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--seconds", type=float, default=5.0, help="how long each reader watches (default: 5)")
-    parser.add_argument("--reader", choices=READERS, help=argparse.SUPPRESS)
-    parser.add_argument("--report", type=int, help=argparse.SUPPRESS)
-    options = parser.parse_args(arguments)
-    if options.reader:
-        os.write(options.report, json.dumps(measure(options.reader, options.seconds)).encode())
-        return 0
-    lost = 0.0
-    for reader in READERS:
-        told = on_terminal(reader, options.seconds)
-        missing, rate = told["sent"] - told["counted"], told["sent"] / options.seconds
-        lost += missing
-        print(f"{reader:<18} {told['share']:6.1%} of a CPU at {rate:.0f} frames/s, {missing:.0f} lost")
-    return int(bool(lost))
+    share = (time.process_time() - begin - sender.cpu) / sender.seconds
+    os.write(int(report), json.dumps({"share": share, "lost": sender.sent - counted}).encode())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,25 +1,27 @@
-"""Measures what configuring a node costs, against stock canopen writing the same objects one by one.
+"""Configuring a live node, beside stock canopen that writes the same objects one by one.
 
-Rule of this file: both have the same node on the same in-process bus, turn by turn, from the same former values; the
-median of the turns counts. Reading for the difference, reading back, storing, reset and verifying are all in.
+Rule of this file: both have the same node on the same in-process bus, from the same former values. Reading for the
+difference, reading back, storing, reset and verifying are all in our time.
 """
 
 from __future__ import annotations
 
-import argparse
-import statistics
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import can
 import canopen
 
-from eurobot_od import dcf, dialects, runtime
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
+from bench.shared import new_bus, new_channel
+from eurobot_od import dcf, dialects
 from eurobot_od.cli.export_cdcf import concise
-from eurobot_od.client.configure import configure, settings
+from eurobot_od.client.configure import configure
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
 from eurobot_od.client.objects import integer_range
@@ -27,8 +29,8 @@ from eurobot_od.client.pdo_order import Step, pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.dictionary import NODE_ID, Address
 from eurobot_od.nodes import ROLES
+from eurobot_od.runtime import Live
 
-CHANNEL = "configure bench"
 NODE = 2
 BITRATE = 500
 FEW = {(0x1403, 1): 0x18, (0x1603, 1): 0x20000110, (0x2101, 1): 900, (0x1017, 0): 333}
@@ -40,11 +42,6 @@ EVENT_DRIVEN = 255
 
 SAME = (0x1016, 0x1029, 0x1F80)
 """Objects that have few values that a node takes."""
-
-
-def bus() -> can.BusABC:
-    """Open one end of the in-process bus."""
-    return can.Bus(interface="virtual", channel=CHANNEL)
 
 
 def descriptions(folder: Path) -> dict[str, Description]:
@@ -72,9 +69,9 @@ def other_values(description: Description) -> Iterator[tuple[Address, int]]:
             yield thing.address, EVENT_DRIVEN
 
 
-def stock(writes: Sequence[Step]) -> float:
+def stock(bus: can.BusABC, writes: Sequence[Step]) -> float:
     """Return the seconds in which stock canopen writes objects one by one."""
-    network = canopen.Network(bus())
+    network = canopen.Network(bus)
     network.NOTIFIER_CYCLE = 0.01
     network.connect()
     node = network.add_node(NODE, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
@@ -86,38 +83,39 @@ def stock(writes: Sequence[Step]) -> float:
     return seconds
 
 
-def ours(description: Description) -> float:
+def ours(bus: can.BusABC, description: Description) -> float:
     """Return the seconds of a whole configuration."""
-    with Master(bus()) as master:
+    with Master(bus) as master:
         started = time.perf_counter()
         configure(master.node(NODE), description, datetime(2014, 5, 28))
         return time.perf_counter() - started
 
 
-def measure(turns: int, found: dict[str, Description]) -> None:
-    """Print the medians and their ratio, for few and for all objects different."""
-    print(f"{len(settings(found['all']))} parameters")
-    writes = {name: concise(description) for name, description in found.items()}
-    for name in ("few", "all"):
-        times: dict[str, list[float]] = {"stock": [], "ours": []}
-        for _ in range(turns):
-            stock(writes["delivered"])
-            times["stock"].append(stock(writes[name]))
-            stock(writes["delivered"])
-            times["ours"].append(ours(found[name]))
-        theirs, own = (statistics.median(times[side]) * 1000 for side in ("stock", "ours"))
-        print(f"{name} differ: stock canopen {theirs:.1f} ms, configure {own:.1f} ms, ratio {own / theirs:.2f}")
-
-
-def main() -> None:
-    """Run the bench."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--turns", type=int, default=15, metavar="N", help="how often each is measured (15)")
-    turns: int = parser.parse_args().turns
+@contextmanager
+def opened(kind: str, _: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Run the drive, and give both masters; the node has its delivered values before each."""
+    channel = new_channel()
     node = ROLES["drive"](dialects.load("drive"))
-    with tempfile.TemporaryDirectory() as folder, runtime.Live.node(bus(), node):
-        measure(turns, descriptions(Path(folder)))
+    with tempfile.TemporaryDirectory() as folder, Live.node(new_bus(channel), node):
+        found = descriptions(Path(folder))
+        delivered, writes = concise(found["delivered"]), concise(found[kind])
+
+        def by_stock() -> Figures:
+            stock(new_bus(channel), delivered)
+            return {Quantity.TIME: stock(new_bus(channel), writes)}
+
+        def by_ours() -> Figures:
+            stock(new_bus(channel), delivered)
+            return {Quantity.TIME: ours(new_bus(channel), found[kind])}
+
+        yield {"stock": by_stock, "ours": by_ours}
 
 
-if __name__ == "__main__":
-    main()
+def _series(kind: str) -> Series:
+    name = f"configure, {kind} parameters differ"
+    return Series(
+        "configure", name, partial(opened, kind), (Claim(f"{name}: stock canopen", "ours", "stock", Way.RATIO, 1.2),)
+    )
+
+
+SERIES = (_series("few"), _series("all"))

@@ -1,0 +1,24 @@
+"""All rows in the order they are measured in.
+
+Rule of this file: a series is added in its module's `SERIES`; here is only the order of the subjects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bench.measure import Series
+from bench.rows import codec, configure, echo, lint, logs, match, monitor, receive, socketcan, startup
+
+GROUPS: tuple[Sequence[Series], ...] = (
+    codec.SERIES,
+    receive.SERIES,
+    echo.SERIES,
+    socketcan.SERIES,
+    monitor.SERIES,
+    logs.SERIES,
+    startup.SERIES,
+    lint.SERIES,
+    configure.SERIES,
+    match.SERIES,
+)

@@ -1,0 +1,77 @@
+"""Whole processes as contenders: wall time and memory, from the start of the program to its end.
+
+Rule of this file: a process that fails is Wrong, with the last line it had to say.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+from bench.measure import Figures, Quantity, Wrong
+
+PROGRAMS = Path(__file__).parent / "programs"
+PYTHON = sys.executable
+UNWANTED = ("PYTHONDONTWRITEBYTECODE", "EUROBOT_OD_DIALECT", "CAN_INTERFACE", "CAN_CHANNEL")
+"""Variables that would change what is measured: installed programs have their bytecode beside them."""
+
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in UNWANTED}
+Words = Sequence[str | Path]
+NO_VARIABLES: Mapping[str, str] = MappingProxyType({})
+
+
+def program(name: str, module: str) -> list[str]:
+    """Return the words that start an installed program, which is also a Python module."""
+    script = Path(PYTHON).parent / name
+    return [str(script)] if script.is_file() else [PYTHON, "-m", module]
+
+
+OURS = program("eurobot-od", "eurobot_od")
+CANTOOLS = program("cantools", "cantools")
+DCFCHK = program("dcfchk", "dcf.dcfchk")
+
+
+def run(
+    command: Words,
+    source: str | Path = os.devnull,
+    target: str | Path = os.devnull,
+    variables: Mapping[str, str] = NO_VARIABLES,
+) -> Figures:
+    """Run a command with its input, output and further variables; raises Wrong if it fails."""
+    launcher = [PYTHON, "-I", "-S", str(PROGRAMS / "launch.py"), str(source), str(target)]
+    done = subprocess.run(
+        [*launcher, *map(str, command)], capture_output=True, text=True, check=False, env={**ENVIRONMENT, **variables}
+    )
+    told = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
+    if told["status"]:
+        raise Wrong(_failure(command, told["status"], done.stderr))
+    return {Quantity.TIME: told["seconds"], Quantity.MEMORY: told["memory"]}
+
+
+def until_first_line(command: Words) -> Figures:
+    """Run a command until it has written its first line, then end it; raises Wrong if it writes none."""
+    begin = time.perf_counter()
+    with subprocess.Popen(
+        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+    ) as process:
+        assert process.stdout is not None  # both are pipes
+        assert process.stderr is not None
+        line = process.stdout.readline()
+        seconds = time.perf_counter() - begin
+        process.send_signal(signal.SIGTERM)
+        said = process.stderr.read()
+    if not line:
+        raise Wrong(_failure(command, process.returncode, said))
+    return {Quantity.TIME: seconds}
+
+
+def _failure(command: Words, status: int, said: str) -> str:
+    last = said.strip().rpartition("\n")[2]
+    return f"{Path(command[0]).name} {' '.join(map(str, command[1:]))}: exit status {status}: {last}"

@@ -1,0 +1,61 @@
+"""Runs a command and prints its wall time, peak memory and exit status as JSON: `launch.py INPUT OUTPUT WORD...`
+
+Rule of this file: standard library only, and little of it. A process begins with its parent's peak memory, so a great
+program cannot measure a small one; this one is small.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from contextlib import suppress
+from glob import glob
+
+PAUSE = 0.02
+"""Seconds between two looks at the children; a peak is kept by the kernel, so none is missed while they live."""
+
+PEAK = "VmHWM:"
+
+
+def peaks(process: int) -> dict[int, int]:
+    """Return the peak memory in bytes of a process and its descendants so far; what has ended is left out."""
+    found = {}
+    with suppress(OSError):
+        with open(f"/proc/{process}/status") as status:  # noqa: PTH123  # pathlib would make this program greater
+            found[process] = next((int(line.split()[1]) << 10 for line in status if line.startswith(PEAK)), 0)
+        for file in glob(f"/proc/{process}/task/*/children"):  # noqa: PTH207
+            with open(file) as children:  # noqa: PTH123
+                for child in children.read().split():
+                    found |= peaks(int(child))
+    return found
+
+
+def watch(process: int, seen: dict[int, int]) -> None:
+    """Keep the peaks of a process and all its descendants, for ever."""
+    while True:
+        seen |= peaks(process)
+        time.sleep(PAUSE)
+
+
+def main() -> None:
+    """Run the command."""
+    source, target, *command = sys.argv[1:]
+    seen: dict[int, int] = {}
+    files = [
+        (os.POSIX_SPAWN_OPEN, 0, source, os.O_RDONLY, 0),
+        (os.POSIX_SPAWN_OPEN, 1, target, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600),
+    ]
+    begin = time.perf_counter()
+    process = os.posix_spawn(command[0], command, os.environ, file_actions=files)
+    threading.Thread(target=watch, args=(process, seen), daemon=True).start()
+    _, status, usage = os.wait4(process, 0)
+    seconds = time.perf_counter() - begin
+    memory = max(usage.ru_maxrss << 10, sum(seen.values()))
+    print(json.dumps({"seconds": seconds, "memory": memory, "status": os.waitstatus_to_exitcode(status)}))
+
+
+if __name__ == "__main__":
+    main()

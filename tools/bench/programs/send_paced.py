@@ -1,0 +1,72 @@
+"""Fills a SocketCAN bus at a rate: `send_paced.py CHANNEL BITRATE SECONDS` prints frames sent and bits sent as JSON.
+
+Rule of this file: a kernel may wake it every 10 ms only, so each time all is sent that is due by then. Frames are the
+robot's messages with random data, each counted with its stuff bits.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import random
+import socket
+import struct
+import sys
+import time
+
+from eurobot_od.frame import Frame
+from eurobot_od.protocol import Protocol
+from eurobot_od.simulation.bits import frame_bits
+
+DIFFERENT = 1000
+"""Different frames; they are sent again and again."""
+
+PAUSE = 0.001
+FRAME = struct.Struct("=IB3x8s")
+"""Linux's `struct can_frame`."""
+
+
+def made_frames() -> list[tuple[bytes, int]]:
+    """Make the frames as the socket takes them, with their bits on the bus."""
+    chance, made = random.Random(1), []
+    for binding in chance.choices(Protocol.load().bindings, k=DIFFERENT):
+        data = chance.randbytes(binding.layout.length)
+        made.append((FRAME.pack(binding.cob_id, len(data), data), frame_bits(Frame(binding.cob_id, data))))
+    return made
+
+
+def fill(bus: socket.socket, bitrate: float, seconds: float) -> tuple[int, int]:
+    """Send what is due until the time is over; return frames and bits."""
+    frames, sent, bits = made_frames(), 0, 0
+    begin = time.monotonic()
+    while (passed := time.monotonic() - begin) < seconds:
+        while bits < passed * bitrate:
+            data, length = frames[sent % DIFFERENT]
+            _send(bus, data)
+            sent, bits = sent + 1, bits + length
+        time.sleep(PAUSE)
+    return sent, bits
+
+
+def _send(bus: socket.socket, data: bytes) -> None:
+    while True:
+        try:
+            bus.send(data)
+            return
+        except OSError as error:
+            if error.errno != errno.ENOBUFS:
+                raise
+            time.sleep(PAUSE)
+
+
+def main() -> None:
+    """Fill the bus."""
+    channel, bitrate, seconds = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
+    with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus:
+        bus.bind((channel,))
+        sent, bits = fill(bus, bitrate, seconds)
+    print(json.dumps({"frames": sent, "bits": bits}))
+
+
+if __name__ == "__main__":
+    main()

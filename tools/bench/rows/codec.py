@@ -1,0 +1,232 @@
+"""One message decoded and encoded: `protocol.decode` and `protocol.encode` beside cantools, canopen and bitstruct.
+
+Rule of this file: public functions only, the same message for all. Each contender has to give the right result before
+it is measured, but canopen: its PDO variables are wrong for fields that cross a byte, and only their time counts.
+"""
+
+from __future__ import annotations
+
+import timeit
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import canopen
+import cantools
+from bitstruct import c as bitstruct  # type: ignore[import-untyped]  # it carries no types
+
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.shared import protocol
+from eurobot_od import dialects
+from eurobot_od.export.dbc import dbc_text
+from eurobot_od.messages import GotoXY, Message, NaviPositionResponse, StartConfigurationSet
+from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.values import Barriers, Source, TeamColour
+
+GOTO = GotoXY(1234, 567, 89, 75, Barriers(0xA5C3))
+POSITION = NaviPositionResponse(1234, 567, 89, Source.INTERNAL)
+START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
+
+
+class Statement(NamedTuple):
+    """An expression as a user would write it, and what its names stand for."""
+
+    text: str
+    names: Mapping[str, object]
+
+    def result(self) -> object:
+        """Return its value."""
+        return eval(self.text, {**self.names})
+
+    def timed(self, calls: int) -> Figures:
+        """Measure it once, as one of many."""
+        return {Quantity.TIME: timeit.timeit(self.text, globals={**self.names}, number=calls) / calls}
+
+
+Statements = Mapping[str, Statement]
+
+
+@cache
+def database() -> Any:
+    """Return cantools' database of the same messages."""
+    return cantools.database.load_string(dbc_text(protocol()), "dbc")
+
+
+def raw_values(message: Message) -> dict[str, int]:
+    """Return a message's raw values, by field in wire order."""
+    return protocol().unpack(*protocol().encode(message))[1]
+
+
+def checked(texts: Mapping[str, str], names: Mapping[str, object], right: Mapping[str, object]) -> Statements:
+    """Return the statements after each that has a right result has given it once; raises Wrong."""
+    statements = {name: Statement(text, names) for name, text in texts.items()}
+    for name, statement in statements.items():
+        result = statement.result()
+        if name in right and result != right[name]:
+            raise Wrong(f"{name} gives {result!r} instead of {right[name]!r}")
+    return statements
+
+
+# The peers
+
+
+def variables(message: Message) -> Any:
+    """Return canopen's PDO with the mapping of the sender's EDS."""
+    binding = protocol().binding(type(message))
+    node: Any = canopen.Network().create_node(1, str(dialects.folder() / f"{binding.senders[0]}.eds"))
+    node.tpdo.read(from_od=True)
+    return next(pdo for pdo in node.tpdo.values() if pdo.cob_id == binding.cob_id)
+
+
+def bit_format(binding: Binding) -> Any:
+    """Return bitstruct's compiled format for a message's bytes read backwards: its last field comes first."""
+    fields = [*reversed(binding.layout.fields)]
+    padding = 8 * binding.layout.length - binding.layout.bits
+    widths = "".join(f"u{binding.layout.widths[field]}" for field in fields)
+    return bitstruct.compile(f"p{padding}{widths}", fields)
+
+
+# What is measured
+
+
+DECODERS = {
+    "ours": "protocol.decode(cob_id, data)",
+    "decode_message": "database.decode_message(cob_id, data)",
+    "decode_simple": "peer.decode_simple(data)",
+    "variables": "read(pdo, data)",
+    "bitstruct": "bits.unpack(data[::-1])",
+}
+ENCODERS = {
+    "ours": "protocol.encode(message)",
+    "encode_message": "database.encode_message(name, values)",
+    "strict=False": "database.encode_message(name, values, strict=False)",
+    "cheapest": "peer.encode(values, scaling=False, strict=False)",
+    "variables": "write(pdo)",
+    "bitstruct": "bits.pack(values)[::-1]",
+}
+TASKS = {
+    "decode": "protocol.decode(cob_id, data)",
+    "encode": "protocol.encode(message)",
+    "unpack": "protocol.unpack(cob_id, data)",
+    "pack": "protocol.pack(name, **values)",
+}
+
+
+def read(pdo: Any, data: bytes) -> list[int]:
+    """Read every variable of canopen's PDO."""
+    pdo.data = bytearray(data)
+    return [variable.raw for variable in pdo]
+
+
+def write(pdo: Any) -> None:
+    """Write every variable of canopen's PDO; it fails with more than 1 where a field crosses a byte."""
+    for variable in pdo:
+        variable.raw = 1
+
+
+def decoders(message: Message) -> Statements:
+    """Give the statements that decode a message's frame."""
+    (cob_id, data), raw = protocol().encode(message), raw_values(message)
+    peer = database().get_message_by_frame_id(cob_id)
+    names = {
+        "protocol": protocol(),
+        "cob_id": cob_id,
+        "data": data,
+        "database": database(),
+        "peer": peer,
+        "read": read,
+        "pdo": variables(message),
+        "bits": bit_format(protocol().binding_of(cob_id)),
+    }
+    named = {signal.name: (signal.choices or {}).get(raw[signal.name], raw[signal.name]) for signal in peer.signals}
+    right = {"ours": message, "decode_message": named, "decode_simple": named, "bitstruct": raw}
+    return checked(DECODERS, names, right)
+
+
+def encoders(message: Message) -> Statements:
+    """Give the statements that encode a message; all but ours are given its raw values."""
+    frame, pdo = protocol().encode(message), variables(message)
+    peer = database().get_message_by_frame_id(frame.cob_id)
+    names = {
+        "protocol": protocol(),
+        "message": message,
+        "database": database(),
+        "name": peer.name,
+        "values": raw_values(message),
+        "peer": peer,
+        "write": write,
+        "pdo": pdo,
+        "bits": bit_format(protocol().binding_of(frame.cob_id)),
+    }
+    pdo.data = bytearray(len(frame.data))
+    right = {name: frame.data for name in ENCODERS if name != "variables"} | {"ours": frame}
+    return checked(ENCODERS, names, right)
+
+
+def slices(task: str, message: Message) -> Statements:
+    """Give a task in each dialect: one has the fields in one piece, another has them in slices."""
+    return {name: task_of(Protocol.load(name), task, message) for name in dialects.names()}
+
+
+def task_of(protocol: Protocol, task: str, message: Message) -> Statement:
+    """Return what is done with a message."""
+    cob_id, data = protocol.encode(message)
+    name, values = protocol.unpack(cob_id, data)
+    names = {"protocol": protocol, "message": message, "cob_id": cob_id, "data": data, "name": name, "values": values}
+    return Statement(TASKS[task], names)
+
+
+# Rows
+
+
+def opened(make: Callable[[], Statements], scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give the statements as contenders."""
+    calls = scale.of(10_000, 10)
+    yield {name: partial(statement.timed, calls) for name, statement in make().items()}
+
+
+def _series(name: str, make: Callable[[], Statements], *claims: Claim) -> Series:
+    return Series("codec", name, contextmanager(partial(opened, make)), claims)
+
+
+def _claim(task: str, peer: str, label: str, wanted: float | None = None) -> Claim:
+    return Claim(f"{task}: {label}", "ours", peer, Way.TIMES_AS_FAST, wanted)
+
+
+def _decode(name: str, message: Message) -> Series:
+    task = f"decode {name}"
+    return _series(
+        task,
+        partial(decoders, message),
+        _claim(task, "decode_message", "cantools decode_message", 4),
+        _claim(task, "decode_simple", "cantools decode_simple", 3),
+        _claim(task, "variables", "canopen's PDO variables", 20),
+        _claim(task, "bitstruct", "bitstruct, a dict of integers"),
+    )
+
+
+def _encode(name: str, message: Message) -> Series:
+    task = f"encode {name}"
+    return _series(
+        task,
+        partial(encoders, message),
+        _claim(task, "encode_message", "cantools encode_message", 14),
+        _claim(task, "strict=False", "cantools, strict=False", 5),
+        _claim(task, "cheapest", "cantools' cheapest, no scaling either"),
+        _claim(task, "variables", "canopen's PDO variables", 20),
+        _claim(task, "bitstruct", "bitstruct, of a dict of integers"),
+    )
+
+
+def _slices(task: str, message: Message) -> Series:
+    first, *others = dialects.names()
+    name = f"{task} {type(message).__name__}"
+    claims = (Claim(f"{name}: {other} against {first}", other, first, Way.RATIO) for other in others)
+    return _series(f"{name} in slices", partial(slices, task, message), *claims)
+
+
+SERIES = (
+    *(make(name, each) for name, each in (("Goto XY", GOTO), ("Position", POSITION)) for make in (_decode, _encode)),
+    *(_slices(task, each) for each in (GOTO, START) for task in ("decode", "encode", "unpack", "pack")),
+)

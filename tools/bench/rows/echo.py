@@ -1,0 +1,147 @@
+"""From a request to its answer between two live nodes, beside the same echo between two bare python-can Notifiers.
+
+Rule of this file: both sides in one process on one in-process bus; a round's figures are of its echoes.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from functools import partial
+from itertools import count, takewhile
+from statistics import fmean, median
+
+import can
+
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.shared import new_bus, new_channel, protocol
+from eurobot_od import dialects
+from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.messages import CheckDriveRequest, CheckDriveResponse
+from eurobot_od.nodes import ROLES
+from eurobot_od.runtime import Live
+
+PATIENCE = 5.0
+"""Seconds after which an answer that has not come does not come."""
+
+SHORT_INTERVAL = 0.0005
+"""Seconds after which a thread has to let another one run, instead of Python's 0.005."""
+
+
+class Answer:
+    """What the asking side waits for: the time of the answer, taken where it is heard."""
+
+    def __init__(self) -> None:
+        self._came = threading.Event()
+        self._time = 0.0
+
+    def __call__(self, _: object) -> None:
+        self._time = time.perf_counter()
+        self._came.set()
+
+    def after(self, ask: Callable[[], None]) -> float:
+        """Ask, and return the seconds until the answer came; raises Wrong."""
+        self._came.clear()
+        begin = time.perf_counter()
+        ask()
+        if not self._came.wait(PATIENCE):
+            raise Wrong(f"no answer within {PATIENCE:g} s")
+        return self._time - begin
+
+
+@contextmanager
+def ours() -> Iterator[Callable[[], float]]:
+    """Ask our drive, as a node whose listener hears the answer."""
+    channel, answer = new_channel(), Answer()
+    keeper = Gatekeeper(protocol())
+    keeper.add_function(CheckDriveResponse, answer)
+    with (
+        Live.node(new_bus(channel), ROLES["drive"](dialects.load("drive"))),
+        Live(new_bus(channel), keeper) as asking,
+    ):
+        yield lambda: answer.after(lambda: asking.send(CheckDriveRequest()))
+
+
+@contextmanager
+def notifiers() -> Iterator[Callable[[], float]]:
+    """Ask a listener that sends the answer at once."""
+    channel, answer = new_channel(), Answer()
+    request, response = (
+        can.Message(arbitration_id=protocol().cob_id(each), data=b"", is_extended_id=False)
+        for each in (CheckDriveRequest, CheckDriveResponse)
+    )
+    with ExitStack() as stack:
+        answering, asking = (stack.enter_context(new_bus(channel)) for _ in range(2))
+        stack.enter_context(can.Notifier(answering, [lambda _: answering.send(response)], timeout=0.1))
+        stack.enter_context(can.Notifier(asking, [answer], timeout=0.1))
+        yield lambda: answer.after(lambda: asking.send(request))
+
+
+@contextmanager
+def busy() -> Iterator[None]:
+    """Have a thread beside that computes without a pause."""
+    ended = False
+
+    def compute() -> None:
+        while not ended:
+            sum(range(100))
+
+    thread = threading.Thread(target=compute, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended = True
+        thread.join()
+
+
+@contextmanager
+def busy_but_fair() -> Iterator[None]:
+    """Have a thread beside that computes, but has to give way sooner."""
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(SHORT_INTERVAL)
+    try:
+        with busy():
+            yield
+    finally:
+        sys.setswitchinterval(interval)
+
+
+Side = Callable[[], AbstractContextManager[Callable[[], float]]]
+Beside = Callable[[], AbstractContextManager[None]]
+
+
+def echoes(side: Side, beside: Beside, seconds: float) -> Figures:
+    """Measure echoes for some seconds; median and mean differ much where one echo in a hundred has to wait."""
+    with side() as echo:
+        echo()
+        with beside():
+            end = time.perf_counter() + seconds
+            times = [echo(), *takewhile(lambda _: time.perf_counter() < end, (echo() for _ in count()))]
+    return {Quantity.TIME: median(times), Quantity.MEAN: fmean(times)}
+
+
+@contextmanager
+def opened(beside: Beside, scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give both sides as contenders."""
+    seconds = scale.of(400, 10) / 1000
+    yield {"ours": partial(echoes, ours, beside, seconds), "notifiers": partial(echoes, notifiers, beside, seconds)}
+
+
+def _claim(name: str, wanted: float | None = None, quantity: Quantity = Quantity.TIME) -> Claim:
+    return Claim(f"{name}: bare Notifiers", "ours", "notifiers", Way.RATIO, wanted, quantity)
+
+
+def _reported(name: str, beside: Beside) -> Series:
+    claims = _claim(f"{name}, median"), _claim(f"{name}, mean", quantity=Quantity.MEAN)
+    return Series("echo", name, partial(opened, beside), claims)
+
+
+SERIES = (
+    Series("echo", "request to answer", partial(opened, nullcontext), (_claim("request to answer, median", 1.2),)),
+    _reported("beside a busy thread", busy),
+    _reported("busy thread, switch interval 0.5 ms", busy_but_fair),
+)

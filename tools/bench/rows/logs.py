@@ -1,0 +1,204 @@
+"""Whole logs decoded by whole processes: `eurobot-od decode` beside `cantools decode`, time and memory.
+
+Rule of this file: random traffic, see `traffic`; both write to a file. After every run the output must have a line for
+each frame, and a sample of the lines must have the values that the peer's line has.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import can
+
+from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
+from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, Words, run
+from bench.shared import protocol
+from bench.traffic import Timed, random_traffic, recorded_traffic, write_candump
+from eurobot_od.export.dbc import dbc_text
+
+SAMPLES = 1000
+"""Lines whose values are compared, all over a log."""
+
+OUR_FIELDS, PEER_FIELDS = re.compile(r"(\w+)=([^,\s]*)"), re.compile(r"(\w+): ([^,\s)]*)")
+UNKNOWN = ":: Unknown frame id"
+"""What cantools says of CANopen's own services."""
+
+WITHOUT_NUMPY = (PYTHON, PROGRAMS / "without_numpy.py")
+COLD = {"EUROBOT_OD_CACHE": ""}
+"""Keeps nothing of the EDS files from one run to the next."""
+
+Traffic = Callable[[int], Iterable[Timed]]
+
+
+# Whether the output is right
+
+
+def compare(ours: Path, peer: Path, count: int) -> None:
+    """Compare two outputs; raises Wrong if one is not complete or a sample differs."""
+    with ours.open() as own, peer.open() as other:
+        step, number = max(count // SAMPLES, 1), 0
+        for number, (mine, theirs) in enumerate(_pairs(own, other), start=1):
+            if number % step == 0 and not agree(mine, theirs):
+                raise Wrong(f"line {number}: {mine.strip()!r} against {theirs.strip()!r}")
+    if number != count:
+        raise Wrong(f"{number} lines for {count} frames")
+
+
+def _pairs(ours: Iterable[str], peer: Iterable[str]) -> Iterator[tuple[str, str]]:
+    try:
+        yield from zip(ours, peer, strict=True)
+    except ValueError as error:
+        raise Wrong("one output has fewer lines than the other") from error
+
+
+def agree(ours: str, peer: str) -> bool:
+    """Tell whether two lines have the same fields with the same numbers; words for codes may differ."""
+    if UNKNOWN in peer:
+        return True
+    own, other = dict(OUR_FIELDS.findall(ours)), dict(PEER_FIELDS.findall(peer.partition(" ::")[2]))
+    both = (field for field in other if own.get(field, "").isdecimal() and other[field].isdecimal())
+    return own.keys() == other.keys() and all(own[field] == other[field] for field in both)
+
+
+# What is run
+
+
+def decoded(ours: Words, log: Path, peer: Path, count: int, variables: Mapping[str, str]) -> Figures:
+    """Run ours, and compare its output with the peer's, which has run before."""
+    output = log.with_suffix(".ours")
+    figures = run([*ours, "decode", log], target=output, variables=variables)
+    compare(output, peer, count)
+    return figures
+
+
+def with_numpy(measure: Contender) -> Figures:
+    """Measure if numpy is installed; raises NotHere."""
+    if find_spec("numpy") is None:
+        raise NotHere("numpy is not installed")
+    return measure()
+
+
+@contextmanager
+def candump(traffic: Traffic, full: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Write a candump log and give the programs that decode it."""
+    count = scale.of(full, 200)
+    with _folder() as (folder, dbc):
+        log, peer = folder / "traffic.log", folder / "peer"
+        write_candump(log, traffic(count))
+        ours = partial(decoded, OURS, log, peer, count, {})
+        yield {
+            "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log, peer),
+            "ours": ours,
+            "ours, numpy": partial(with_numpy, ours),
+            "ours, no numpy": partial(decoded, WITHOUT_NUMPY, log, peer, count, {}),
+            "ours, cold": partial(decoded, OURS, log, peer, count, COLD),
+        }
+
+
+@contextmanager
+def _folder() -> Iterator[tuple[Path, Path]]:
+    """Make a folder with the DBC file for the peers."""
+    with tempfile.TemporaryDirectory() as name:
+        dbc = Path(name, "robot.dbc")
+        dbc.write_text(dbc_text(protocol()))
+        yield Path(name), dbc
+
+
+# Other formats, written by python-can
+
+WRITERS: dict[str, Callable[[Path], Any]] = {
+    "asc": can.ASCWriter,
+    "trc": can.TRCWriter,
+    "csv": can.CSVWriter,
+    "blf": can.BLFWriter,
+    "db": can.SqliteWriter,
+}
+
+
+def write_log(file: Path, writer: Callable[[Path], Any], traffic: Iterable[Timed]) -> None:
+    """Write frames with a writer of python-can's."""
+    log, messages = writer(file), [_message(timed) for timed in traffic]
+    for message in messages:
+        log.on_message_received(message)
+    while getattr(log, "num_frames", len(messages)) < len(messages):
+        time.sleep(0.01)  # SqliteWriter drops what its thread has not written when it is stopped
+    log.stop()
+
+
+def _message(timed: Timed) -> can.Message:
+    cob_id, data = timed.frame
+    return can.Message(timestamp=timed.time, arbitration_id=cob_id, data=data, is_extended_id=False, channel=0)
+
+
+@contextmanager
+def other_format(suffix: str, scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Write a log with python-can and give the programs that decode it."""
+    count = scale.of(100_000, 100)
+    with _folder() as (folder, dbc):
+        log, peer = folder / f"traffic.{suffix}", folder / "peer"
+        write_log(log, WRITERS[suffix], random_traffic(count))
+        yield {
+            "peer": partial(run, [PYTHON, PROGRAMS / "peer_decode.py", log, dbc], target=peer),
+            "ours": partial(decoded, OURS, log, peer, count, {}),
+        }
+
+
+# Rows
+
+
+def _faster(name: str, ours: str, wanted: float | None) -> Claim:
+    return Claim(name, ours, "cantools", Way.TIMES_AS_FAST, wanted)
+
+
+def _memory(name: str, ours: str) -> Claim:
+    return Claim(f"{name}, memory", ours, "cantools", Way.RATIO, 0.5, Quantity.MEMORY)
+
+
+def _candump(name: str, count: int, *claims: Claim, traffic: Traffic = random_traffic) -> Series:
+    return Series("logs", name, partial(candump, traffic, count), claims)
+
+
+def _other(suffix: str) -> Series:
+    name = f"decode 100 000 frames of {suffix}"
+    claim = Claim(f"{name}: python-can and cantools", "ours", "peer", Way.TIMES_AS_FAST, 2)
+    return Series("logs", name, partial(other_format, suffix), (claim,))
+
+
+SERIES = (
+    _candump(
+        "decode 1000 lines",
+        1000,
+        Claim("decode 1000 lines: cantools decode", "ours", "cantools", Way.RATIO, 1.0),
+        Claim("decode 1000 lines, EDS read anew: cantools", "ours, cold", "cantools", Way.RATIO),
+    ),
+    _candump(
+        "decode 100 000 lines",
+        100_000,
+        _faster("decode 100 000 lines, no numpy: cantools decode", "ours, no numpy", 5),
+        _faster("decode 100 000 lines, numpy: cantools decode", "ours, numpy", None),
+        _memory("decode 100 000 lines, no numpy", "ours, no numpy"),
+    ),
+    _candump(
+        "decode 1 000 000 lines",
+        1_000_000,
+        _faster("decode 1 000 000 lines, no numpy: cantools decode", "ours, no numpy", 5),
+        _faster("decode 1 000 000 lines, numpy: cantools decode", "ours, numpy", 9),
+        _memory("decode 1 000 000 lines, no numpy", "ours, no numpy"),
+        _memory("decode 1 000 000 lines, numpy", "ours, numpy"),
+    ),
+    _candump(
+        "decode 100 000 lines of one match repeated",
+        100_000,
+        _faster("decode 100 000 lines of one match repeated: cantools", "ours", None),
+        traffic=recorded_traffic,
+    ),
+    *map(_other, WRITERS),
+)

@@ -1,0 +1,47 @@
+"""A simulated match of 90 s, and many of them on all cores.
+
+Rule of this file: whole processes.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+
+from bench.measure import Claim, Contender, NotHere, Scale, Series, Way
+from bench.process import OURS, run
+
+JOBS = 2
+SHORT = ("--duration", "5")
+
+
+@contextmanager
+def one(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give a match with all defaults."""
+    yield {"ours": partial(run, [*OURS, "match", *SHORT * scale.short])}
+
+
+@contextmanager
+def many(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give many matches, one after the other and side by side; raises NotHere."""
+    explained = subprocess.run([*OURS, "match", "--help"], capture_output=True, text=True, check=False).stdout
+    if "--seeds" not in explained:
+        raise NotHere("match has no --seeds")
+    if (os.cpu_count() or 1) < JOBS:
+        raise NotHere("one core only")
+    words = [*OURS, "match", *SHORT * scale.short, "--seeds", str(scale.of(8, 2)), "--jobs"]
+    yield {f"{jobs} jobs": partial(run, [*words, str(jobs)]) for jobs in (1, JOBS)}
+
+
+SERIES = (
+    Series("match", "match", one, (Claim("a match of 90 s, whole process", "ours", None, Way.ALONE, 1.0),)),
+    Series(
+        "match",
+        "match --seeds",
+        many,
+        (Claim("match --seeds 8 on 2 cores: on 1", "2 jobs", "1 jobs", Way.TIMES_AS_FAST, 1.6),),
+    ),
+)

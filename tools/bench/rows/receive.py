@@ -1,0 +1,119 @@
+"""Frames on a live bus to typed messages in a listener, beside python-can's bare Notifier with an empty listener.
+
+Rule of this file: both wait at an empty queue, get all frames at once, and are measured until the last one is taken.
+So neither the sender nor the start of the reader is in the time.
+"""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from itertools import cycle, islice
+from queue import Queue
+from typing import Any
+
+import can
+
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.shared import new_bus, new_channel, protocol
+from bench.traffic import maker
+from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.messages import GotoXY
+from eurobot_od.runtime import Live
+
+LISTENERS = (1, 100, 10_000)
+LOOK = 0.0005
+"""Seconds between two looks whether the queue is empty."""
+
+PATIENCE = 30.0
+"""Seconds after which a queue that is not empty is a fault."""
+
+
+def received_gotos(number: int) -> list[can.Message]:
+    """Return so many frames of Goto XY with random values, as a bus gives them."""
+    binding, chance, channel = protocol().binding(GotoXY), random.Random(1), new_channel()
+    make = maker(binding)
+    with new_bus(channel) as sender, new_bus(channel) as receiver:
+        for _ in range(number):
+            sender.send(can.Message(arbitration_id=binding.cob_id, data=make(chance), is_extended_id=False))
+        return [*receiver.queue.queue]
+
+
+Reader = Callable[[Any], AbstractContextManager[object]]
+
+
+def emptied(reader: Reader, frames: list[can.Message]) -> Figures:
+    """Measure how long a reader that waits takes for frames that come all at once; one frame's time."""
+    bus = new_bus(new_channel())
+    with reader(bus):
+        begin = _give(bus.queue, frames)
+        waiting = bus.queue.queue  # looking at it takes no lock from the reader
+        while waiting and time.perf_counter() - begin < PATIENCE:
+            time.sleep(LOOK)
+        seconds, left = time.perf_counter() - begin, len(waiting)
+    bus.shutdown()
+    if left:
+        raise Wrong(f"{left} of {len(frames)} frames were still waiting after {PATIENCE:g} s")
+    return {Quantity.TIME: seconds / len(frames)}
+
+
+def _give(queue: Queue[Any], frames: list[can.Message]) -> float:
+    """Put all frames into a queue in one piece, and return when."""
+    with queue.mutex:
+        queue.queue.extend(frames)
+        queue.not_empty.notify()
+        return time.perf_counter()
+
+
+def nothing(_: object) -> None:
+    """Hear a message."""
+
+
+def gatekeeper(others: int) -> Gatekeeper:
+    """Return a gatekeeper with a listener on Goto XY and so many on other messages."""
+    keeper = Gatekeeper(protocol())
+    keeper.add_function(GotoXY, nothing)
+    types = [binding.type for binding in protocol().bindings if binding.type is not GotoXY]
+    for message_type in islice(cycle(types), others):
+        keeper.add_function(message_type, nothing)
+    return keeper
+
+
+def live(others: int, bus: Any) -> AbstractContextManager[object]:
+    """Read with the gatekeeper."""
+    return Live(bus, gatekeeper(others))
+
+
+def notifier(bus: Any) -> AbstractContextManager[object]:
+    """Read with a bare Notifier."""
+    return can.Notifier(bus, [nothing], timeout=0.1)
+
+
+def check_messages(frames: list[can.Message]) -> None:
+    """Look whether the listener gets every frame as the right message; raises Wrong."""
+    got: list[Any] = []
+    keeper = Gatekeeper(protocol())
+    keeper.add_function(GotoXY, got.append)
+    emptied(lambda bus: Live(bus, keeper), frames)
+    right = [protocol().decode(each.arbitration_id, bytes(each.data)) for each in frames]
+    if [each.message for each in got] != right:
+        raise Wrong(f"the listener got {len(got)} messages of {len(frames)}, or others")
+
+
+@contextmanager
+def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give the readers."""
+    frames = received_gotos(scale.of(20_000, 50))
+    check_messages(frames[:1000])
+    readers: dict[str, Reader] = {f"ours {others}": partial(live, others) for others in LISTENERS}
+    yield {name: partial(emptied, reader, frames) for name, reader in ({"notifier": notifier} | readers).items()}
+
+
+CLAIMS = (
+    Claim("frame to typed message in a function: bare Notifier", "ours 1", "notifier", Way.RATIO, 1.4),
+    *(Claim(f"{n} listeners on other messages: 1", f"ours {n}", "ours 1", Way.RATIO, 1.1) for n in LISTENERS[1:]),
+)
+SERIES = (Series("receive", "frame to typed message in a function", opened, CLAIMS),)

@@ -1,0 +1,114 @@
+"""A full SocketCAN bus: frames lost and CPU share of our live operation, beside python-can's bare Notifier.
+
+Rule of this file: real sockets and a sender in a process of its own, see `programs/send_paced.py`; in turns, some
+seconds each. `vcan0` carries 100 % of 1 Mbit/s, although it has no bit rate: the sender counts the bits.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import can
+
+from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
+from bench.process import ENVIRONMENT, PROGRAMS, PYTHON
+from bench.shared import protocol
+from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.runtime import Live
+
+CHANNEL = "vcan0"
+BITRATE = 1_000_000
+BUFFER = 4 << 20
+"""Bytes that a socket may hold: some 10 000 frames."""
+
+SO_RCVBUFFORCE = 33
+"""Linux's option for a greater buffer than everybody may have; for root."""
+
+QUIET = 0.3
+"""Seconds without a frame after which none is expected any more."""
+
+Count = list[int]
+"""How many frames came, in its only place."""
+
+
+def new_bus() -> Any:
+    """Open the bus, with a buffer that outlasts a burst."""
+    bus: Any = can.Bus(interface="socketcan", channel=CHANNEL)
+    try:
+        bus.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
+    except PermissionError:
+        bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+    return bus
+
+
+def counter(count: Count) -> Callable[[object], None]:
+    """Return a listener that counts."""
+
+    def hear(_: object) -> None:
+        count[0] += 1
+
+    return hear
+
+
+def live(count: Count) -> AbstractContextManager[object]:
+    """Count typed messages with a listener on each."""
+    keeper = Gatekeeper(protocol())
+    for binding in protocol().bindings:
+        keeper.add_function(binding.type, counter(count))
+    return Live(new_bus(), keeper)
+
+
+@contextmanager
+def notifier(count: Count) -> Iterator[None]:
+    """Count frames with a bare Notifier."""
+    with new_bus() as bus, can.Notifier(bus, [counter(count)], timeout=0.1):
+        yield
+
+
+def listened(reader: Callable[[Count], AbstractContextManager[object]], seconds: int) -> Figures:
+    """Measure a reader while the sender fills the bus, until all is quiet."""
+    count = [0]
+    command = [PYTHON, str(PROGRAMS / "send_paced.py"), CHANNEL, str(BITRATE), str(seconds)]
+    with reader(count):
+        begin = time.process_time()
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
+        _wait_until_quiet(count)
+        cpu = time.process_time() - begin
+    if done.returncode:
+        raise Wrong(f"the sender failed: {done.stderr.strip().rpartition(chr(10))[2]}")
+    sent = json.loads(done.stdout)
+    load = sent["bits"] / seconds / BITRATE
+    return {Quantity.CPU: cpu / seconds, Quantity.COUNT: sent["frames"] - count[0], Quantity.LOAD: load}
+
+
+def _wait_until_quiet(count: Count) -> None:
+    before = -1
+    while count[0] != before:
+        before = count[0]
+        time.sleep(QUIET)
+
+
+@contextmanager
+def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give both readers; raises NotHere."""
+    if not Path("/sys/class/net", CHANNEL).exists():
+        raise NotHere(f"no {CHANNEL} here")
+    seconds = scale.of(3, 1)
+    yield {"notifier": partial(listened, notifier, seconds), "ours": partial(listened, live, seconds)}
+
+
+FULL = "full bus of 1 Mbit/s"
+CLAIMS = (
+    Claim(f"{FULL}, frames lost", "ours", "notifier", Way.ALONE, 0, Quantity.COUNT),
+    Claim(f"{FULL}, CPU: bare Notifier", "ours", "notifier", Way.RATIO, None, Quantity.CPU),
+    Claim(f"{FULL}, load of the bus", "ours", "notifier", Way.ALONE, None, Quantity.LOAD),
+)
+SERIES = (Series("socketcan", FULL, opened, CLAIMS),)

@@ -1,0 +1,182 @@
+"""Start-up of every command that runs without a bus partner, as whole processes, beside canopen loading the same files.
+
+Rule of this file: the table says which EDS files a command needs; the peer is canopen's `import_od` of just those. That
+a command opens no other is counted too.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+from bench.eds import make_eds
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
+from bench.process import OURS, PROGRAMS, PYTHON, run, until_first_line
+from bench.traffic import recorded_traffic, write_candump
+from eurobot_od import dcf, dialects
+from eurobot_od.client.description import from_file
+from eurobot_od.client.reading import parameters
+
+NODE = "drive"
+"""The node whose files are used where a command wants one."""
+
+ALL = ("core", NODE, "navigation")
+
+
+class Command(NamedTuple):
+    """A command by name, and the nodes whose EDS files it needs; `{...}` among its words are files of `made_files`.
+
+    One that goes on until it is ended counts until its first line.
+    """
+
+    name: str
+    needs: tuple[str, ...]
+    words: str
+    goes_on: bool = False
+
+    def line(self, files: Mapping[str, Path]) -> list[str]:
+        """Return its words; `_` within a word is a space."""
+        return [word.replace("_", " ").format(**files) for word in self.words.split()]
+
+
+COMMANDS = (
+    Command("show", ALL, "show"),
+    Command("show NAME", ALL, "show Goto_XY"),
+    Command("decode, empty log", ALL, "decode {empty}"),
+    Command("export dbc", ALL, "export dbc -o {output}"),
+    Command("export cdcf", (NODE,), "export cdcf {dcf} -o {output}"),
+    Command("diff of a file with itself", (NODE,), "diff {eds} {eds}"),
+    Command("lint of a node's file", (NODE,), "lint {eds}"),
+    Command("check --list", ALL, "check --list"),
+    Command("check --schema", ALL, "check --schema"),
+    Command("faults", (), "faults"),
+    Command("field, short log", ALL, "field {short} -o {picture}"),
+    Command("monitor, short log", ALL, "monitor --speed max {short}"),
+    Command("send on the in-process bus", ALL, "send Goto_XY x=1 y=1 angle=1 speed=1 -i virtual"),
+    Command("match --duration 1", ALL, "match --duration 1"),
+    Command("node, until it runs", (NODE,), f"node {NODE} -i virtual", goes_on=True),
+)
+ENDING = tuple(command for command in COMMANDS if not command.goes_on)
+LOADING = "import sys, canopen\nfor file in sys.argv[1:]: canopen.import_od(file)"
+MINIMAL_OBJECTS = 4
+SHORT_LOG = 30
+
+
+@contextmanager
+def made_files() -> Iterator[dict[str, Path]]:
+    """Make the files that the commands are given."""
+    eds = dialects.folder() / f"{NODE}.eds"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        names = {"empty": "empty.log", "short": "short.log", "dcf": "drive.dcf", "minimal": "minimal.eds"}
+        files = {key: folder / file for key, file in (names | {"output": "output", "picture": "field.svg"}).items()}
+        files["empty"].touch()
+        write_candump(files["short"], recorded_traffic(SHORT_LOG))
+        files["dcf"].write_text(_dcf(eds))
+        files["minimal"].write_text(make_eds(MINIMAL_OBJECTS, 0))
+        yield files | {"eds": eds}
+
+
+def _dcf(eds: Path) -> str:
+    dictionary = from_file(eds).dictionary
+    values = {thing.address: dictionary.default(thing.address) for thing in parameters(dictionary)}
+    return dcf.with_values(eds.read_text(), values, dictionary.node_id, NODE, 500)
+
+
+def eds_files(nodes: Sequence[str]) -> list[Path]:
+    """Return the EDS files of nodes."""
+    return [dialects.folder() / f"{node}.eds" for node in nodes]
+
+
+def peer(nodes: Sequence[str]) -> str:
+    """Name the contender that loads the EDS files of nodes with canopen."""
+    return f"canopen, {len(nodes)} EDS"
+
+
+# Times
+
+
+@contextmanager
+def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give what needs no canopen, and a Python that does nothing."""
+    with made_files() as files:
+        yield {
+            "pass": partial(run, [PYTHON, "-c", "pass"]),
+            "--help": partial(run, [*OURS, "--help"]),
+            "lint": partial(run, [*OURS, "lint", files["minimal"]]),
+        }
+
+
+@contextmanager
+def beside_canopen(_: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give canopen loading the files, and the commands."""
+    needs = dict.fromkeys(command.needs for command in COMMANDS)
+    loading = {peer(nodes): partial(run, [PYTHON, "-c", LOADING, *eds_files(nodes)]) for nodes in needs}
+    with made_files() as files:
+        yield loading | {command.name: partial(started, command, files) for command in COMMANDS}
+
+
+def started(command: Command, files: Mapping[str, Path]) -> Figures:
+    """Measure a command."""
+    words = [*OURS, *command.line(files)]
+    return until_first_line(words) if command.goes_on else run(words)
+
+
+# Files
+
+
+@contextmanager
+def opening(_: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give for each command the count of EDS and DCF files that it opens beyond those it needs or is given."""
+    with made_files() as files:
+        yield {each.name: partial(not_needed, each, files) for each in ENDING}
+
+
+def not_needed(command: Command, files: Mapping[str, Path]) -> Figures:
+    """Count the files that a command opens and does not need."""
+    allowed = {str(each.resolve()) for each in _allowed(command, files)}
+    return {Quantity.COUNT: len(opened(command, files) - allowed)}
+
+
+def _allowed(command: Command, files: Mapping[str, Path]) -> list[Path]:
+    return [*eds_files(command.needs), *(file for key, file in files.items() if f"{{{key}}}" in command.words)]
+
+
+def opened(command: Command, files: Mapping[str, Path]) -> set[str]:
+    """Return the names of the EDS and DCF files that a command opens."""
+    report = files["output"].with_suffix(".opened")
+    run([PYTHON, PROGRAMS / "opened.py", report, *command.line(files)])
+    return set(report.read_text().split("\n")) - {""}
+
+
+BARE = ("--help", "lint")
+SERIES = (
+    Series(
+        "startup",
+        "start of --help and lint",
+        bare,
+        tuple(Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, 0.020) for name in BARE),
+    ),
+    Series(
+        "startup",
+        "start of commands",
+        beside_canopen,
+        tuple(
+            Claim(f"start of {each.name}: {peer(each.needs)}", each.name, peer(each.needs), Way.RATIO, 1.3)
+            for each in COMMANDS
+        ),
+    ),
+    Series(
+        "startup",
+        "EDS files opened",
+        opening,
+        tuple(
+            Claim(f"EDS files that {each.name} opens without need", each.name, None, Way.ALONE, 0, Quantity.COUNT)
+            for each in ENDING
+        ),
+    ),
+)

@@ -1,0 +1,32 @@
+"""What several rows use: the default dialect's protocol, and in-process buses of their own.
+
+Rule of this file: nothing is measured here.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import count
+from typing import Any
+
+import can
+
+from eurobot_od.protocol import Protocol
+
+_numbers = count()
+
+
+@cache
+def protocol() -> Protocol:
+    """Return the protocol of the default dialect."""
+    return Protocol.load()
+
+
+def new_channel() -> str:
+    """Name an in-process bus that nobody else has."""
+    return f"bench {next(_numbers)}"
+
+
+def new_bus(channel: str) -> Any:
+    """Open an end of an in-process bus."""
+    return can.Bus(interface="virtual", channel=channel)
