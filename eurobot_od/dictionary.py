@@ -109,6 +109,7 @@ class Dictionary:
     def __init__(self, file: Path, objects: ObjectDictionary, node_id: int) -> None:
         self.file, self.objects, self.node_id = file, objects, node_id
         self.name = file.stem
+        self._addresses: dict[str, Address] = {}
 
     @classmethod
     def load(cls, file: str | Path, node_id: int | None = None) -> Dictionary:
@@ -153,6 +154,11 @@ class Dictionary:
 
         Raises DictionaryError if there is none of that name.
         """
+        if name not in self._addresses:
+            self._addresses[name] = self._find(name)
+        return self._addresses[name]
+
+    def _find(self, name: str) -> Address:
         try:
             found = self.objects[name]
         except KeyError:

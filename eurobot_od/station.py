@@ -16,7 +16,10 @@ from eurobot_od.nodes.node import Node
 
 
 class Station:
-    """One node with its own gatekeeper, sized by the node's Transmit settings; more listeners may be added to it."""
+    """One node with its own gatekeeper, sized by the node's Transmit settings; more listeners may be added to it.
+
+    `serving` tells, to who holds the node's guard, that the node has a frame in hand just now.
+    """
 
     def __init__(
         self,
@@ -27,6 +30,7 @@ class Station:
         aside: Aside = in_place,
     ) -> None:
         self.node = node
+        self.serving = False
         self.gatekeeper = Gatekeeper(
             node.device.protocol,
             table_size=node.setting("Transmit.Listener table size"),
@@ -62,7 +66,11 @@ class Station:
 
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
-            self._submit(self.node.receive(frame, now), now)
+            self.serving = True
+            try:
+                self._submit(self.node.receive(frame, now), now)
+            finally:
+                self.serving = False
             self._follow()
 
     def _follow(self) -> None:
@@ -73,6 +81,6 @@ class Station:
             self.gatekeeper.reroute(device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
-        answers = self.node.device.sdo_answers
         for frame in frames:
-            self.gatekeeper.send_frame(frame, now, lasting=frame.cob_id == answers)
+            lasting = frame.cob_id == self.node.device.sdo_answers
+            self.gatekeeper.send_frame(frame, now, lasting)

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import yaml
 
+from eurobot_od import dialects
 from eurobot_od.check.format import Format
 from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.vocabulary import Vocabulary, load_dictionaries, saved_names, texts_at
-from eurobot_od.dictionary import Dictionary
+from eurobot_od.check.vocabulary import Dialect, Vocabulary, load_dialect, saved_names, texts_at
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
@@ -37,7 +37,7 @@ class SuiteReader:
 
     def __init__(self, dialect: str | None = None) -> None:
         self._dialect = dialect
-        self._loaded: dict[str | None, dict[str, Dictionary]] = {}
+        self._loaded: dict[Path, Dialect] = {}
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises SuiteError with the problems of all of them."""
@@ -78,24 +78,23 @@ class SuiteReader:
         return suites
 
     def _format(self, document: yaml.Node) -> Format:
-        dictionaries = self._dictionaries(next(iter(texts_at(document, "dialect")), self._dialect))
-        named = texts_at(document, "node")
-        nodes = tuple(name for name in dictionaries if name in named or not named) or tuple(dictionaries)[:1]
-        return Format(Vocabulary(dictionaries, texts_at(document, "variables"), saved_names(document), nodes))
+        dialect = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
+        named, names = texts_at(document, "node"), tuple(dialect.dictionaries)
+        nodes = tuple(name for name in names if name in named or not named) or names[:1]
+        return Format(Vocabulary(dialect, texts_at(document, "variables"), saved_names(document), nodes))
 
-    def _dictionaries(self, dialect: str | None) -> dict[str, Dictionary]:
+    def _load(self, dialect: str | None) -> Dialect:
         """Load a dialect once; one that is not there is told where the suite names it, so the reader's serves."""
-        if dialect not in self._loaded:
-            try:
-                self._loaded[dialect] = load_dictionaries(dialect)
-            except UnknownName:
-                if dialect == self._dialect:
-                    raise
-                self._loaded[dialect] = self._dictionaries(self._dialect)
-        return self._loaded[dialect]
+        try:
+            folder = dialects.folder(dialect)
+        except UnknownName:
+            folder = dialects.folder(self._dialect)
+        if folder not in self._loaded:
+            self._loaded[folder] = load_dialect(folder)
+        return self._loaded[folder]
 
 
 def schema() -> Schema:
     """Return the JSON Schema of a suite, with the messages and nodes of the default dialect."""
-    dictionaries = load_dictionaries(None)
-    return Format(Vocabulary(dictionaries, {}, frozenset(), tuple(dictionaries))).schema()
+    dialect = load_dialect(None)
+    return Format(Vocabulary(dialect, {}, frozenset(), tuple(dialect.dictionaries))).schema()

@@ -5,9 +5,10 @@ Rule of this file: found before the suite is read in earnest, so that everything
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from pathlib import Path
+from typing import NamedTuple
 
 import yaml
 
@@ -20,22 +21,50 @@ from eurobot_od.outline import Outline
 from eurobot_od.protocol import Protocol
 
 
+class Dictionaries(Mapping[str, Dictionary]):
+    """Dictionaries by node; each is loaded when a suite asks for it, as those without SDO steps do not."""
+
+    def __init__(self, outlines: Iterable[Outline]) -> None:
+        self._outlines = {each.name: each for each in outlines}
+
+    def __getitem__(self, node: str) -> Dictionary:
+        return self._outlines[node].dictionary
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._outlines)
+
+    def __len__(self) -> int:
+        return len(self._outlines)
+
+
+class Dialect(NamedTuple):
+    """What frames mean by a dialect's EDS files, and its dictionaries by node."""
+
+    decoder: Decoder
+    dictionaries: Dictionaries
+
+
 @dataclass(frozen=True)
 class Vocabulary:
-    """The EDS files by node, and the names of variables: `constants` with their values, `saved` by a step.
+    """What a `dialect` has, and the names of variables: `constants` with their values, `saved` by a step.
 
     `nodes` are those under test.
     """
 
-    dictionaries: Mapping[str, Dictionary]
+    dialect: Dialect
     constants: Mapping[str, str]
     saved: frozenset[str]
     nodes: tuple[str, ...]
 
-    @cached_property
+    @property
+    def dictionaries(self) -> Mapping[str, Dictionary]:
+        """The EDS files by node."""
+        return self.dialect.dictionaries
+
+    @property
     def decoder(self) -> Decoder:
         """What frames mean by the EDS files."""
-        return Decoder(map(Outline.of, self.dictionaries.values()))
+        return self.dialect.decoder
 
     @property
     def protocol(self) -> Protocol:
@@ -47,9 +76,10 @@ class Vocabulary:
         return Scale(kind, limits, self.constants, self.saved)
 
 
-def load_dictionaries(dialect: str | None) -> dict[str, Dictionary]:
-    """Load a dialect's EDS files by node; raises UnknownName, DictionaryError."""
-    return {each.name: each for each in dialects.load_all(dialect)}
+def load_dialect(dialect: str | Path | None) -> Dialect:
+    """Load a dialect's EDS files; raises UnknownName, DictionaryError."""
+    outlines = dialects.outlines(dialect)
+    return Dialect(Decoder(outlines), Dictionaries(outlines))
 
 
 def texts_at(root: yaml.Node, key: str) -> dict[str, str]:

@@ -285,7 +285,8 @@ class Device:
             times.append(self._pacing.next)
         if self.state is not NmtState.STOPPED:
             times.append(self.emergencies.next)
-        return min((time for time in times if time is not None), default=None)
+        planned = [time for time in times if time is not None]
+        return min(planned) if planned else None
 
     def tick(self, now: float) -> Reaction:
         """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""

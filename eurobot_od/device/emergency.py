@@ -115,8 +115,8 @@ class Emergencies:
     @property
     def next(self) -> float | None:
         """When there will be something to send, in seconds; None if nothing is planned."""
-        times = [*self._passing.values(), *([self._free] if self._waiting else [])]
-        return min(times, default=None)
+        times = [*self._passing.values(), *([self._free] if self._waiting else ())]
+        return min(times) if times else None
 
     def due(self, now: float) -> list[Frame]:
         """Return the reports that the inhibit time lets go by now."""

@@ -51,7 +51,7 @@ class HeartbeatConsumer:
     @property
     def next(self) -> float | None:
         """When the next node will have been silent too long, None if none is awaited."""
-        return min(self._deadlines.values(), default=None)
+        return min(self._deadlines.values()) if self._deadlines else None
 
     def overdue(self, now: float) -> list[int]:
         """Return the nodes that have fallen silent by now, each once."""

@@ -243,7 +243,8 @@ class Pacing:
     @property
     def next(self) -> float | None:
         """When the next TPDO is due, None if none is."""
-        return min([*self._events.values(), *(self._free[each] for each in self._held)], default=None)
+        times = [*self._events.values(), *map(self._free.__getitem__, self._held)]
+        return min(times) if times else None
 
     def released(self, now: float) -> list[Frame]:
         """Return what was held back and may be sent now."""

@@ -68,6 +68,10 @@ class Mailboxes:
 
     def load(self, now: float) -> list[Frame]:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
+        if not self._waiting:
+            return []
+        if not self._waiting:
+            return []
         self.expire(now)
         free = self.count - len(self._loaded)
         loaded, late = self._waiting[:free], now + self.wait

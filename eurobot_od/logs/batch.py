@@ -14,7 +14,7 @@ from eurobot_od.logs.rows import Rows, complete, from_tables
 from eurobot_od.logs.tally import Tally
 
 MOST = 500
-"""Entries taken at once from what needs not be waited for; more are slower, as the garbage collector goes through them."""
+"""Entries taken at once from what needs not be waited for; more are slower, as the garbage collector walks them."""
 
 
 class Batches:

@@ -58,7 +58,8 @@ class Node:
     def next_wakeup(self) -> float | None:
         """Time at which `tick` wants to be called, None if nothing is planned."""
         times = [self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else None]
-        return min((time for time in times if time is not None), default=None)
+        planned = [time for time in times if time is not None]
+        return min(planned) if planned else None
 
     def start(self, now: float) -> list[Frame]:
         """Switch the node on: boot-up, and what it does from then on."""

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import selectors
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
+from contextvars import Context
 from typing import Any, TypeVar
 
 from eurobot_od.errors import EurobotError
@@ -22,29 +23,43 @@ class NothingHappens(EurobotError):
 
 
 class _Selector(selectors.DefaultSelector):
-    """Runs the network instead of sleeping."""
+    """Runs the network instead of sleeping, until it is `woken` or a file that somebody registered is ready."""
 
     def __init__(self, network: Network) -> None:
         super().__init__()
         self._network = network
+        self.woken = False
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         until = float("inf") if timeout is None else self._network.now + timeout
-        ready = super().select(0)
-        while not ready and self._network.now < until:
+        ready = self._ready()
+        while not (ready or self.woken) and self._network.now < until:
             if timeout is None and self._network.next_event is None:
                 raise NothingHappens("every task waits, and no node has anything to do")
             self._network.advance(until)
-            ready = super().select(0)
+            ready = self._ready()
+        self.woken = False
         return ready
+
+    def _ready(self) -> list[tuple[selectors.SelectorKey, int]]:
+        """Ask for ready files, but not for asyncio's own pipe alone: that would cost a system call for each event."""
+        return super().select(0) if len(self.get_map()) > 1 else []
 
 
 class SimulatedLoop(asyncio.SelectorEventLoop):
     """An event loop on the clock of `network`."""
 
     def __init__(self, network: Network) -> None:
-        super().__init__(_Selector(network))
+        self._simulated = _Selector(network)
+        super().__init__(self._simulated)
         self._network = network
+
+    def call_soon_threadsafe(  # type: ignore[override]  # typeshed ties the arguments to the callback's
+        self, callback: Callable[..., object], *args: Any, context: Context | None = None
+    ) -> asyncio.Handle:
+        """Have a callback run before the next event, as the nodes do with those who await them."""
+        self._simulated.woken = True
+        return self.call_soon(callback, *args, context=context)
 
     def time(self) -> float:
         """Return the simulated time in seconds."""

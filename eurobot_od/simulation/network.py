@@ -6,7 +6,7 @@ were attached. The lowest COB-ID in all mailboxes wins the bus; frames that are 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame
@@ -52,8 +52,14 @@ class Network:
     @property
     def next_event(self) -> float | None:
         """Time of the next event, None if nothing will ever happen."""
+        return self._next_event(self._wakeups())
+
+    def _wakeups(self) -> list[float | None]:
+        return [station.next_wakeup for station in self._stations]
+
+    def _next_event(self, wakeups: Iterable[float | None]) -> float | None:
         times = [time for time, _ in self._starting]
-        times += [time for station in self._stations if (time := station.next_wakeup) is not None]
+        times += [time for time in wakeups if time is not None]
         if self._sending:
             times.append(self._sending.end)
         elif any(station.gatekeeper.mailboxes.next_expiry is not None for station in self._stations):
@@ -62,15 +68,14 @@ class Network:
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
-        event = self.next_event
+        wakeups = self._wakeups()
+        event = self._next_event(wakeups)
         if event is None or event > until:
             self.now = max(self.now, until)
             return False
         self.now = event
-        self._end_sending()
-        self._start_stations()
-        for station in self._stations:
-            self._tick(station)
+        changed = [self._end_sending(), self._start_stations()]
+        self._tick(self._wakeups() if any(changed) else wakeups)
         self._arbitrate()
         return True
 
@@ -79,21 +84,24 @@ class Network:
         while self.advance(until):
             pass
 
-    def _start_stations(self) -> None:
+    def _start_stations(self) -> bool:
+        """Switch on what is due; tell whether there was any."""
         due = [each for each in self._starting if each[0] <= self.now]
         for each in due:
             self._starting.remove(each)
             self._stations.append(each[1])
             each[1].start(self.now)
+        return bool(due)
 
-    def _tick(self, station: Station) -> None:
-        wakeup = station.next_wakeup
-        if wakeup is not None and wakeup <= self.now:
-            station.tick(self.now)
+    def _tick(self, wakeups: Iterable[float | None]) -> None:
+        for station, wakeup in zip(self._stations, wakeups):
+            if wakeup is not None and wakeup <= self.now:
+                station.tick(self.now)
 
-    def _end_sending(self) -> None:
+    def _end_sending(self) -> bool:
+        """Deliver the frame on the bus if it is through; tell whether it was."""
         if self._sending is None or self._sending.end > self.now:
-            return
+            return False
         (frame, senders, _), self._sending = self._sending, None
         for station in self._stations:
             if station in senders:
@@ -103,6 +111,7 @@ class Network:
         for station in self._stations:
             if station not in senders:
                 station.gatekeeper.receive(frame, self.now)
+        return True
 
     def _arbitrate(self) -> None:
         """Let the most urgent frame of all mailboxes have the bus, if it is free."""
