@@ -18,6 +18,9 @@ FOLDER = ROOT / ".venv"
 PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 OLDEST = (3, 10)
 
+ENSURED = "EUROBOT_OD_ENSURED"
+"""Environment variable that tells a script started again for which module that was."""
+
 
 def prepare(extras: str = "") -> Path:
     """Return the environment's Python; `extras` are those of pyproject.toml, comma-separated.
@@ -47,8 +50,12 @@ def _install(extras: str) -> None:
 
 def ensure(module: str, extras: str = "") -> None:
     """Run this very script again in the environment if the Python that runs it lacks a module."""
-    if find_spec(module) is None:
-        sys.exit(call(prepare(extras), *sys.argv))
+    if find_spec(module) is not None:
+        return
+    if os.environ.get(ENSURED) == module:
+        sys.exit(f"{FOLDER.name} was set up and still has no module {module!r}; remove {FOLDER} and try again")
+    os.environ[ENSURED] = module
+    sys.exit(call(prepare(extras), *sys.argv))
 
 
 def call(*command: str | Path) -> int:

@@ -150,3 +150,21 @@ def test_tools_need_nothing_but_the_standard_library() -> None:
     for tool in ("environment", "run", "test"):
         command = [sys.executable, "-I", "-S", "-c", f"import sys; sys.path.insert(0, 'tools'); import {tool}"]
         assert subprocess.run(command, cwd=environment.ROOT, check=False).returncode == 0, tool
+
+
+def test_a_module_that_the_set_up_does_not_bring_is_asked_for_once(
+    checkout: Checkout, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import sys; sys.path[:0] = {[str(Path(environment.__file__).parent)]}\n"
+        f"import environment, pathlib; environment.ROOT = pathlib.Path({str(tmp_path)!r})\n"
+        f"environment.FOLDER = pathlib.Path({str(environment.FOLDER)!r})\n"
+        f"environment.PYTHON = pathlib.Path({str(environment.PYTHON)!r})\n"
+        "environment.ensure('no_such_module')\n"
+    )
+    monkeypatch.delenv(environment.ENSURED, raising=False)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "no module 'no_such_module'" in done.stderr.splitlines()[-1]
+    assert checkout.installed() == [str(checkout.root)]
