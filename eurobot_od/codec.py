@@ -2,20 +2,25 @@
 
 Rule of this file: bits only. A layout is worked out once from the mapping (CiA 301, 7.4.8.2: the first mapped object
 has the least significant bits, bytes follow in little-endian order) and written out as one short Python function a
-message, which shifts and masks a single integer. What a raw value means is not known here; it comes in as a table or
-a function for each field.
+message. What a raw value means is not known here; it comes in as a table or a function for each field.
+
+Looking up takes less time than shifting and masking. So a message is read from tables that are indexed with the bytes
+of the frame, `_y[b1][b2]`, and written as the sum of its fields' bits, which stand in tables at their places.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from eurobot_od.frame import Frame
 
 MAX_BITS = 64
 """A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
+
+LOOKED_UP_BITS = 16
+"""Fields up to this wide are looked up; for wider ones a function is called each time."""
 
 SLICE = re.compile(r"(?P<name>.+) \[(?P<high>\d+):(?P<low>\d+)\]$")
 """ParameterName of a part of a value: `X position [11:4]` is its bits 11 down to 4."""
@@ -66,11 +71,6 @@ class Run(NamedTuple):
         """Write the expression that brings the run from `word` to its place in the value."""
         masked = f"word >> {self.offset} & {self.mask:#x}" if self.offset else f"word & {self.mask:#x}"
         return f"({masked}) << {self.shift}" if self.shift else masked
-
-    def insert(self, name: str) -> str:
-        """Write the expression that brings the run from the value in variable `name` to its place in the word."""
-        shifted = f"{name} >> {self.shift}" if self.shift else name
-        return f"({shifted} & {self.mask:#x}) << {self.offset}"
 
 
 ByteOrder = Literal["little", "big"]
@@ -133,10 +133,6 @@ class Layout:
         """Write the expression that takes a field's raw value out of `word`."""
         return " | ".join(f"({run.extract()})" for run in self.runs[field])
 
-    def insert(self, field: str, name: str) -> str:
-        """Write the expression that puts the raw value in variable `name` into the word."""
-        return " | ".join(run.insert(name) for run in self.runs[field])
-
 
 def _count(runs: Mapping[str, Sequence[Run]]) -> int:
     return sum(map(len, runs.values()))
@@ -183,24 +179,79 @@ def unpack(data):
 class Column(NamedTuple):
     """How one field of a message is read and written.
 
-    `read` turns the raw value into its meaning: a tuple with an entry for every raw value, or a function where that
-    would be too long; None for a field that is not mapped and always has its `default`. `write` turns the meaning into
-    the word's bits by a mapping, or into the raw value by a function; `most` is the highest raw value then.
+    `read` turns the raw value into its meaning; None for a field that is not mapped and always has its `default`.
+    `write` turns the meaning into bits at their places in the word: a mapping of every meaning, or a function that
+    raises ValueError or TypeError. What the two say must not change, as it is remembered.
     """
 
     field: str
-    read: Sequence[Any] | Callable[[int], Any] | None
+    read: Callable[[int], Any] | None
     write: Mapping[Any, int] | Callable[[Any], int]
     default: Any = None
-    most: int = 0
 
 
 class Unknown(NamedTuple):
-    """Bits of the word that mean "unknown" together, though each of `fields` may have a value that looks so."""
+    """Bits of the word that mean "unknown" together: the raw values of `codes`, each of which alone may be a value."""
 
     mask: int
     code: int
-    fields: tuple[str, ...]
+    codes: Mapping[str, int]
+
+
+# Reading
+
+
+class Share(NamedTuple):
+    """What one `byte` of a frame has of a field: for each of its 256 values the bits of the raw value (`parts`)."""
+
+    byte: int
+    parts: tuple[int, ...]
+
+
+def _shares(places: Sequence[int]) -> list[Share]:
+    """Return the bytes that hold a field; the one with most of its bits, or the lowest, comes last.
+
+    So there are the fewest rows, and values side by side are in the same.
+    """
+    bits: dict[int, list[tuple[int, int]]] = {}
+    for value_bit, place in enumerate(places):
+        bits.setdefault(place // 8, []).append((1 << place % 8, 1 << value_bit))
+    held = sorted(bits.items(), key=lambda item: (len(item[1]), -item[1][0][1]))
+    return [Share(byte, _parts(pairs)) for byte, pairs in held]
+
+
+def _parts(pairs: Sequence[tuple[int, int]]) -> tuple[int, ...]:
+    return tuple(sum(value_bit for bit, value_bit in pairs if byte & bit) for byte in range(256))
+
+
+class ByteTable:
+    """The meanings of a field, to be looked up in `rows` with the bytes that hold it, one after the other.
+
+    Its last rows are lists, empty until `fill` is told of a frame that needs them.
+    """
+
+    def __init__(self, read: Callable[[int], Any], shares: Sequence[Share]) -> None:
+        self._read = read
+        *self._outer, self._last = shares
+        self.rows = _rows(self._outer)
+        self.index = "".join(f"[b{byte}]" for byte, _ in shares)
+
+    def fill(self, data: bytes) -> None:
+        """Enter the meanings that the field has in such frames, whatever the last byte is."""
+        row, raw = self.rows, 0
+        for byte, parts in self._outer:
+            row, raw = row[data[byte]], raw | parts[data[byte]]
+        if not row:
+            row[:] = [self._read(raw | part) for part in self._last.parts]
+
+
+def _rows(shares: Sequence[Share]) -> Any:
+    """Return tuples in tuples with empty lists at the end; bytes with the same part of the field share theirs."""
+    if not shares:
+        return []
+    (_, parts), *others = shares
+    rows = {part: _rows(others) for part in set(parts)}
+    return tuple(rows[part] for part in parts)
 
 
 def reader(
@@ -211,36 +262,62 @@ def reader(
     unknown: Unknown | None,
 ) -> Callable[[bytes], Any]:
     """Generate `read(data) -> message`; `irregular` gets data of another length than the layout's."""
-    names: dict[str, Any] = {
-        "from_bytes": int.from_bytes,
-        "new": tuple.__new__,
-        "message": message,
-        "irregular": irregular,
-    }
-    names.update({f"_{column.field}": column.default if column.read is None else column.read for column in columns})
-    fields = "".join(f"{_reading(layout, column)}, " for column in columns)
-    nothing = "".join("None, " if _in(unknown, column) else f"{_reading(layout, column)}, " for column in columns)
+    mapped = {column.field: column.read for column in columns if column.read is not None}
+    looked_up = {field: read for field, read in mapped.items() if layout.widths[field] <= LOOKED_UP_BITS}
+    tables = {field: ByteTable(read, _shares(layout.places(field))) for field, read in looked_up.items()}
+
+    def seldom(data: bytes) -> Any:
+        if len(data) != layout.length:
+            return irregular(data)
+        for table in tables.values():
+            table.fill(data)
+        return read(data)
+
+    known = {field: f"_{field}{table.index}" for field, table in tables.items()}
+    called = {field: f"_{field}({layout.extract(field)})" for field in mapped.keys() - tables.keys()}
+    values = {column.field: f"_{column.field}" for column in columns} | known | called
+    nothing = values | dict.fromkeys(unknown.codes if unknown else (), "None")
     source = f"""
 def read(data):
-    if len(data) != {layout.length}:
-        return irregular(data)
-    word = from_bytes(data, {layout.byte_order!r})
-    {_if_unknown(unknown, f"new(message, ({nothing}))")}
-    return new(message, ({fields}))
+    try:
+        {_sequence(f"b{byte}" for byte in range(layout.length))} = data
+        {_if_unknown(layout, unknown, f"new(message, {_sequence(nothing.values())})")}
+        {f"word = from_bytes(data, {layout.byte_order!r})" if called else ""}
+        return new(message, {_sequence(values.values())})
+    except (IndexError, ValueError):
+        return seldom(data)
 """
-    return generate("read", source, names)
+    names = {f"_{column.field}": column.default if column.read is None else column.read for column in columns}
+    names |= {f"_{field}": table.rows for field, table in tables.items()}
+    names |= {"new": tuple.__new__, "message": message, "seldom": seldom, "from_bytes": int.from_bytes}
+    read: Callable[[bytes], Any] = generate("read", source, names)
+    return read
 
 
-def _reading(layout: Layout, column: Column) -> str:
-    name = f"_{column.field}"
-    if column.read is None:
-        return name
-    raw = layout.extract(column.field)
-    return f"{name}({raw})" if callable(column.read) else f"{name}[{raw}]"
+def _sequence(items: Iterable[str]) -> str:
+    """Write a tuple, or the target that a sequence of just this length can be unpacked to."""
+    return f"({''.join(f'{item}, ' for item in items)})"
 
 
-def _in(unknown: Unknown | None, column: Column) -> bool:
-    return unknown is not None and column.field in unknown.fields
+def _if_unknown(layout: Layout, unknown: Unknown | None, result: str) -> str:
+    """Write what is returned for "unknown"; of most other frames the first byte tells that they are not."""
+    if unknown is None:
+        return ""
+    mask, code = (bits.to_bytes(layout.length, layout.byte_order) for bits in (unknown.mask, unknown.code))
+    masked = {byte: f"b{byte} & {bits}" if bits < 0xFF else f"b{byte}" for byte, bits in enumerate(mask) if bits}
+    tests = (f"{value} == {code[byte]}" for byte, value in masked.items())
+    return f"if {' and '.join(tests)}: return {result}"
+
+
+# Writing
+
+
+class Learnt(NamedTuple):
+    """The bits that a function has given of the meanings of field `number` of a message so far."""
+
+    number: int
+    write: Callable[[Any], int]
+    bits: dict[Any, int]
 
 
 def writer(
@@ -250,37 +327,75 @@ def writer(
     careful: Callable[[Any], Frame],
     unknown: Unknown | None,
 ) -> Callable[[Any], Frame]:
-    """Generate `write(message) -> Frame`; `careful` gets each message that the tables do not hold."""
+    """Generate `write(message) -> Frame`; `careful` gets each message that the tables do not hold, or not yet."""
     if not columns:
-        frame = Frame(cob_id, bytes(layout.length))
-        return lambda _: frame
-    names: dict[str, Any] = {"new": tuple.__new__, "Frame": Frame, "careful": careful}
-    names.update({f"_{column.field}": column.write for column in columns})
-    called = [column for column in columns if callable(column.write)]
-    odd = " or ".join(f"not 0 <= {column.field} <= {column.most}" for column in called)
+        empty = Frame(cob_id, bytes(layout.length))
+        return lambda _: empty
+    learnt = {
+        field: Learnt(number, write, {})
+        for number, (field, _, write, _) in enumerate(columns)
+        if callable(write) and layout.widths[field] <= LOOKED_UP_BITS
+    }
+
+    def seldom(message: Any) -> Frame:
+        frame = careful(message)
+        for number, write, bits in learnt.values():
+            bits[message[number]] = write(message[number])
+        return frame
+
+    tables = {column.field: _written_by(column, learnt) for column in columns}
+    values = {column.field: f"v{number}" for number, column in enumerate(columns)}
+    mapped = {column.field: values[column.field] for column in columns if column.read is not None}
+    seldoms = [*_odd(columns, values, tables), *_ambiguous(values, unknown)]
     source = f"""
 def write(message):
     try:
-        {", ".join(column.field for column in columns)}, = message
-        {"; ".join(f"{column.field} = _{column.field}({column.field})" for column in called)}
-        word = {" | ".join(_writing(layout, column) for column in columns)}
-    except (KeyError, TypeError, ValueError):
-        return careful(message)
-    {f"if {odd}: return careful(message)" if odd else ""}
-    {_if_unknown(unknown, "careful(message)")}
+        {_sequence(values.values())} = message + ()
+        word = {" + ".join(_writing(field, value, tables[field]) for field, value in mapped.items())}
+    except (LookupError, TypeError, ValueError):
+        return seldom(message)
+    {f"if {' or '.join(seldoms)}: return seldom(message)" if seldoms else ""}
     return new(Frame, ({cob_id}, word.to_bytes({layout.length}, {layout.byte_order!r})))
 """
-    return generate("write", source, names)
+    names = {f"_{field}": table for field, table in tables.items()}
+    names |= {"new": tuple.__new__, "Frame": Frame, "seldom": seldom}
+    write: Callable[[Any], Frame] = generate("write", source, names)
+    return write
 
 
-def _writing(layout: Layout, column: Column) -> str:
-    if callable(column.write):
-        return layout.insert(column.field, column.field)
-    return f"_{column.field}[{column.field}]"
+def _written_by(column: Column, learnt: Mapping[str, Learnt]) -> Any:
+    """Return what a field's bits are looked up in or called from; of one that is not mapped, the only value."""
+    if column.read is None:
+        return column.default
+    if column.field in learnt:
+        return learnt[column.field].bits
+    return column.write if callable(column.write) else _by_number(column.write)
 
 
-def _if_unknown(unknown: Unknown | None, result: str) -> str:
-    return f"if word & {unknown.mask:#x} == {unknown.code:#x}: return {result}" if unknown else ""
+def _by_number(bits: Mapping[Any, int]) -> Mapping[Any, int] | tuple[int, ...]:
+    """Return the bits of the numbers 0, 1, 2, ... as a tuple, which is quicker; those of anything else as they are."""
+    plain = all(type(meaning) is int and meaning == number for number, meaning in enumerate(bits))
+    return tuple(bits.values()) if plain else bits
+
+
+def _writing(field: str, value: str, table: Any) -> str:
+    return f"_{field}({value})" if callable(table) else f"_{field}[{value}]"
+
+
+def _odd(columns: Sequence[Column], values: Mapping[str, str], tables: Mapping[str, Any]) -> Iterator[str]:
+    """Write tests for what the tables let through: another value than the only one, and a place from a tuple's end."""
+    for field, read, _, _ in columns:
+        if read is None:
+            yield f"{values[field]} is not _{field}"
+        elif isinstance(tables[field], tuple):
+            yield f"{values[field]} < 0"
+
+
+def _ambiguous(values: Mapping[str, str], unknown: Unknown | None) -> Iterator[str]:
+    """Write the test for values that would be read as "unknown"; most others are told by the first field."""
+    if unknown is not None:
+        first, code = next(iter(unknown.codes.items()))
+        yield f"{values[first]} == {code} and word & {unknown.mask:#x} == {unknown.code:#x}"
 
 
 def generate(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:

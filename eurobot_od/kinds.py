@@ -6,10 +6,7 @@ writes it, and what is allowed. Widths and limits are the EDS's and come in as a
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import IntEnum
-from functools import partial
-from operator import index
 from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.values import Barriers, GotoFault, OutOfRange, Passage, barrier_number
@@ -38,14 +35,6 @@ class Kind:
         if not limits.low <= raw <= limits.high:
             raise ValueError(value)
         return raw
-
-    def reader(self, limits: Limits) -> Callable[[int], Any]:
-        """Return `read` with these limits as a function of the raw value alone."""
-        return partial(self.read, limits=limits)
-
-    def writer(self, limits: Limits) -> Callable[[Any], int]:
-        """Return `write` as a function of the meaning alone; whoever calls it checks the limits."""
-        return partial(self.write, limits=limits)
 
     def numbers(self, limits: Limits) -> range:
         """Return the raw values that mean their own number, so that `text` writes that and the unit."""
@@ -79,7 +68,6 @@ class Angle(Kind):
 
     def allowed(self, limits: Limits) -> str:
         return "any whole angle in degrees"
-
 
     def numbers(self, limits: Limits) -> range:
         return range(self.FULL)
@@ -183,12 +171,6 @@ class BarrierFlags(Kind):
 
     def numbers(self, limits: Limits) -> range:
         return range(0)
-
-    def reader(self, limits: Limits) -> Callable[[int], Any]:
-        return Barriers
-
-    def writer(self, limits: Limits) -> Callable[[Any], int]:
-        return index
 
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():

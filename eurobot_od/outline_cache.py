@@ -12,14 +12,15 @@ import json
 import os
 from binascii import crc32
 from contextlib import suppress
-from functools import cache
+from enum import IntEnum
+from functools import cache, partial
 from importlib.machinery import PathFinder
 from pathlib import Path
 
 from eurobot_od import dictionary, outline
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.errors import DictionaryError
-from eurobot_od.outline import Outline
+from eurobot_od.outline import Outline, Plain, plain_objects, plain_outline
 
 VARIABLE = "EUROBOT_OD_CACHE"
 """Environment variable that names the folder; empty: nothing is kept."""
@@ -31,13 +32,11 @@ PRIVATE = 0o700
 def load(file: str | Path) -> Outline:
     """Return the outline of an EDS or DCF with its own node-ID; raises DictionaryError, MappingError."""
     path = Path(file)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise DictionaryError(path, None, error.strerror or str(error)) from error
-    entry = _entry(path)
-    known = _read(entry, path, content) if entry else None
-    return known or _made(entry, path, content)
+    plain = _kept(path, Part.OUTLINE)
+    if plain is not None:
+        with suppress(LookupError, TypeError, ValueError):  # as good as no entry
+            return Outline(path, plain, partial(_objects, path))
+    return _made(path)
 
 
 def folder() -> Path | None:
@@ -49,28 +48,55 @@ def folder() -> Path | None:
     return home / "eurobot-od" if home.is_absolute() else None
 
 
+class Part(IntEnum):
+    """The lines of an entry before the file that it was made from."""
+
+    READ_BY = 0
+    OUTLINE = 1
+    OBJECTS = 2
+
+
 def _entry(path: Path) -> Path | None:
     """Return the one place for what is kept of a file, wherever it lies."""
     home = folder()
     return home and home / f"{path.stem}-{crc32(os.fsencode(path.absolute())):08x}"
 
 
-def _read(entry: Path, path: Path, content: bytes) -> Outline | None:
+def _kept(path: Path, part: Part) -> Plain | None:
+    """Return a part of what is kept of a file as it is now, None without it."""
+    entry = _entry(path)
     try:
-        kept, _, made_from = entry.read_bytes().partition(b"\n")
-        if made_from != content:
+        *parts, made_from = entry.read_bytes().split(b"\n", len(Part)) if entry else (b"",)
+        if made_from != _content(path) or json.loads(parts[Part.READ_BY]) != _read_by():
             return None
-        plain = json.loads(kept)
-        return Outline(path, plain) if plain["read_by"] == _read_by() else None
-    except (OSError, ValueError, LookupError, TypeError):
+        plain: Plain = json.loads(parts[part])
+        return plain
+    except (OSError, ValueError, LookupError):
         return None
 
 
-def _made(entry: Path | None, path: Path, content: bytes) -> Outline:
-    made = Outline.of(Dictionary.load(path))
-    if entry and path.read_bytes() == content:
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DictionaryError(path, None, error.strerror or str(error)) from error
+
+
+def _objects(path: Path) -> Plain:
+    """Return the descriptions of the objects, from the file itself if nothing is kept of it any more."""
+    plain = _kept(path, Part.OBJECTS)
+    return plain_objects(Dictionary.load(path)) if plain is None else plain
+
+
+def _made(path: Path) -> Outline:
+    """Have a file read, and keep what was read, unless the file has changed meanwhile."""
+    entry, content = _entry(path), _content(path)
+    dictionary = Dictionary.load(path)
+    made = Outline.of(dictionary)
+    if entry and _content(path) == content:
+        parts = _read_by(), plain_outline(dictionary), plain_objects(dictionary)
         with suppress(OSError):
-            _write(entry, json.dumps(made.plain | {"read_by": _read_by()}).encode() + b"\n" + content)
+            _write(entry, b"\n".join([*(json.dumps(part).encode() for part in parts), content]))
     return made
 
 

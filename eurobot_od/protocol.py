@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache, cached_property, partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias
 
 from eurobot_od import codec, dialects
 from eurobot_od.codec import Column, Layout, LayoutError, Unknown
@@ -22,7 +22,7 @@ from eurobot_od.outline import Outline
 from eurobot_od.values import OutOfRange
 
 TABLE_BITS = 12
-"""Fields up to this wide are read and written by table, wider ones by function."""
+"""Fields up to this wide are written by a complete table, of wider ones the codec learns what is sent."""
 
 
 class Binding:
@@ -148,15 +148,17 @@ class Binding:
 
     # Meanings
 
-    def reader(self) -> Callable[[bytes], Message]:
-        """Return the function from a frame's data to the typed message; it raises FrameLengthError."""
+    @cached_property
+    def decode(self) -> Callable[[bytes], Message]:
+        """The function from a frame's data to the typed message; it raises FrameLengthError."""
         read: Callable[[bytes], Message] = codec.reader(
             self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self.unknown
         )
         return read
 
-    def writer(self) -> Callable[[Any], Frame]:
-        """Return the function from a typed message to its frame; it raises FieldError."""
+    @cached_property
+    def encode(self) -> Callable[[Any], Frame]:
+        """The function from a typed message to its frame; it raises FieldError."""
         return codec.writer(self.layout, self._columns, self.cob_id, self._write_carefully, self.unknown)
 
     @cached_property
@@ -165,14 +167,13 @@ class Binding:
 
     def _column(self, field: str, kind: Kind) -> Column:
         if field not in self.limits:
-            default = self.defaults[field]
-            return Column(field, None, {default: 0}, default)
+            return Column(field, None, {}, self.defaults[field])
         limits, width = self.limits[field], self.layout.widths[field]
+        read = partial(kind.read, limits=limits)
         if width > TABLE_BITS:
-            return Column(field, kind.reader(limits), kind.writer(limits), most=limits.high)
-        table = _table(kind, limits, width)
-        place = partial(self.layout.place, field)
-        return Column(field, table, {meaning: place(raw) for meaning, raw in _inverse(kind, limits, width).items()})
+            return Column(field, read, lambda value: self.layout.place(field, self.raw(field, value)))
+        inverse = _inverse(kind, limits, width)
+        return Column(field, read, {meaning: self.layout.place(field, raw) for meaning, raw in inverse.items()})
 
     @cached_property
     def unknown(self) -> Unknown | None:
@@ -181,22 +182,22 @@ class Binding:
         if not any(isinstance(self.kinds[field], Coordinate) for field in codes):
             return None
         mask = sum(self.layout.place(field, -1) for field in codes)
-        return Unknown(mask, sum(self.layout.place(field, code) for field, code in codes.items()), tuple(codes))
+        return Unknown(mask, sum(self.layout.place(field, code) for field, code in codes.items()), codes)
 
     def _write_carefully(self, message: Message) -> Frame:
         """Encode what the tables do not hold: angles to be normalised, an unknown position; or say what is wrong."""
         values = message._asdict()
         unknown = self.unknown
         word = 0
-        if unknown and all(values[field] is None for field in unknown.fields):
+        if unknown and all(values[field] is None for field in unknown.codes):
             word = unknown.code
-            values = {field: value for field, value in values.items() if field not in unknown.fields}
+            values = {field: value for field, value in values.items() if field not in unknown.codes}
             unknown = None
         for field, value in values.items():
             raw = self.raw(field, value)
             word |= self.layout.place(field, raw) if field in self.limits else 0
         if unknown and word & unknown.mask == unknown.code:
-            field = unknown.fields[0]
+            field = next(iter(unknown.codes))
             raise FieldError(self.name, field, values[field], "another place: with an unknown angle it means unknown")
         return Frame(self.cob_id, self._to_bytes(word))
 
@@ -208,31 +209,10 @@ def _slot(entry: MappedObject) -> codec.Slot:
 
 
 @cache
-def _table(kind: Kind, limits: Limits, width: int) -> tuple[Any, ...]:
-    return tuple(kind.read(raw, limits) for raw in range(1 << width))
-
-
-@cache
 def _inverse(kind: Kind, limits: Limits, width: int) -> Mapping[Any, int]:
-    """Return the raw value of every meaning that may be sent: the reading table, turned round."""
-    read = enumerate(_table(kind, limits, width))
-    return {meaning: raw for raw, meaning in read if not isinstance(meaning, OutOfRange)}
-
-
-Key = TypeVar("Key")
-Made = TypeVar("Made")
-
-
-class _OnDemand(dict[Key, Made]):
-    """A dictionary that makes a missing value from its key, once."""
-
-    def __init__(self, make: Callable[[Key], Made]) -> None:
-        super().__init__()
-        self._make = make
-
-    def __missing__(self, key: Key) -> Made:
-        self[key] = made = self._make(key)
-        return made
+    """Return the raw value of every meaning that may be sent."""
+    read = ((kind.read(raw, limits), raw) for raw in range(1 << width))
+    return {meaning: raw for meaning, raw in read if not isinstance(meaning, OutOfRange)}
 
 
 Loaded: TypeAlias = Dictionary | Outline
@@ -256,10 +236,24 @@ class Protocol:
                     self._bind(dictionary, pdo)
         self._by_type = {binding.type: binding for binding in self._bindings.values()}
         self._by_cob_id = {binding.cob_id: binding for binding in self._bindings.values()}
-        self._readers: _OnDemand[int, Callable[[bytes], Message]] = _OnDemand(lambda key: self._by_cob_id[key].reader())
-        self._writers: _OnDemand[type[Message], Callable[[Any], Frame]] = _OnDemand(
-            lambda key: self._by_type[key].writer()
-        )
+        # plain dictionaries: Python looks something up in one of a subclass more slowly
+        self._readers: dict[int, Callable[[bytes], Message]] = {}
+        self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
+        for binding in self._bindings.values():
+            self._enter(binding)
+
+    def _enter(self, binding: Binding) -> None:
+        """Enter functions that make way for a message's own, which are generated when they are needed first."""
+
+        def read(data: bytes) -> Message:
+            self._readers[binding.cob_id] = binding.decode
+            return binding.decode(data)
+
+        def write(message: Message) -> Frame:
+            self._writers[binding.type] = binding.encode
+            return binding.encode(message)
+
+        self._readers[binding.cob_id], self._writers[binding.type] = read, write
 
     @classmethod
     def load(cls, dialect: str | Path | None = None) -> Protocol:

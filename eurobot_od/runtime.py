@@ -35,6 +35,9 @@ POLL = 0.1
 RETRY = 0.001
 """Seconds until a frame that the driver did not take is tried again."""
 
+PROMPT = ("can.interfaces.virtual", "can.interfaces.socketcan.socketcan")
+"""Drivers whose `send` does not wait when told so; python-can leaves that to each driver, and few keep to it."""
+
 STUCK_AFTER = 0.25
 """Seconds after which a listener that does not return loses its thread."""
 
@@ -106,7 +109,7 @@ class Live:
         bus: can.BusABC,
         gatekeeper: Gatekeeper,
         station: Station | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.bus, self.gatekeeper, self.station, self.clock = bus, gatekeeper, station, clock
         self.foreign = 0
@@ -116,14 +119,15 @@ class Live:
         self._running = False
         self._pumping = False
         self._blocked = False
+        self._prompt = _sends_promptly(bus)
         self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
         if station is not None:
             station.node.guard = self._lock
-            station.node.wake = self._wake
+            station.node.wake = self._wake_for_node
 
     @classmethod
-    def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.monotonic, **options: Any) -> Live:
+    def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.perf_counter, **options: Any) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
         station = Station(node, aside=_in_thread, **options)
         return cls(bus, station.gatekeeper, station, clock)
@@ -142,9 +146,13 @@ class Live:
         return self
 
     def _filter(self) -> None:
-        """Hand the receive filters to the bus."""
+        """Hand the receive filters to the bus if its hardware or kernel filters.
+
+        python-can itself would look at one filter after the other, in our thread, for what the gatekeeper finds by one
+        look into a dictionary: there, filters cost the more the more of them there are, and save nothing.
+        """
         self._generation = self.gatekeeper.generation
-        self.bus.set_filters(self.gatekeeper.filters())
+        self.bus.set_filters(self.gatekeeper.filters() if _filters_itself(self.bus) else None)
 
     def stop(self) -> None:
         """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them."""
@@ -172,40 +180,55 @@ class Live:
         with self._changed:
             self._changed.notify_all()
 
+    def _wake_for_node(self) -> None:
+        """Wake the keeper unless this thread serves the node: it sees itself to what the node wants."""
+        with self._lock:
+            if self.station is not None and not self.station.serving:
+                self._wake()
+
     # Sending
 
     def send(self, message: Message) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range."""
-        with self._changed:
+        with self._lock:
             self.gatekeeper.send(message, self.clock())
-            self._changed.notify_all()
+        if self._prompt:
+            self._pump(timeout=0)  # here and now: waking the keeper first would take as long as the frame on the bus
+        if self._blocked or not self._prompt:
+            self._wake()
 
-    def _pump(self) -> None:
-        """Hand loaded frames to the driver, most urgent first, until none is left or the driver takes no more."""
+    def _pump(self, timeout: float = RETRY) -> None:
+        """Hand loaded frames to the driver, most urgent first, until none is left or it takes no more in `timeout`."""
+        frame = self._first_frame()
+        while frame is not None:
+            frame = self._next_frame(frame, self._sent(frame, timeout))
+
+    def _first_frame(self) -> Frame | None:
+        """Return the frame to send first; None, too, if another thread is at it, which sends the others as well."""
         with self._lock:
-            if self._pumping:
-                return
-            self._pumping, self._blocked = True, False
-        while (frame := self._next_frame()) is not None:
-            self._blocked = not self._sent(frame)
-            with self._lock:
-                if self._blocked:
-                    self._pumping = False
-                    return
-                self.gatekeeper.mailboxes.complete(frame)
+            self._blocked = self._blocked and self._pumping
+            return None if self._pumping else self._urgent_frame()
 
-    def _next_frame(self) -> Frame | None:
-        """Return the frame to send now; without one, pumping has ended before anyone can submit another."""
+    def _next_frame(self, frame: Frame, sent: bool) -> Frame | None:
+        """Return the frame to send behind another, None if the driver has not taken that."""
         with self._lock:
-            mailboxes = self.gatekeeper.mailboxes
-            mailboxes.load(self.clock())
-            frame = mailboxes.urgent()
-            self._pumping = frame is not None
-            return frame
+            self._blocked, self._pumping = not sent, sent
+            if not sent:
+                return None
+            self.gatekeeper.mailboxes.complete(frame)
+            return self._urgent_frame()
 
-    def _sent(self, frame: Frame) -> bool:
+    def _urgent_frame(self) -> Frame | None:
+        """Return the most urgent frame; without one, pumping has ended before anyone can submit another."""
+        mailboxes = self.gatekeeper.mailboxes
+        mailboxes.load(self.clock())
+        frame = mailboxes.urgent()
+        self._pumping = frame is not None
+        return frame
+
+    def _sent(self, frame: Frame, timeout: float) -> bool:
         try:
-            return transmit(self.bus, frame)
+            return transmit(self.bus, frame, timeout)
         except BusError as failure:
             self._fail(failure)
             return False
@@ -218,25 +241,31 @@ class Live:
             self.failure = failure
 
     def _read(self) -> None:
+        receive, clock, recv = self.gatekeeper.receive, self.clock, self.bus.recv
+        one_clock = clock is self.gatekeeper.clock
         try:
             while self._running:
-                message = self.bus.recv(POLL)
-                if message is not None and not self._receive(message):
+                message = recv(POLL)
+                if message is None:
+                    continue
+                if not _is_ours(message):
+                    self._note_foreign(message)
+                    continue
+                now = clock()
+                frame: Frame = tuple.__new__(Frame, (message.arbitration_id, bytes(message.data)))
+                if not receive(frame, now, now if one_clock else None):
                     return
+                if self.station is not None or self.gatekeeper.generation != self._generation:
+                    self._follow_up()
         except Exception as error:  # drivers raise what comes to hand
             self._fail(_failure(self.bus, error))
 
-    def _receive(self, message: can.Message) -> bool:
-        if not _is_ours(message):
-            self.foreign += 1
-            self._note_error(message)
-            return True
-        going_on = self.gatekeeper.receive(Frame(message.arbitration_id, bytes(message.data)), self.clock())
+    def _follow_up(self) -> None:
+        """Do what a frame has made necessary: filters that a master has changed, answers, another time to wake up."""
         if self.gatekeeper.generation != self._generation:
             self._filter()
         self._pump()
         self._hurry()
-        return going_on
 
     def _hurry(self) -> None:
         """Wake the keeper if the node wants to be called before the keeper would look again."""
@@ -244,8 +273,9 @@ class Live:
         if wakeup is not None and wakeup < self._looks_at:
             self._wake()
 
-    def _note_error(self, message: can.Message) -> None:
-        """Tell the node what the controller reports."""
+    def _note_foreign(self, message: can.Message) -> None:
+        """Count what is no classic base data frame, and tell the node what the controller reports."""
+        self.foreign += 1
         for error in ERROR_FRAMES:
             if self.station is not None and message.is_error_frame and error.in_frame(message):
                 self.station.bus_error(error.code, self.clock())
@@ -322,13 +352,13 @@ class Watch:
                 self._failed(_failure(self._bus, error))
 
 
-def transmit(bus: can.BusABC, frame: Frame) -> bool:
-    """Hand a frame to the driver; False if it cannot take it now. Raises BusError if the bus failed."""
+def transmit(bus: can.BusABC, frame: Frame, timeout: float = RETRY) -> bool:
+    """Hand a frame to the driver; False if it does not take it in `timeout` seconds. Raises BusError if it failed."""
     import can
 
     message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
     try:
-        bus.send(message, timeout=RETRY)
+        bus.send(message, timeout=timeout)
     except can.CanError:
         return False
     except Exception as error:  # drivers raise what comes to hand; this one does not say "try again"
@@ -343,6 +373,17 @@ def _failure(bus: can.BusABC, error: Exception) -> BusError:
 def _in_thread(work: Callable[[], None]) -> None:
     """Run the work of a listener that was set aside; a thread that never ends does not keep the process."""
     threading.Thread(target=work, name="aside", daemon=True).start()
+
+
+def _filters_itself(bus: can.BusABC) -> bool:
+    """Tell whether a driver has filters: it overrides the hook that python-can documents for them."""
+    import can
+
+    return bus.__class__._apply_filters is not can.BusABC._apply_filters
+
+
+def _sends_promptly(bus: can.BusABC) -> bool:
+    return bus.__class__.send.__module__ in PROMPT
 
 
 def _is_ours(message: can.Message) -> bool:

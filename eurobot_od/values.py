@@ -85,6 +85,13 @@ def barrier_number(name: str) -> int:
     return BARRIER_NAMES.index(plain) + 1
 
 
+_PASSAGE_TEXTS = tuple(
+    ("", *(f"{name}:{passage.name.lower()}" for passage in (Passage.NORMAL, Passage.FORCED, Passage.FORCED)))
+    for name in BARRIER_NAMES
+)
+"""How people write each barrier's two flags; a free one is not mentioned."""
+
+
 class Barriers(int):
     """The barrier flags of a goto: two bits each for barriers 1 to 8 (document Table 1, Figure 2).
 
@@ -107,7 +114,8 @@ class Barriers(int):
                 yield number, passage
 
     def __str__(self) -> str:
-        return ", ".join(f"{BARRIER_NAMES[n - 1]}:{p.name.lower()}" for n, p in self.set_barriers()) or "none"
+        texts = [texts[self >> 2 * place & 3] for place, texts in enumerate(_PASSAGE_TEXTS)]
+        return ", ".join(filter(None, texts)) or "none"
 
     def __repr__(self) -> str:
         return f"Barriers(0x{int(self):04X})"

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 
-from eurobot_od.codec import MAX_BITS, Layout, LayoutError, Slot, slot, unpacker
+from eurobot_od.codec import MAX_BITS, Column, Layout, LayoutError, Slot, Unknown, reader, slot, unpacker, writer
+from eurobot_od.frame import Frame
 from eurobot_od.messages import field_name
 
 
@@ -135,3 +139,83 @@ def test_slice_whose_name_and_length_differ_makes_no_slot(name: str, bits: int) 
     with pytest.raises(LayoutError) as error:
         slot(name, bits, field_name)
     assert str(error.value) == f"{name} is mapped with {bits} bits"
+
+
+# Meanings
+
+COB_ID = 0x123
+FIELD_16, FIELD_24 = Layout([Slot("a", 0, 16)]), Layout([Slot("a", 0, 24)])
+
+
+def refuse(what: object) -> Any:
+    raise LookupError(what)
+
+
+def counting(function: Callable[[int], int], calls: list[int]) -> Callable[[int], int]:
+    def counted(value: int) -> int:
+        calls.append(value)
+        return function(value)
+
+    return counted
+
+
+def test_meanings_of_a_row_are_asked_for_once() -> None:
+    calls: list[int] = []
+    read = reader(FIELD_16, [Column("a", counting(lambda raw: -raw, calls), {})], tuple, refuse, None)
+    assert calls == []
+    assert [read(bytes([low, 7])) for low in range(256)] == [(-(7 << 8 | low),) for low in range(256)]
+    assert sorted(calls) == [7 << 8 | low for low in range(256)]  # the high byte's other rows are not needed
+
+
+def test_bits_of_a_meaning_are_asked_for_once() -> None:
+    calls: list[int] = []
+    column = Column("a", lambda raw: raw, counting(lambda value: value, calls))
+    write = writer(FIELD_16, [column], COB_ID, lambda message: Frame(COB_ID, message[0].to_bytes(2, "little")), None)
+    assert [write((5,)), write((5,)), write((6,))] == [Frame(COB_ID, bytes([n, 0])) for n in (5, 5, 6)]
+    assert calls == [5, 6]
+
+
+def test_a_very_wide_field_is_not_remembered() -> None:
+    calls: list[int] = []
+    column = Column("a", counting(lambda raw: raw, calls), counting(lambda value: value, calls))
+    read, write = reader(FIELD_24, [column], tuple, refuse, None), writer(FIELD_24, [column], COB_ID, refuse, None)
+    for _ in range(2):
+        assert read(b"\x01\x02\x03") == (0x030201,)
+        assert write((0x030201,)).data == b"\x01\x02\x03"
+    assert calls == [0x030201] * 4
+
+
+@pytest.mark.parametrize("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
+def test_what_is_in_no_table_goes_the_careful_way(value: Any) -> None:
+    layout = whole(a=2)
+    write = writer(layout, [Column("a", lambda raw: raw, {0: 0, 1: 1, 2: 2})], COB_ID, refuse, None)
+    with pytest.raises(LookupError):
+        write((value,))
+
+
+@pytest.mark.parametrize("data", [b"", b"\x01", b"\x01\x02\x03"])
+def test_data_of_another_length_is_irregular(data: bytes) -> None:
+    read = reader(FIELD_16, [Column("a", lambda raw: raw, {})], tuple, lambda data: ("irregular", data), None)
+    assert read(data) == ("irregular", data)
+
+
+def test_a_field_that_is_not_mapped_has_its_default() -> None:
+    default = (1,)
+    columns = [Column("a", lambda raw: raw, {3: 3}), Column("b", None, {}, default)]
+    assert reader(whole(a=8), columns, tuple, refuse, None)(b"\x03") == (3, default)
+    write = writer(whole(a=8), columns, COB_ID, refuse, None)
+    assert write((3, default)) == Frame(COB_ID, b"\x03")
+    with pytest.raises(LookupError):
+        write((3, (2,)))
+
+
+def test_codes_mean_unknown_together_only() -> None:
+    layout, both = whole(a=8, b=8), {0x10: 0x10, 0x11: 0x11}
+    unknown = Unknown(0xFFFF, 0x1110, {"a": 0x10, "b": 0x11})
+    columns = [Column(field, lambda raw: raw, {n: layout.place(field, n) for n in both}) for field in ("a", "b")]
+    read = reader(layout, columns, tuple, refuse, unknown)
+    assert [read(bytes(pair)) for pair in ((0x10, 0x11), (0x10, 0x10))] == [(None, None), (0x10, 0x10)]
+    write = writer(layout, columns, COB_ID, refuse, unknown)
+    assert write((0x10, 0x10)).data == b"\x10\x10"
+    with pytest.raises(LookupError):
+        write((0x10, 0x11))

@@ -308,6 +308,18 @@ def test_a_listener_as_quick_as_allowed_is_not_slow() -> None:
     assert list(gatekeeper.reports) == []
 
 
+def test_a_call_counts_from_when_the_caller_has_last_looked_at_the_clock() -> None:
+    clock = Clock()
+    clock.run(2.0)
+    gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.5)
+    gatekeeper.add_function(GotoXY, lambda _: None, "quick")
+    gatekeeper.start()
+    gatekeeper.receive(GOTO_FRAME, 1.0, since=1.5)
+    assert list(gatekeeper.reports) == []
+    gatekeeper.receive(GOTO_FRAME, 1.0, since=0.0)
+    assert [each.event for each in gatekeeper.reports] == [Event.LISTENER_SLOW]
+
+
 def test_a_slow_node_is_named_but_stays_with_the_receiving_thread() -> None:
     clock = Clock()
     waiting: list[Callable[[], None]] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from eurobot_od import dialects, outline_cache
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.outline import Described, Outline
+from eurobot_od.outline import SERVICES, Described, Outline
 
 EDS = sorted(dialects.eds_folder().glob("*/*.eds"))
 
@@ -58,15 +59,15 @@ def test_an_outline_says_what_the_dictionary_says(file: Path, folder: Path) -> N
                 described = outline.described((entry.index, subindex))
                 assert described is not None
                 assert described.name == variable.qualname
-                default = dictionary.default((entry.index, subindex))
+                default = dictionary.default((entry.index, subindex)) if entry.index in SERVICES else None
                 assert outline.default((entry.index, subindex)) == (default if isinstance(default, int) else None)
 
 
 @pytest.mark.parametrize(
     ("address", "expected"),
     [
-        ((0x1018, 1), Described("Identity object.Vendor-ID", 4, False, 0)),
-        ((0x1008, 0), Described("Manufacturer device name", 0, False, None)),  # text is no integer
+        ((0x1018, 1), Described("Identity object.Vendor-ID", 4, False)),
+        ((0x1008, 0), Described("Manufacturer device name", 0, False)),  # text is no integer
         ((0x2000, 99), None),
         ((0x5FFF, 0), None),
     ],
@@ -97,8 +98,8 @@ SPOILT: tuple[Callable[[bytes], bytes], ...] = (
     lambda content: content[:100],  # cut off
     lambda content: b"[1]\n" + content.partition(b"\n")[2],  # JSON of another kind
     lambda content: b"\xff" + content,
-    lambda content: content.replace(b'"read_by": [[', b'"read_by": [[1'),  # another version of the reader
-    lambda content: content.replace(b'"pdos": [[', b'"pdos": [[[], '),
+    lambda content: content.replace(b"[[", b"[[1", 1),  # another version of the reader
+    lambda content: content.replace(b'"node_id"', b'"node"'),
 )
 
 
@@ -167,6 +168,14 @@ def test_the_whole_dictionary_is_loaded_on_demand(eds: Path, read: list[Path]) -
 def test_what_is_kept_is_json_and_the_file(eds: Path, folder: Path) -> None:
     outline_cache.load(eds)
     (entry,) = folder.iterdir()
-    plain, _, content = entry.read_bytes().partition(b"\n")
-    assert json.loads(plain)["node_id"] == 2
+    _, outline, objects, content = entry.read_bytes().split(b"\n", 3)
+    assert json.loads(outline)["node_id"] == 2
+    assert json.loads(objects)["1018:1"] == ["Identity object.Vendor-ID", 4, False]
     assert content == eds.read_bytes()
+
+
+def test_objects_are_described_after_the_entry_is_gone(eds: Path, folder: Path) -> None:
+    outline_cache.load(eds)
+    kept = outline_cache.load(eds)
+    shutil.rmtree(folder)
+    assert kept.described((0x1018, 1)) == Described("Identity object.Vendor-ID", 4, False)

@@ -138,6 +138,9 @@ FORBIDDEN: list[tuple[Message, str, str]] = [
     (EmergencyStop(OutOfRange(2)), "obstacle", "object (0), enemy (1)"),
     (GOTO._replace(x=3001), "x", "0..3000 mm"),
     (GOTO._replace(x=-1), "x", "0..3000 mm"),
+    (GOTO._replace(x=-3001), "x", "0..3000 mm"),  # the first from the end of a table of all places
+    (GOTO._replace(x=-6002), "x", "0..3000 mm"),
+    (GOTO._replace(x=-1 << 64), "x", "0..3000 mm"),
     (GOTO._replace(x=1 << 64), "x", "0..3000 mm"),
     (GOTO._replace(y=2001), "y", "0..2000 mm"),
     (GOTO._replace(speed=101), "speed", "0..100 %"),
@@ -260,6 +263,20 @@ def test_decodes(message: Message, text: str) -> None:
     decoded = PROTOCOL.decode(*frame(text))
     assert decoded == message
     assert [type(value) for value in decoded] == [type(value) for value in message]
+
+
+@pytest.mark.parametrize("kind", [bytes, bytearray, memoryview, list])
+@pytest.mark.parametrize(("message", "text"), FRAMES)
+def test_decodes_data_of_any_kind(message: Message, text: str, kind: Callable[[bytes], Any]) -> None:
+    cob_id, data = frame(text)
+    assert PROTOCOL.decode(cob_id, kind(data)) == message
+
+
+@pytest.mark.parametrize(("message", "text"), FRAMES)
+def test_message_is_encoded_and_decoded_alike_the_first_and_any_other_time(message: Message, text: str) -> None:
+    protocol = Protocol.load("canopen")
+    assert [protocol.encode(message) for _ in range(3)] == [frame(text)] * 3
+    assert [protocol.decode(*frame(text)) for _ in range(3)] == [message] * 3
 
 
 @pytest.mark.parametrize(("angle", "sent"), [(360, 0), (-1, 359), (450, 90), (-720, 0), (1023, 303), (90.0, 90)])

@@ -218,13 +218,58 @@ def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: s
     queue = gatekeeper.add_queue(StopDrive)
     cob_id = PROTOCOL.cob_id(StopDrive)
     with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
-        live.bus.set_filters(None)  # a driver without filters of its own
         for options in ({"is_extended_id": True}, {"is_remote_frame": True}, {"is_error_frame": True}, {"is_fd": True}):
             other.send(can.Message(arbitration_id=cob_id, **({"is_extended_id": False} | options)))
         other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
         assert queue.get(LONG) is not None
     assert live.foreign == 4
     assert queue.delivered == 1
+
+
+def test_a_driver_that_keeps_nobody_waiting_has_the_frame_when_send_returns(channel: str) -> None:
+    with virtual(channel) as other, Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
+        live.send(GotoStateRequest())
+        message = other.recv(0)
+        assert live.gatekeeper.statistics().transmit.completed == 1
+    assert message is not None
+    assert message.arbitration_id == PROTOCOL.cob_id(GotoStateRequest)
+
+
+def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
+    with (
+        can.Bus(channel, interface="virtual", rx_queue_size=1) as other,
+        Live(virtual(channel), Gatekeeper(PROTOCOL)) as live,
+    ):
+        for message in URGENT[:3]:  # as many as there are mailboxes
+            live.send(message)
+        received = [other.recv(LONG) for _ in range(3)]
+    assert [each and each.arbitration_id for each in received] == [PROTOCOL.encode(each).cob_id for each in URGENT[:3]]
+
+
+class FilteringBus(VirtualBus):
+    """A driver with filters of its own."""
+
+    def _apply_filters(self, filters: Any) -> None:
+        self.applied = filters
+
+
+def test_filters_are_for_drivers_that_filter_themselves(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    gatekeeper.add_queue(StopDrive)
+    with Live(FilteringBus(channel), gatekeeper) as live:
+        assert isinstance(live.bus, FilteringBus)
+        assert live.bus.applied == live.bus.filters == gatekeeper.filters() != []
+
+
+def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
+        assert live.bus.filters is None
+        other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert gatekeeper.statistics().unheard == 1
 
 
 def test_a_watch_sees_every_frame(channel: str) -> None:

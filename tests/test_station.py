@@ -101,3 +101,12 @@ def test_settings_size_the_listener_table_in_which_the_node_has_a_place(spoil_ed
         station.gatekeeper.add_function(StopDrive, ignore, f"listener {number}")
     with pytest.raises(ListenerError, match=r"^lamp: the listener table is full, it has 20 places"):
         station.gatekeeper.add_function(StopDrive, ignore, "lamp")
+
+
+def test_it_tells_who_wakes_that_the_node_has_a_frame_in_hand(station: Station) -> None:
+    seen: list[bool] = []
+    station.node.wake = lambda: seen.append(station.serving)
+    station.start(0.0)
+    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), 0.5)  # it answers, and wakes
+    station.node.offer(GotoConfirm())
+    assert seen == [True, False]

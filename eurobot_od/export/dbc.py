@@ -75,9 +75,7 @@ def _signal(binding: Binding, field: str) -> str:
         raise MappingError(binding.file, binding.pdo.mapping_index, f"{binding.name}: {field} is in {len(runs)} pieces")
     order, start = _place(layout, runs[0])
     receivers = ",".join(binding.receivers) or NOBODY
-    return (
-        f' SG_ {field} : {start}|{runs[0].bits}@{order}+ (1,0) [{limits.low}|{limits.high}] "{unit}" {receivers}'
-    )
+    return f' SG_ {field} : {start}|{runs[0].bits}@{order}+ (1,0) [{limits.low}|{limits.high}] "{unit}" {receivers}'
 
 
 def _place(layout: Layout, run: Run) -> tuple[int, int]:

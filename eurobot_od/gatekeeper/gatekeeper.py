@@ -3,25 +3,25 @@
 Rule of this file: a frame is delivered at the cost of its own listeners, whoever else listens, and nothing that comes
 from the wire raises: it is counted and reported.
 
-Queues are served before functions, so that no function delays them. A frame's delivery is an iterator of the functions
-yet to be called, and each call has a baton. When a call does not return, another thread takes its baton and goes on
-with the iterator; the thread in that call, once it is back, finds the baton gone.
+Queues are served before functions, so that no function delays them. When a call of a function does not return, another
+thread takes the rest of the listeners out of the call, and goes on with them; the thread in that call, once it is back,
+finds them gone.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from eurobot_od.errors import RemoteError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper.listeners import Aside, Baton, FunctionListener, in_place
+from eurobot_od.gatekeeper.listeners import REST, Aside, Call, FunctionListener, in_place
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
 from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
-from eurobot_od.gatekeeper.routes import ListenerTable, Registration, Route, routes_to
+from eurobot_od.gatekeeper.routes import Functions, ListenerTable, Registration, Route, routes_to
 from eurobot_od.messages import Message, MessageT
 from eurobot_od.protocol import Binding, Protocol
 
@@ -37,18 +37,20 @@ REPORTS_KEPT = 1000
 EXACT = 0x7FF
 """Filter mask: all 11 bits of an identifier count."""
 
-Call: TypeAlias = tuple[FunctionListener[Any], float, Received[Any], Iterator[FunctionListener[Any]], Baton]
-"""A `Running`, in the form that is made quickest: there is one for each call."""
-
 
 class Running(NamedTuple):
-    """A call under way: its `listener`, `since` when by the gatekeeper's clock, and what to go on with behind it."""
+    """A call under way: its `listener`, `since` when by the gatekeeper's clock, and all `listeners` of what it got."""
 
     listener: FunctionListener[Any]
     since: float
     received: Received[Any]
-    listeners: Iterator[FunctionListener[Any]]
-    baton: Baton
+    listeners: Functions
+    call: Call
+
+    @property
+    def behind(self) -> Functions:
+        """The listeners whose turn has not come."""
+        return self.listeners[self.listeners.index(self.listener) + 1 :]
 
     @property
     def name(self) -> str:
@@ -89,13 +91,13 @@ class Gatekeeper:
         self.reports: deque[Report] = deque(maxlen=REPORTS_KEPT)
         self._report = self.reports.append if report is None else report
         self.mailboxes = Mailboxes(self._report, mailboxes, mailbox_wait)
-        self._protocol, self._aside, self._clock, self._slow_after = protocol, aside, clock, slow_after
+        self._protocol, self._aside, self.clock, self._slow_after = protocol, aside, clock, slow_after
         self._table = ListenerTable(table_size)
         self.generation = 0
         self._listeners: tuple[Registration, ...] = ()
         self._routes: dict[int, Route] = {}
         self._refused = self._unheard = 0
-        self._call: Call | None = None
+        self._call: Call = []
 
     # Registration, before the start: raises ListenerError afterwards, and when the table is full
 
@@ -161,7 +163,7 @@ class Gatekeeper:
         For the thread that receives: a master has changed a node's PDOs, SDO or heartbeat identifiers.
         """
         self._protocol = protocol
-        self._routes = routes_to(self._listeners, protocol.decode)
+        self._routes = routes_to(self._listeners, protocol)
         self.generation += 1
         return self.filters()
 
@@ -171,10 +173,11 @@ class Gatekeeper:
 
     # Receiving
 
-    def receive(self, frame: Frame, timestamp: float) -> bool:
+    def receive(self, frame: Frame, timestamp: float, since: float | None = None) -> bool:
         """Deliver a frame, received at `timestamp` in seconds, to its listeners.
 
-        False if another thread has taken over meanwhile; then this one has to stop receiving.
+        `since` is the time by the gatekeeper's own `clock`, for a caller who has just read it. False if another thread
+        has taken over meanwhile; then this one has to stop receiving.
         """
         cob_id, data = frame
         route = self._routes.get(cob_id)
@@ -183,34 +186,37 @@ class Gatekeeper:
             return True
         decode, queues, functions, nodes = route
         try:
-            message = decode(cob_id, data) if decode else None
+            message = decode(data) if decode else None
         except RemoteError as error:
             self._refuse(frame, error, timestamp)
-            return self._deliver(iter(nodes), Received(None, cob_id, timestamp, frame))
+            return self._deliver(nodes, Received(None, cob_id, timestamp, frame), self.clock())
         received: Received[Any] = tuple.__new__(Received, (message, cob_id, timestamp, frame))
         for queue in queues:
             queue.put(received)
-        return self._deliver(iter(functions), received)
+        return self._deliver(functions, received, self.clock() if since is None else since)
 
     def _refuse(self, frame: Frame, error: RemoteError, timestamp: float) -> None:
         self._refused += 1
         self._report(Report(Event.FRAME_REFUSED, f"0x{frame.cob_id:03X}", str(error), timestamp))
 
-    def _deliver(self, listeners: Iterator[FunctionListener[Any]], received: Received[Any]) -> bool:
-        clock = self._clock
+    def _deliver(self, listeners: Functions, received: Received[Any], since: float) -> bool:
+        clock = self.clock
         for listener in listeners:
-            baton: Baton = [None]
-            started = clock()
-            self._call = listener, started, received, listeners, baton
-            listener.deliver(received)
+            self._call = call = [listener, since, received, listeners]
             try:
-                baton.pop()
+                listener.deliver(received)
+            except Exception as error:  # whatever it is, the other listeners get their message
+                listener.has_failed(error, received.timestamp)
+            listener.delivered += 1
+            try:
+                call.pop(REST)
             except IndexError:
                 listener.come_back()
                 return False
-            taken = clock() - started
-            if taken > self._slow_after:
-                listener.was_slow(taken, received.timestamp)
+            now = clock()
+            if now - since > self._slow_after:
+                listener.was_slow(now - since, received.timestamp)
+            since = now
         return True
 
     # A function that does not return
@@ -218,7 +224,8 @@ class Gatekeeper:
     def running(self) -> Running | None:
         """Return the call under way, None between calls; for a watchdog on another thread."""
         call = self._call
-        return Running(*call) if call is not None and call[-1] else None
+        entries = tuple(call)  # in one go: the call may end meanwhile
+        return Running._make((*entries, call)) if len(entries) > REST else None
 
     def take_over(self, stuck: Running) -> bool:
         """Go on in this thread behind a call that does not return, with the other listeners of its frame.
@@ -226,8 +233,8 @@ class Gatekeeper:
         True if it is this thread that receives from now on, False if the call has returned after all. The thread in
         that call gets False from `receive` when it comes back, after it has caught up with that listener's messages.
         """
-        left = stuck.listener.leave(stuck.baton, stuck.received.timestamp)
-        return left and self._deliver(stuck.listeners, stuck.received)
+        left = stuck.listener.leave(stuck.call, stuck.received.timestamp)
+        return left and self._deliver(stuck.behind, stuck.received, self.clock())
 
     # Sending
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Generic, TypeAlias
+from typing import Any, Generic, TypeAlias
 
 from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received, T
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
@@ -20,8 +20,11 @@ BACKLOG = 1000
 Aside: TypeAlias = Callable[[Callable[[], None]], object]
 """Runs what it is given on a thread other than the reader's, as `ThreadPoolExecutor().submit` does."""
 
-Baton: TypeAlias = list[None]
-"""One entry; of the threads that pop it exactly one succeeds, and that one goes on with the frame's delivery."""
+Call: TypeAlias = list[Any]
+"""A call under way: the listener, since when, what it got, and at REST the listeners of the frame."""
+
+REST = 3
+"""Of the threads that pop this entry of a call exactly one succeeds, and that one goes on with the listeners."""
 
 
 def in_place(work: Callable[[], None]) -> None:
@@ -30,26 +33,26 @@ def in_place(work: Callable[[], None]) -> None:
 
 
 class FunctionListener(Generic[T]):
-    """A function with its name; `deliver` calls it, or leaves the message to `aside` once it has been set aside."""
+    """A function with its name; `deliver` is the function, or what leaves the message to `aside` once that is so.
+
+    Who delivers counts that in `delivered`, and tells `has_failed` of an exception.
+    """
 
     def __init__(self, name: str, function: Callable[[Received[T]], object], report: Reporter, aside: Aside) -> None:
         self.name = name
         self.delivered = self.failed = self.slow = 0
-        self.deliver: Callable[[Received[T]], None] = self._call
+        self.deliver = function
         self._function, self._report, self._aside = function, report, aside
         self._backlog: MessageQueue[T] = MessageQueue(name, BACKLOG, report)
         self._lock = threading.Lock()
         self._working = False  # a thread is at the backlog, or will be
         self._owed = False  # and it is the one that was stuck
 
-    def _call(self, received: Received[T]) -> None:
-        try:
-            self._function(received)
-        except Exception as error:  # whatever it is, the other listeners get their message
-            self.failed += 1
-            text = f"{type(error).__name__}: {error}"
-            self._report(Report(Event.LISTENER_FAILED, self.name, text, received.timestamp, error))
-        self.delivered += 1
+    def has_failed(self, error: Exception, timestamp: float) -> None:
+        """Note that a call raised an exception."""
+        self.failed += 1
+        text = f"{type(error).__name__}: {error}"
+        self._report(Report(Event.LISTENER_FAILED, self.name, text, timestamp, error))
 
     def was_slow(self, seconds: float, timestamp: float) -> None:
         """Note that a call held up the reader for `seconds`, and set the listener aside."""
@@ -68,7 +71,10 @@ class FunctionListener(Generic[T]):
 
     def _work(self) -> None:
         while (received := self._next()) is not None:
-            self._call(received)
+            try:
+                self._function(received)
+            except Exception as error:  # the messages behind wait for this thread
+                self.has_failed(error, received.timestamp)
 
     def _next(self) -> Received[T] | None:
         with self._lock:
@@ -78,11 +84,11 @@ class FunctionListener(Generic[T]):
 
     # A call that does not return
 
-    def leave(self, baton: Baton, timestamp: float) -> bool:
+    def leave(self, call: Call, timestamp: float) -> bool:
         """Set the listener aside in the midst of a call, by another thread; False if the call has returned by now."""
         with self._lock:
             try:
-                baton.pop()
+                call.pop(REST)
             except IndexError:
                 return False
             self._owed, self._working = not self._working, True

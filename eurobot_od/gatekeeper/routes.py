@@ -7,39 +7,34 @@ which message, not to which identifier, as a master may move a message while we 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import ListenerError, StateError
 from eurobot_od.gatekeeper.listeners import FunctionListener
 from eurobot_od.gatekeeper.queues import MessageQueue
 from eurobot_od.messages import Message
+from eurobot_od.protocol import Protocol
+
+Functions: TypeAlias = tuple[FunctionListener[Any], ...]
+"""Functions in the order in which they are called."""
 
 
 class Route(NamedTuple):
     """Who hears one COB-ID: queues, functions, and those of the functions that also take what cannot be decoded.
 
-    `decode` is None where nobody wants the message.
+    `decode` makes the message of a frame's data; it is None where nobody wants the message.
     """
 
-    decode: Callable[[int, bytes], Message] | None = None
+    decode: Callable[[bytes], Message] | None = None
     queues: tuple[MessageQueue[Any], ...] = ()
-    functions: tuple[FunctionListener[Any], ...] = ()
-    nodes: tuple[FunctionListener[Any], ...] = ()
+    functions: Functions = ()
+    nodes: Functions = ()
 
     @property
     def listeners(self) -> tuple[MessageQueue[Any] | FunctionListener[Any], ...]:
         """All of them, in the order in which they are served."""
         return (*self.queues, *self.functions)
-
-    def joined(self, other: Route) -> Route:
-        """Return a route to the listeners of both, these first."""
-        return Route(
-            self.decode or other.decode,
-            self.queues + other.queues,
-            self.functions + other.functions,
-            self.nodes + other.nodes,
-        )
 
 
 class Registration(NamedTuple):
@@ -73,11 +68,22 @@ class ListenerTable:
         return tuple(registrations)
 
 
-def routes_to(listeners: Iterable[Registration], decode: Callable[[int, bytes], Message]) -> dict[int, Route]:
+def routes_to(listeners: Iterable[Registration], protocol: Protocol) -> dict[int, Route]:
     """Return the routes by the COB-IDs that the listeners have now."""
-    routes: dict[int, Route] = {}
-    for cob_ids, route, decoded in listeners:
-        way = route._replace(decode=decode) if decoded else route
-        for cob_id in set(cob_ids()):
-            routes[cob_id] = routes.get(cob_id, Route()).joined(way)
-    return routes
+    ways: dict[int, list[Registration]] = {}
+    for each in listeners:
+        for cob_id in set(each.cob_ids()):
+            ways.setdefault(cob_id, []).append(each)
+    return {cob_id: _joined(cob_id, each, protocol) for cob_id, each in ways.items()}
+
+
+def _joined(cob_id: int, listeners: Sequence[Registration], protocol: Protocol) -> Route:
+    """Return one route to all of the listeners, in their order."""
+    routes = [listener.route for listener in listeners]
+    decoded = any(listener.decoded for listener in listeners)
+    return Route(
+        protocol.binding_of(cob_id).decode if decoded else None,
+        tuple(queue for route in routes for queue in route.queues),
+        tuple(function for route in routes for function in route.functions),
+        tuple(node for route in routes for node in route.nodes),
+    )

@@ -55,7 +55,8 @@ class Decoder:
     def __init__(self, outlines: Iterable[Outline]) -> None:
         self.outlines = tuple(outlines)
         self.protocol = Protocol((each, each.pdos) for each in self.outlines)
-        self._readers = {each.cob_id: _reader(each, self.protocol) for each in self.protocol.bindings}
+        self._bindings = {each.cob_id: each for each in self.protocol.bindings}
+        self._readers: dict[int, Callable[[Frame], Meaning]] = {}
 
     @cached_property
     def _services(self) -> Mapping[int, Service]:
@@ -68,8 +69,14 @@ class Decoder:
         """Tell what a frame means."""
         if isinstance(raw, Foreign):
             return Meaning(raw, "", NO_GROUP, (), None, raw.text, (Finding(raw.damage, raw.text),))
-        read = self._readers.get(raw.cob_id)
-        return read(raw) if read else self._service(raw)
+        read = self._readers.get(raw.cob_id) or self._reader(raw.cob_id)
+        return read(raw)
+
+    def _reader(self, cob_id: int) -> Callable[[Frame], Meaning]:
+        """Return the function for an identifier, made when the first frame with it comes."""
+        binding = self._bindings.get(cob_id)
+        read = self._readers[cob_id] = _reader(binding, self.protocol) if binding else self._service
+        return read
 
     def _service(self, frame: Frame) -> Meaning:
         found = self._services.get(frame.cob_id)

@@ -15,7 +15,7 @@ MAX_COB_ID = 0x7FF
 MAX_LENGTH = 8
 """Highest identifier and longest data of a classic base frame (ISO 11898-1)."""
 
-REMEMBERED = 8192
+REMEMBERED = 256
 """How many distinct frames, or values of a field, are kept understood by those who read logs."""
 
 

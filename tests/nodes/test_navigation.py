@@ -107,9 +107,7 @@ def test_who_is_not_there_is_unknown_whatever_the_beacons_see(
 
 
 def test_before_the_start_configuration_anyone_may_be_there() -> None:
-    assert ask(navigation(EVERYONE), Enemy2PositionRequest()) == Enemy2PositionResponse(
-        2500, 300, None, Source.ENEMY_2
-    )
+    assert ask(navigation(EVERYONE), Enemy2PositionRequest()) == Enemy2PositionResponse(2500, 300, None, Source.ENEMY_2)
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,7 @@ class Checkout:
 @pytest.fixture
 def checkout(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Checkout:
     folder = tmp_path / ".venv"
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")  # pip changes within a second, by no byte of its length
     monkeypatch.setattr(environment, "ROOT", tmp_path)
     monkeypatch.setattr(environment, "FOLDER", folder)
     monkeypatch.setattr(environment, "PYTHON", folder / environment.PYTHON.relative_to(environment.PYTHON.parents[1]))

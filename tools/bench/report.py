@@ -16,7 +16,7 @@ from typing import Any
 
 from bench.measure import Claim, Measured, Scale, compare
 
-PACKAGES = ("eurobot-od", "python-can", "canopen", "cantools", "bitstruct", "dcf-tools", "rich", "numpy")
+PACKAGES = ("eurobot-od", "python-can", "canopen", "cantools", "bitstruct", "dcf-tools", "rich")
 CPUS = Path("/proc/cpuinfo")
 
 

@@ -12,14 +12,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import can
 
-from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
-from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, Words, run
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, run
 from bench.shared import protocol
 from bench.traffic import Timed, random_traffic, recorded_traffic, write_candump
 from eurobot_od.export.dbc import dbc_text
@@ -31,7 +30,6 @@ OUR_FIELDS, PEER_FIELDS = re.compile(r"(\w+)=([^,\s]*)"), re.compile(r"(\w+): ([
 UNKNOWN = ":: Unknown frame id"
 """What cantools says of CANopen's own services."""
 
-WITHOUT_NUMPY = (PYTHON, PROGRAMS / "without_numpy.py")
 COLD = {"EUROBOT_OD_CACHE": ""}
 """Keeps nothing of the EDS files from one run to the next."""
 
@@ -71,19 +69,12 @@ def agree(ours: str, peer: str) -> bool:
 # What is run
 
 
-def decoded(ours: Words, log: Path, peer: Path, count: int, variables: Mapping[str, str]) -> Figures:
+def decoded(log: Path, peer: Path, count: int, variables: Mapping[str, str]) -> Figures:
     """Run ours, and compare its output with the peer's, which has run before."""
     output = log.with_suffix(".ours")
-    figures = run([*ours, "decode", log], target=output, variables=variables)
+    figures = run([*OURS, "decode", log], target=output, variables=variables)
     compare(output, peer, count)
     return figures
-
-
-def with_numpy(measure: Contender) -> Figures:
-    """Measure if numpy is installed; raises NotHere."""
-    if find_spec("numpy") is None:
-        raise NotHere("numpy is not installed")
-    return measure()
 
 
 @contextmanager
@@ -93,13 +84,10 @@ def candump(traffic: Traffic, full: int, scale: Scale) -> Iterator[Mapping[str, 
     with _folder() as (folder, dbc):
         log, peer = folder / "traffic.log", folder / "peer"
         write_candump(log, traffic(count))
-        ours = partial(decoded, OURS, log, peer, count, {})
         yield {
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log, peer),
-            "ours": ours,
-            "ours, numpy": partial(with_numpy, ours),
-            "ours, no numpy": partial(decoded, WITHOUT_NUMPY, log, peer, count, {}),
-            "ours, cold": partial(decoded, OURS, log, peer, count, COLD),
+            "ours": partial(decoded, log, peer, count, {}),
+            "ours, cold": partial(decoded, log, peer, count, COLD),
         }
 
 
@@ -147,19 +135,19 @@ def other_format(suffix: str, scale: Scale) -> Iterator[Mapping[str, Contender]]
         write_log(log, WRITERS[suffix], random_traffic(count))
         yield {
             "peer": partial(run, [PYTHON, PROGRAMS / "peer_decode.py", log, dbc], target=peer),
-            "ours": partial(decoded, OURS, log, peer, count, {}),
+            "ours": partial(decoded, log, peer, count, {}),
         }
 
 
 # Rows
 
 
-def _faster(name: str, ours: str, wanted: float | None) -> Claim:
-    return Claim(name, ours, "cantools", Way.TIMES_AS_FAST, wanted)
+def _faster(name: str, wanted: float | None) -> Claim:
+    return Claim(f"{name}: cantools decode", "ours", "cantools", Way.TIMES_AS_FAST, wanted)
 
 
-def _memory(name: str, ours: str) -> Claim:
-    return Claim(f"{name}, memory", ours, "cantools", Way.RATIO, 0.5, Quantity.MEMORY)
+def _memory(name: str) -> Claim:
+    return Claim(f"{name}, memory", "ours", "cantools", Way.RATIO, 0.5, Quantity.MEMORY)
 
 
 def _candump(name: str, count: int, *claims: Claim, traffic: Traffic = random_traffic) -> Series:
@@ -182,22 +170,19 @@ SERIES = (
     _candump(
         "decode 100 000 lines",
         100_000,
-        _faster("decode 100 000 lines, no numpy: cantools decode", "ours, no numpy", 5),
-        _faster("decode 100 000 lines, numpy: cantools decode", "ours, numpy", None),
-        _memory("decode 100 000 lines, no numpy", "ours, no numpy"),
+        _faster("decode 100 000 lines", 5),
+        _memory("decode 100 000 lines"),
     ),
     _candump(
         "decode 1 000 000 lines",
         1_000_000,
-        _faster("decode 1 000 000 lines, no numpy: cantools decode", "ours, no numpy", 5),
-        _faster("decode 1 000 000 lines, numpy: cantools decode", "ours, numpy", 9),
-        _memory("decode 1 000 000 lines, no numpy", "ours, no numpy"),
-        _memory("decode 1 000 000 lines, numpy", "ours, numpy"),
+        _faster("decode 1 000 000 lines", 9),
+        _memory("decode 1 000 000 lines"),
     ),
     _candump(
         "decode 100 000 lines of one match repeated",
         100_000,
-        _faster("decode 100 000 lines of one match repeated: cantools", "ours", None),
+        _faster("decode 100 000 lines of one match repeated", None),
         traffic=recorded_traffic,
     ),
     *map(_other, WRITERS),

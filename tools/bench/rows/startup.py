@@ -51,7 +51,7 @@ COMMANDS = (
     Command("export cdcf", (NODE,), "export cdcf {dcf} -o {output}"),
     Command("diff of a file with itself", (NODE,), "diff {eds} {eds}"),
     Command("lint of a node's file", (NODE,), "lint {eds}"),
-    Command("check --list", ALL, "check --list"),
+    Command("check --list of a suite", ALL, "check --list {suite}"),
     Command("check --schema", ALL, "check --schema"),
     Command("faults", (), "faults"),
     Command("field, short log", ALL, "field {short} -o {picture}"),
@@ -64,6 +64,24 @@ ENDING = tuple(command for command in COMMANDS if not command.goes_on)
 LOADING = "import sys, canopen\nfor file in sys.argv[1:]: canopen.import_od(file)"
 MINIMAL_OBJECTS = 4
 SHORT_LOG = 30
+SUITE = f"""\
+spec: 1
+name: one step
+node: {NODE}
+steps:
+  - send: Check Drive Request
+"""
+
+FILES = {
+    "empty": "empty.log",
+    "short": "short.log",
+    "dcf": "drive.dcf",
+    "minimal": "minimal.eds",
+    "suite": "suite.yaml",
+    "output": "output",
+    "picture": "field.svg",
+}
+"""What is made, and under which name."""
 
 
 @contextmanager
@@ -72,12 +90,12 @@ def made_files() -> Iterator[dict[str, Path]]:
     eds = dialects.folder() / f"{NODE}.eds"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        names = {"empty": "empty.log", "short": "short.log", "dcf": "drive.dcf", "minimal": "minimal.eds"}
-        files = {key: folder / file for key, file in (names | {"output": "output", "picture": "field.svg"}).items()}
+        files = {key: folder / file for key, file in FILES.items()}
         files["empty"].touch()
         write_candump(files["short"], recorded_traffic(SHORT_LOG))
         files["dcf"].write_text(_dcf(eds))
         files["minimal"].write_text(make_eds(MINIMAL_OBJECTS, 0))
+        files["suite"].write_text(SUITE)
         yield files | {"eds": eds}
 
 
