@@ -241,8 +241,8 @@ class Live:
             self.failure = failure
 
     def _read(self) -> None:
-        receive, clock, recv = self.gatekeeper.receive, self.clock, self.bus.recv
-        one_clock = clock is self.gatekeeper.clock
+        gatekeeper, clock, recv = self.gatekeeper, self.clock, self.bus.recv
+        receive, since = gatekeeper.receive_data, None if clock is gatekeeper.clock else gatekeeper.clock
         try:
             while self._running:
                 message = recv(POLL)
@@ -252,10 +252,9 @@ class Live:
                     self._note_foreign(message)
                     continue
                 now = clock()
-                frame: Frame = tuple.__new__(Frame, (message.arbitration_id, bytes(message.data)))
-                if not receive(frame, now, now if one_clock else None):
+                if not receive(message.arbitration_id, bytes(message.data), now, since() if since else now):
                     return
-                if self.station is not None or self.gatekeeper.generation != self._generation:
+                if self.station is not None or gatekeeper.generation != self._generation:
                     self._follow_up()
         except Exception as error:  # drivers raise what comes to hand
             self._fail(_failure(self.bus, error))

@@ -173,13 +173,15 @@ class Gatekeeper:
 
     # Receiving
 
-    def receive(self, frame: Frame, timestamp: float, since: float | None = None) -> bool:
+    def receive(self, frame: Frame, timestamp: float) -> bool:
         """Deliver a frame, received at `timestamp` in seconds, to its listeners.
 
-        `since` is the time by the gatekeeper's own `clock`, for a caller who has just read it. False if another thread
-        has taken over meanwhile; then this one has to stop receiving.
+        False if another thread has taken over meanwhile; then this one has to stop receiving.
         """
-        cob_id, data = frame
+        return self.receive_data(*frame, timestamp, self.clock())
+
+    def receive_data(self, cob_id: int, data: bytes, timestamp: float, since: float) -> bool:
+        """Do what `receive` does; `since` is the time by the gatekeeper's own `clock`."""
         route = self._routes.get(cob_id)
         if route is None:
             self._unheard += 1
@@ -188,16 +190,16 @@ class Gatekeeper:
         try:
             message = decode(data) if decode else None
         except RemoteError as error:
-            self._refuse(frame, error, timestamp)
-            return self._deliver(nodes, Received(None, cob_id, timestamp, frame), self.clock())
-        received: Received[Any] = tuple.__new__(Received, (message, cob_id, timestamp, frame))
+            self._refuse(cob_id, error, timestamp)
+            functions, queues, message = nodes, (), None
+        received: Received[Any] = tuple.__new__(Received, (message, cob_id, timestamp, data))
         for queue in queues:
             queue.put(received)
-        return self._deliver(functions, received, self.clock() if since is None else since)
+        return self._deliver(functions, received, since)
 
-    def _refuse(self, frame: Frame, error: RemoteError, timestamp: float) -> None:
+    def _refuse(self, cob_id: int, error: RemoteError, timestamp: float) -> None:
         self._refused += 1
-        self._report(Report(Event.FRAME_REFUSED, f"0x{frame.cob_id:03X}", str(error), timestamp))
+        self._report(Report(Event.FRAME_REFUSED, f"0x{cob_id:03X}", str(error), timestamp))
 
     def _deliver(self, listeners: Functions, received: Received[Any], since: float) -> bool:
         clock = self.clock

@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 class Received(NamedTuple, Generic[T]):
-    """What a listener gets: the message, its COB-ID, when it came in the bus's seconds, and the frame it came in.
+    """What a listener gets: the message, its COB-ID, when it came in the bus's seconds, and the data it came in.
 
     It is immutable, so that no listener can spoil it for another. A node listens to frames: its message is None.
     """
@@ -25,7 +25,12 @@ class Received(NamedTuple, Generic[T]):
     message: T
     cob_id: int
     timestamp: float
-    frame: Frame
+    data: bytes
+
+    @property
+    def frame(self) -> Frame:
+        """The frame that the message came in."""
+        return Frame(self.cob_id, self.data)
 
 
 class ListenerStatistics(NamedTuple):
