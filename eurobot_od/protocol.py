@@ -172,8 +172,7 @@ class Binding:
         read = partial(kind.read, limits=limits)
         if width > TABLE_BITS:
             return Column(field, read, lambda value: self.layout.place(field, self.raw(field, value)))
-        inverse = _inverse(kind, limits, width)
-        return Column(field, read, {meaning: self.layout.place(field, raw) for meaning, raw in inverse.items()})
+        return Column(field, read, _placed(kind, limits, width, self.layout.runs[field]))
 
     @cached_property
     def unknown(self) -> Unknown | None:
@@ -209,10 +208,10 @@ def _slot(entry: MappedObject) -> codec.Slot:
 
 
 @cache
-def _inverse(kind: Kind, limits: Limits, width: int) -> Mapping[Any, int]:
-    """Return the raw value of every meaning that may be sent."""
+def _placed(kind: Kind, limits: Limits, width: int, runs: tuple[codec.Run, ...]) -> Mapping[Any, int]:
+    """Return the bits of every meaning that may be sent, at their places; messages and nodes share what is alike."""
     read = ((kind.read(raw, limits), raw) for raw in range(1 << width))
-    return {meaning: raw for meaning, raw in read if not isinstance(meaning, OutOfRange)}
+    return {meaning: codec.place(runs, raw) for meaning, raw in read if not isinstance(meaning, OutOfRange)}
 
 
 Loaded: TypeAlias = Dictionary | Outline

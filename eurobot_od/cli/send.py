@@ -14,9 +14,17 @@ from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, FieldError, LocalError, UnknownName
 
 if TYPE_CHECKING:
+    import can
+
+    from eurobot_od.frame import Frame
     from eurobot_od.messages import Message
     from eurobot_od.protocol import Binding, Protocol
     from eurobot_od.runtime import Live
+
+PATIENCE = 1.0
+"""Seconds that the driver has to take a frame."""
+
+NOT_TAKEN = "the bus did not take the frame"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     expected = protocol.binding(arguments.expect) if arguments.expect else None
     bus = shared.open_bus(arguments)
     print(f"sent      {frame}  {_words(protocol, message)}")
-    return _exchange(bus, protocol, message, expected, within)
+    return _exchange(bus, protocol, message, expected, within) if expected else _only_send(bus, frame)
 
 
 def parse(binding: Binding, fields: Sequence[str]) -> Message:
@@ -75,27 +83,33 @@ def _words(protocol: Protocol, message: Message) -> str:
     return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
 
 
-def _exchange(bus: Any, protocol: Protocol, message: Message, expected: Binding | None, within: float) -> int:
+def _only_send(bus: can.BusABC, frame: Frame) -> int:
+    from eurobot_od.runtime import transmit
+
+    with bus:
+        if not transmit(bus, frame, PATIENCE):
+            raise BusError(NOT_TAKEN)
+    return 0
+
+
+def _exchange(bus: can.BusABC, protocol: Protocol, message: Message, expected: Binding, within: float) -> int:
     from eurobot_od.gatekeeper import Gatekeeper
     from eurobot_od.runtime import Live
 
     gatekeeper = Gatekeeper(protocol)
-    answers = gatekeeper.add_queue(expected.type) if expected else None
+    answers = gatekeeper.add_queue(expected.type)
     with Live(bus, gatekeeper) as live:
         started = live.clock()
         live.send(message)
-        answer = answers.get(within) if answers is not None else None
-        status = _tell(live, protocol, answer, started, expected, within)
+        status = _tell(live, protocol, answers.get(within), started, expected, within)
     if gatekeeper.mailboxes.statistics().completed == 0:
-        raise BusError("the bus did not take the frame")
+        raise BusError(NOT_TAKEN)
     return status
 
 
-def _tell(live: Live, protocol: Protocol, answer: Any, started: float, expected: Binding | None, within: float) -> int:
+def _tell(live: Live, protocol: Protocol, answer: Any, started: float, expected: Binding, within: float) -> int:
     if live.failure:
         raise live.failure
-    if expected is None:
-        return 0
     if answer is None:
         print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
         return 1

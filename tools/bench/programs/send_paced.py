@@ -1,7 +1,7 @@
-"""Fills a SocketCAN bus at a rate: `send_paced.py CHANNEL BITRATE SECONDS` prints frames sent and bits sent as JSON.
+"""Fills a SocketCAN bus: `send_paced.py CHANNEL BITRATE SECONDS LENGTH` prints frames and bits sent as JSON.
 
 Rule of this file: a kernel may wake it every 10 ms only, so each time all is sent that is due by then. Frames are the
-robot's messages with random data, each counted with its stuff bits.
+robot's messages of LENGTH bytes or more with random data, each counted with its stuff bits.
 """
 
 from __future__ import annotations
@@ -26,18 +26,19 @@ FRAME = struct.Struct("=IB3x8s")
 """Linux's `struct can_frame`."""
 
 
-def made_frames() -> list[tuple[bytes, int]]:
+def made_frames(shortest: int) -> list[tuple[bytes, int]]:
     """Make the frames as the socket takes them, with their bits on the bus."""
     chance, made = random.Random(1), []
-    for binding in chance.choices(Protocol.load().bindings, k=DIFFERENT):
+    bindings = [each for each in Protocol.load().bindings if each.layout.length >= shortest]
+    for binding in chance.choices(bindings, k=DIFFERENT):
         data = chance.randbytes(binding.layout.length)
         made.append((FRAME.pack(binding.cob_id, len(data), data), frame_bits(Frame(binding.cob_id, data))))
     return made
 
 
-def fill(bus: socket.socket, bitrate: float, seconds: float) -> tuple[int, int]:
+def fill(bus: socket.socket, bitrate: float, seconds: float, shortest: int) -> tuple[int, int]:
     """Send what is due until the time is over; return frames and bits."""
-    frames, sent, bits = made_frames(), 0, 0
+    frames, sent, bits = made_frames(shortest), 0, 0
     begin = time.monotonic()
     while (passed := time.monotonic() - begin) < seconds:
         while bits < passed * bitrate:
@@ -61,10 +62,10 @@ def _send(bus: socket.socket, data: bytes) -> None:
 
 def main() -> None:
     """Fill the bus."""
-    channel, bitrate, seconds = sys.argv[1], float(sys.argv[2]), float(sys.argv[3])
+    channel, bitrate, seconds, shortest = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4])
     with socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW) as bus:
         bus.bind((channel,))
-        sent, bits = fill(bus, bitrate, seconds)
+        sent, bits = fill(bus, bitrate, seconds, shortest)
     print(json.dumps({"frames": sent, "bits": bits}))
 
 

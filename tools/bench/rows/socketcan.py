@@ -73,10 +73,10 @@ def notifier(count: Count) -> Iterator[None]:
         yield
 
 
-def listened(reader: Callable[[Count], AbstractContextManager[object]], seconds: int) -> Figures:
+def listened(reader: Callable[[Count], AbstractContextManager[object]], shortest: int, seconds: int) -> Figures:
     """Measure a reader while the sender fills the bus, until all is quiet."""
     count = [0]
-    command = [PYTHON, str(PROGRAMS / "send_paced.py"), CHANNEL, str(BITRATE), str(seconds)]
+    command = [PYTHON, str(PROGRAMS / "send_paced.py"), CHANNEL, str(BITRATE), str(seconds), str(shortest)]
     with reader(count):
         begin = time.process_time()
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
@@ -97,18 +97,26 @@ def _wait_until_quiet(count: Count) -> None:
 
 
 @contextmanager
-def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give both readers; raises NotHere."""
+def opened(shortest: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give both readers for messages of so many bytes or more; raises NotHere."""
     if not Path("/sys/class/net", CHANNEL).exists():
         raise NotHere(f"no {CHANNEL} here")
     seconds = scale.of(3, 1)
-    yield {"notifier": partial(listened, notifier, seconds), "ours": partial(listened, live, seconds)}
+    readers = {"notifier": notifier, "ours": live}
+    yield {name: partial(listened, reader, shortest, seconds) for name, reader in readers.items()}
 
 
-FULL = "full bus of 1 Mbit/s"
-CLAIMS = (
-    Claim(f"{FULL}, frames lost", "ours", "notifier", Way.ALONE, 0, Quantity.COUNT),
-    Claim(f"{FULL}, CPU: bare Notifier", "ours", "notifier", Way.RATIO, None, Quantity.CPU),
-    Claim(f"{FULL}, load of the bus", "ours", "notifier", Way.ALONE, None, Quantity.LOAD),
-)
-SERIES = (Series("socketcan", FULL, opened, CLAIMS),)
+def _full(messages: str, shortest: int) -> Series:
+    """Return the rows of a bus that is full of such messages."""
+    name = f"1 Mbit/s full of {messages}"
+    claims = (
+        Claim(f"{name}, frames lost", "ours", "notifier", Way.ALONE, 0, Quantity.COUNT),
+        Claim(f"{name}, frames lost by a Notifier", "notifier", None, Way.ALONE, None, Quantity.COUNT),
+        Claim(f"{name}, CPU: bare Notifier", "ours", "notifier", Way.RATIO, None, Quantity.CPU),
+        Claim(f"{name}, load of the bus", "ours", "notifier", Way.ALONE, None, Quantity.LOAD),
+    )
+    return Series("socketcan", name, partial(opened, shortest), claims)
+
+
+SERIES = (_full("messages of 8 bytes", 8), _full("all messages alike", 0))
+"""Some 8000 and 16 000 frames a second."""
