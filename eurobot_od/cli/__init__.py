@@ -8,6 +8,7 @@ Exit status 0 fine, 1 findings or failed checks, 2 wrong usage or input, 3 bus o
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 from collections.abc import Sequence
@@ -106,10 +107,15 @@ def _run(words: list[str]) -> int:
     if command is None:
         _overview().parse_args(words or ["--help"])
         return 2
-    module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
-    parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
-    module.add_arguments(parser)
-    status: int = module.run(parser.parse_args(words[1:]))
+    gc.disable()  # what is imported stays: looking for garbage in it would take a quick command a millisecond
+    try:
+        module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
+        parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
+        module.add_arguments(parser)
+        arguments = parser.parse_args(words[1:])
+    finally:
+        gc.enable()
+    status: int = module.run(arguments)
     sys.stdout.flush()
     return status
 

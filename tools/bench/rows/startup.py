@@ -57,10 +57,13 @@ COMMANDS = (
     Command("field, short log", ALL, "field {short} -o {picture}"),
     Command("monitor, short log", ALL, "monitor --speed max {short}"),
     Command("send on the in-process bus", ALL, "send Goto_XY x=1 y=1 angle=1 speed=1 -i virtual"),
-    Command("match --duration 1", ALL, "match --duration 1"),
+    Command("match, until it begins", ALL, "match", goes_on=True),
     Command("node, until it runs", (NODE,), f"node {NODE} -i virtual", goes_on=True),
 )
-ENDING = tuple(command for command in COMMANDS if not command.goes_on)
+ENDING = (
+    *(command for command in COMMANDS if not command.goes_on),
+    Command("match of 1 s", ALL, "match --duration 1"),
+)
 LOADING = "import sys, canopen\nfor file in sys.argv[1:]: canopen.import_od(file)"
 MINIMAL_OBJECTS = 4
 SHORT_LOG = 30
