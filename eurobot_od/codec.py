@@ -72,6 +72,18 @@ class Run(NamedTuple):
         masked = f"word >> {self.offset} & {self.mask:#x}" if self.offset else f"word & {self.mask:#x}"
         return f"({masked}) << {self.shift}" if self.shift else masked
 
+    def insert(self, value: str) -> str:
+        """Write the expression that brings the run from a value to its place in the word."""
+        return f"({value} >> {self.shift} & {self.mask:#x}) << {self.offset}"
+
+
+def place(runs: Iterable[Run], raw: int) -> int:
+    """Return a raw value's bits at the places in the word that its runs say."""
+    word = 0
+    for run in runs:
+        word |= run.place(raw)
+    return word
+
 
 ByteOrder = Literal["little", "big"]
 
@@ -124,14 +136,15 @@ class Layout:
 
     def place(self, field: str, raw: int) -> int:
         """Return a raw value's bits at their places in the word."""
-        word = 0
-        for run in self.runs[field]:
-            word |= run.place(raw)
-        return word
+        return place(self.runs[field], raw)
 
     def extract(self, field: str) -> str:
         """Write the expression that takes a field's raw value out of `word`."""
         return " | ".join(f"({run.extract()})" for run in self.runs[field])
+
+    def insert(self, field: str, value: str) -> str:
+        """Write the expression that puts a field's raw value at its places in the word."""
+        return " | ".join(f"({run.insert(value)})" for run in self.runs[field])
 
 
 def _count(runs: Mapping[str, Sequence[Run]]) -> int:
@@ -181,13 +194,15 @@ class Column(NamedTuple):
 
     `read` turns the raw value into its meaning; None for a field that is not mapped and always has its `default`.
     `write` turns the meaning into bits at their places in the word: a mapping of every meaning, or a function that
-    raises ValueError or TypeError. What the two say must not change, as it is remembered.
+    raises ValueError or TypeError. What the two say must not change, as it is remembered. They need not be called for
+    `numbers`: raw values that mean themselves.
     """
 
     field: str
     read: Callable[[int], Any] | None
     write: Mapping[Any, int] | Callable[[Any], int]
     default: Any = None
+    numbers: range = range(0)
 
 
 class Unknown(NamedTuple):
@@ -274,7 +289,7 @@ def reader(
         return read(data)
 
     known = {field: f"_{field}{table.index}" for field, table in tables.items()}
-    called = {field: f"_{field}({layout.extract(field)})" for field in mapped.keys() - tables.keys()}
+    called = {each.field: _asked(layout, each) for each in columns if each.field in mapped and each.field not in tables}
     values = {column.field: f"_{column.field}" for column in columns} | known | called
     nothing = values | dict.fromkeys(unknown.codes if unknown else (), "None")
     source = f"""
@@ -292,6 +307,12 @@ def read(data):
     names |= {"new": tuple.__new__, "message": message, "seldom": seldom, "from_bytes": int.from_bytes}
     read: Callable[[bytes], Any] = generate("read", source, names)
     return read
+
+
+def _asked(layout: Layout, column: Column) -> str:
+    """Write the expression that asks `read` for the meaning of a field in `word`, unless it is among the numbers."""
+    field, numbers = column.field, column.numbers
+    return f"raw if {numbers.start} <= (raw := {layout.extract(field)}) < {numbers.stop} else _{field}(raw)"
 
 
 def _sequence(items: Iterable[str]) -> str:
@@ -333,7 +354,7 @@ def writer(
         return lambda _: empty
     learnt = {
         field: Learnt(number, write, {})
-        for number, (field, _, write, _) in enumerate(columns)
+        for number, (field, _, write, *_) in enumerate(columns)
         if callable(write) and layout.widths[field] <= LOOKED_UP_BITS
     }
 
@@ -345,13 +366,13 @@ def writer(
 
     tables = {column.field: _written_by(column, learnt) for column in columns}
     values = {column.field: f"v{number}" for number, column in enumerate(columns)}
-    mapped = {column.field: values[column.field] for column in columns if column.read is not None}
+    mapped = [column for column in columns if column.read is not None]
     seldoms = [*_odd(columns, values, tables), *_ambiguous(values, unknown)]
     source = f"""
 def write(message):
     try:
         {_sequence(values.values())} = message + ()
-        word = {" + ".join(_writing(field, value, tables[field]) for field, value in mapped.items())}
+        word = {" + ".join(_writing(layout, each, values[each.field], tables[each.field]) for each in mapped)}
     except (LookupError, TypeError, ValueError):
         return seldom(message)
     {f"if {' or '.join(seldoms)}: return seldom(message)" if seldoms else ""}
@@ -378,13 +399,18 @@ def _by_number(bits: Mapping[Any, int]) -> Mapping[Any, int] | tuple[int, ...]:
     return tuple(bits.values()) if plain else bits
 
 
-def _writing(field: str, value: str, table: Any) -> str:
-    return f"_{field}({value})" if callable(table) else f"_{field}[{value}]"
+def _writing(layout: Layout, column: Column, value: str, table: Any) -> str:
+    """Write the expression that looks up a field's bits, or asks `write` for them, unless it is among the numbers."""
+    field, numbers = column.field, column.numbers
+    if not callable(table):
+        return f"_{field}[{value}]"
+    number = f"type({value}) is int and {numbers.start} <= {value} < {numbers.stop}"
+    return f"({layout.insert(field, value)} if {number} else _{field}({value}))"
 
 
 def _odd(columns: Sequence[Column], values: Mapping[str, str], tables: Mapping[str, Any]) -> Iterator[str]:
     """Write tests for what the tables let through: another value than the only one, and a place from a tuple's end."""
-    for field, read, _, _ in columns:
+    for field, read, *_ in columns:
         if read is None:
             yield f"{values[field]} is not _{field}"
         elif isinstance(tables[field], tuple):

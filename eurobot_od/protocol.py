@@ -171,7 +171,8 @@ class Binding:
         limits, width = self.limits[field], self.layout.widths[field]
         read = partial(kind.read, limits=limits)
         if width > TABLE_BITS:
-            return Column(field, read, lambda value: self.layout.place(field, self.raw(field, value)))
+            numbers = kind.numbers(limits)[: 1 << width]
+            return Column(field, read, lambda value: self.layout.place(field, self.raw(field, value)), numbers=numbers)
         return Column(field, read, _placed(kind, limits, width, self.layout.runs[field]))
 
     @cached_property

@@ -17,11 +17,12 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper, Running
 from eurobot_od.messages import Message
-from eurobot_od.nodes.node import Node
-from eurobot_od.station import Station
 
 if TYPE_CHECKING:
     import can
+
+    from eurobot_od.nodes.node import Node
+    from eurobot_od.station import Station
 
 BITRATE = 500_000
 """Bit/s of the robot's bus, where neither caller nor python-can's configuration says another."""
@@ -129,6 +130,8 @@ class Live:
     @classmethod
     def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.perf_counter, **options: Any) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
+        from eurobot_od.station import Station  # a gatekeeper alone needs no nodes
+
         station = Station(node, aside=_in_thread, **options)
         return cls(bus, station.gatekeeper, station, clock)
 

@@ -185,6 +185,18 @@ def test_a_very_wide_field_is_not_remembered() -> None:
     assert calls == [0x030201] * 4
 
 
+@pytest.mark.parametrize(("value", "asked"), [(1, False), (2, False), (0, True), (3, True), (True, True)])
+def test_numbers_of_a_very_wide_field_are_not_asked_for(value: int, asked: bool) -> None:
+    calls: list[int] = []
+    counted = counting(lambda number: number, calls)
+    column = Column("a", counted, counted, numbers=range(1, 3))
+    assert writer(FIELD_24, [column], COB_ID, refuse, None)((value,)).data == bytes([value, 0, 0])
+    assert calls == [value] * asked
+    calls.clear()
+    assert reader(FIELD_24, [column], tuple, refuse, None)(bytes([value, 0, 0])) == (value,)
+    assert calls == [value] * (value not in column.numbers)
+
+
 @pytest.mark.parametrize("value", [-1, -3, -4, -6, 3, 1 << 64, -1 << 64, None, "1", [], 0.5])
 def test_what_is_in_no_table_goes_the_careful_way(value: Any) -> None:
     layout = whole(a=2)

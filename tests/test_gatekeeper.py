@@ -35,7 +35,7 @@ Heard = list[Received[Any]]
 
 def received(message: Message, timestamp: float) -> Received[Message]:
     frame = PROTOCOL.encode(message)
-    return Received(message, frame.cob_id, timestamp, frame)
+    return Received(message, frame.cob_id, timestamp, frame.data)
 
 
 def ignore(*_: object) -> None:
@@ -314,9 +314,9 @@ def test_a_call_counts_from_when_the_caller_has_last_looked_at_the_clock() -> No
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.5)
     gatekeeper.add_function(GotoXY, lambda _: None, "quick")
     gatekeeper.start()
-    gatekeeper.receive(GOTO_FRAME, 1.0, since=1.5)
+    gatekeeper.receive_data(*GOTO_FRAME, 1.0, since=1.5)
     assert list(gatekeeper.reports) == []
-    gatekeeper.receive(GOTO_FRAME, 1.0, since=0.0)
+    gatekeeper.receive_data(*GOTO_FRAME, 1.0, since=0.0)
     assert [each.event for each in gatekeeper.reports] == [Event.LISTENER_SLOW]
 
 

@@ -6,12 +6,11 @@ import threading
 
 import pytest
 
-from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import ListenerStatistics, MessageQueue, Received, Report
 
 
 def item(number: int) -> Received[int]:
-    return Received(number, 0x004, float(number), Frame(0x004))
+    return Received(number, 0x004, float(number), b"")
 
 
 def numbers(queue: MessageQueue[int]) -> list[int]:

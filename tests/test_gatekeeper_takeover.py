@@ -56,7 +56,7 @@ class Stuck:
 REGISTER: dict[str, Callable[[Gatekeeper, Sticky], object]] = {
     "function": lambda gatekeeper, sticky: gatekeeper.add_function(StopDrive, sticky, "sticky"),
     "node": lambda gatekeeper, sticky: gatekeeper.add_frames(
-        lambda: (FRAME.cob_id,), lambda frame, timestamp: sticky(Received(None, 0, timestamp, frame)), "sticky"
+        lambda: (FRAME.cob_id,), lambda frame, timestamp: sticky(Received(None, 0, timestamp, frame.data)), "sticky"
     ),
 }
 

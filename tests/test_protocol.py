@@ -623,6 +623,12 @@ NARROW = [
         GotoStateResponse(5),
         GotoFault.BLOCKED,
     ),
+    (
+        "time",
+        [("drive", "1A01sub1", "0x20020112"), ("core", "1601sub1", "0x20020112")],
+        GotoStateResponse(0x3FFFF),
+        0x40000,
+    ),
     ("angle", [("core", "1A03sub3", "0x20000308"), ("drive", "1603sub3", "0x20000308")], GOTO, 359),
 ]
 
@@ -635,6 +641,21 @@ def test_a_value_that_its_bits_cannot_hold_is_not_sent(
     assert protocol.decode(*protocol.encode(message)) == message
     with pytest.raises(FieldError, match=f"{field} = .* bits that the loaded EDS maps"):
         protocol.encode(message._replace(**{field: value}))
+
+
+@pytest.mark.parametrize("time", [0, 1, 0x0FFFFE, None, GotoFault.BLOCKED, True, OutOfRange(5), 0x0FFFFF, -1, 1.0])
+def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
+    """Numbers go past the kind, so there must be no difference."""
+    binding, message = PROTOCOL.binding(GotoStateResponse), GotoStateResponse(time)
+    try:
+        raw = binding.raw("time", time)
+    except FieldError:
+        with pytest.raises(FieldError):
+            PROTOCOL.encode(message)
+    else:
+        assert PROTOCOL.encode(message).data == raw.to_bytes(3, "little")
+        read = binding.kinds["time"].read(raw, binding.limits["time"])
+        assert PROTOCOL.decode(*PROTOCOL.encode(message)) == GotoStateResponse(read)
 
 
 def test_the_codec_follows_the_table(tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ from eurobot_od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.messages import Message
-from eurobot_od.protocol import Protocol
+from eurobot_od.protocol import Binding, Protocol
 
 ERROR_REGISTER = 0x1001
 ERROR_FIELD = 0x1003
@@ -85,7 +85,8 @@ class Device:
     """The CANopen side of a node, made from its `dictionary`; `store` keeps what 0x1010 saves.
 
     `state` is the NMT state, `objects` its values, `protocol` its messages as they are mapped now, `identifiers` the
-    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them.
+    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_answers` is the
+    COB-ID on which it answers as an SDO server, None if it is none; no master changes that (CiA 301, 7.5.2.33: ro).
     """
 
     def __init__(self, dictionary: Dictionary, store: Store | None = None) -> None:
@@ -119,6 +120,7 @@ class Device:
         self._consumer.configure(self._consumed())
         self._ears = self._listeners()
         self.identifiers = sorted(self._ears)
+        self.sdo_answers = self._cob_id(SDO_TRANSMIT)
         self._pacing.restart(self._pdos.sent.values(), self._now)
 
     def _listeners(self) -> dict[int, Ear]:
@@ -136,11 +138,6 @@ class Device:
     def protocol(self) -> Protocol:
         """The messages of the PDOs that are valid now."""
         return self._pdos.protocol
-
-    @property
-    def sdo_answers(self) -> int | None:
-        """COB-ID on which the device answers as an SDO server, None if it is none."""
-        return self._cob_id(SDO_TRANSMIT)
 
     # Values
 
@@ -362,34 +359,40 @@ class Device:
         binding = self._pdos.received[frame.cob_id]
         if self.state is not NmtState.OPERATIONAL and binding.type not in ALWAYS:
             return Reaction([])
-        info = frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)])
         try:
-            message = self.protocol.decode(*frame)
+            message = binding.decode(frame.data)
         except FrameLengthError:
-            self.emergencies.raised(ErrorCode.PDO_TOO_SHORT, binding.name, info)
+            self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
             return Reaction([])
         self._process.note(binding, frame.data)
         if len(frame.data) > binding.layout.length:
-            self.emergencies.raised(ErrorCode.PDO_TOO_LONG, binding.name, info)
+            self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
         else:
             self.emergencies.cleared(binding.name)
         return Reaction([], message)
+
+    def _raise_length(self, code: ErrorCode, binding: Binding, frame: Frame) -> None:
+        info = frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)])
+        self.emergencies.raised(code, binding.name, info)
 
     def transmit(self, message: Message) -> Frame:
         """Return the frame of a message as this device would send it.
 
         Raises StateError if it is not one of its TPDOs or if its NMT state does not allow it, FieldError for a value.
         """
+        return self._sendable(message).encode(message)
+
+    def _sendable(self, message: Message) -> Binding:
         binding = self._pdos.sent.get(type(message))
         if binding is None:
             raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}")
         if self.state is not NmtState.OPERATIONAL and not isinstance(message, ALWAYS):
             raise StateError(f"{self.dictionary.name} is {self.state.name}: only stops may be sent")
-        return self.protocol.encode(message)
+        return binding
 
     def send(self, message: Message, now: float) -> list[Frame]:
         """Return the frame of a message to send now, none if its inhibit time holds it back; raises as `transmit`."""
-        frame = self.transmit(message)
-        binding = self._pdos.sent[type(message)]
+        binding = self._sendable(message)
+        frame = binding.encode(message)
         self._process.note(binding, frame.data)
         return self._pacing.admit(binding, frame, now)

@@ -115,11 +115,15 @@ class Emergencies:
     @property
     def next(self) -> float | None:
         """When there will be something to send, in seconds; None if nothing is planned."""
-        times = [*self._passing.values(), *([self._free] if self._waiting else ())]
-        return min(times) if times else None
+        if not self._waiting and not self._passing:
+            return None
+        free = [self._free] if self._waiting else []
+        return min([*self._passing.values(), *free])
 
     def due(self, now: float) -> list[Frame]:
         """Return the reports that the inhibit time lets go by now."""
+        if not self._waiting and not self._passing:
+            return []
         for code in [code for code, end in self._passing.items() if end <= now]:
             del self._passing[code]
             self.cleared(code)

@@ -6,7 +6,7 @@ or is refused and leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, su
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from itertools import accumulate
 
 from eurobot_od.codec import MAX_BITS
@@ -214,12 +214,14 @@ class Pacing:
 
     def __init__(self, inhibit: Callable[[Binding], float], event: Callable[[Binding], float]) -> None:
         self._inhibit, self._event = inhibit, event
+        self._inhibits: dict[Binding, float] = {}
         self._events: dict[Binding, float] = {}
         self._free: dict[Binding, float] = {}
         self._held: dict[Binding, Frame] = {}
 
-    def restart(self, bindings: Iterable[Binding], now: float) -> None:
-        """Begin anew with these TPDOs; what was held back is dropped."""
+    def restart(self, bindings: Collection[Binding], now: float) -> None:
+        """Begin anew with these TPDOs, and with their times as they are now; what was held back is dropped."""
+        self._inhibits = {each: time for each in bindings if (time := self._inhibit(each))}
         self._events = {each: now + time for each in bindings if (time := self._event(each))}
         self._free.clear()
         self._held.clear()
@@ -237,14 +239,15 @@ class Pacing:
         self._held.pop(binding, None)
         if binding in self._events:
             self._events[binding] = now + self._event(binding)
-        if inhibit := self._inhibit(binding):
-            self._free[binding] = now + inhibit
+        if binding in self._inhibits:
+            self._free[binding] = now + self._inhibits[binding]
 
     @property
     def next(self) -> float | None:
         """When the next TPDO is due, None if none is."""
-        times = [*self._events.values(), *map(self._free.__getitem__, self._held)]
-        return min(times) if times else None
+        if not self._events and not self._held:
+            return None
+        return min([*self._events.values(), *map(self._free.__getitem__, self._held)])
 
     def released(self, now: float) -> list[Frame]:
         """Return what was held back and may be sent now."""

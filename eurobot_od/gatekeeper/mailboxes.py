@@ -70,13 +70,12 @@ class Mailboxes:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
         if not self._waiting:
             return []
-        if not self._waiting:
-            return []
         self.expire(now)
         free = self.count - len(self._loaded)
         loaded, late = self._waiting[:free], now + self.wait
         self._waiting = [each.until(late) for each in self._waiting[free:]]
-        self._loaded = sorted(self._loaded + loaded)
+        self._loaded += loaded
+        self._loaded.sort()
         return [each.frame for each in loaded]
 
     def urgent(self) -> Frame | None:
@@ -85,12 +84,12 @@ class Mailboxes:
 
     def complete(self, frame: Frame) -> bool:
         """Free the mailbox of a frame that was sent (transmit-complete); False if no mailbox holds it."""
-        place = next((place for place, each in enumerate(self._loaded) if each.frame == frame), None)
-        if place is None:
-            return False
-        del self._loaded[place]
-        self._completed += 1
-        return True
+        for place, each in enumerate(self._loaded):
+            if each.frame == frame:
+                del self._loaded[place]
+                self._completed += 1
+                return True
+        return False
 
     @property
     def next_expiry(self) -> float | None:

@@ -94,7 +94,8 @@ def column(layout: Layout, field: str) -> Column:
     """A column of plain numbers: a table for a narrow field, a function for a wide one, as the protocol has them."""
     bits = layout.widths[field]
     table = {raw: layout.place(field, raw) for raw in range(1 << bits)} if bits <= 8 else None
-    return Column(field, lambda raw: raw, table or (lambda value: layout.place(field, value)))
+    numbers = range(bits, 1 << bits - 1)  # about half of what a wide one may have
+    return Column(field, lambda raw: raw, table or (lambda value: layout.place(field, value)), numbers=numbers)
 
 
 @given(filled())
