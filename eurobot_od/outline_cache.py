@@ -91,10 +91,12 @@ def _objects(path: Path) -> Plain:
 def _made(path: Path) -> Outline:
     """Have a file read, and keep what was read, unless the file has changed meanwhile."""
     entry, content = _entry(path), _content(path)
-    dictionary = Dictionary.load(path)
-    made = Outline.of(dictionary)
+    loaded = Dictionary.load(path)
+    plain = plain_outline(loaded)
+    made = Outline(path, plain, lambda: plain_objects(loaded))
+    made.dictionary = loaded
     if entry and _content(path) == content:
-        parts = _read_by(), plain_outline(dictionary), plain_objects(dictionary)
+        parts = _read_by(), plain, plain_objects(loaded)
         with suppress(OSError):
             _write(entry, b"\n".join([*(json.dumps(part).encode() for part in parts), content]))
     return made

@@ -186,13 +186,15 @@ def _are_times(text: str, count: int) -> bool:
     """Tell whether these are so many times of one length in brackets, each as a float is written with six decimals."""
     size, odd = divmod(len(text), count)
     digits, first = size - AROUND_DIGITS, text[1::size]
+    only_digits = text.replace(")(", "").replace(".", "")[1:-1]
     return (
         not odd
         and 1 <= digits <= MOST_DIGITS
         and text[::size] == "(" * count
         and text[digits + 1 :: size] == "." * count
         and text[size - 1 :: size] == ")" * count
-        and text.replace(")(", "").replace(".", "")[1:-1].isdigit()
+        and len(only_digits) == count * (size - len("(.)"))
+        and only_digits.isdigit()
         and (digits == 1 or "0" not in first)
         and (digits < MOST_DIGITS or max(first) <= HIGHEST_FIRST)
     )

@@ -105,12 +105,12 @@ class Rows:
         return self._texts(unpack(words, data))
 
 
-Key = TypeVar("Key", int, str)
-Data = TypeVar("Data", bytes, str)
+Key = TypeVar("Key")
+Data = TypeVar("Data")
 
 
 def from_tables(
-    tables: Mapping[Key, Callable[[Sequence[Data]], list[str]]], identifiers: Sequence[Any], frames: Sequence[Any]
+    tables: Mapping[Key, Callable[[Sequence[Data]], list[str]]], identifiers: Sequence[Key], frames: Sequence[Data]
 ) -> list[str]:
     """Return the rows of frames, each message's at once; with a MARK where they are not in the tables."""
     rows = [MARK] * len(frames)
@@ -124,9 +124,9 @@ def from_tables(
     return rows
 
 
-def _places(identifiers: Sequence[Any]) -> Mapping[Any, list[int]]:
+def _places(identifiers: Sequence[Key]) -> Mapping[Key, list[int]]:
     """Return where each identifier stands."""
-    places: defaultdict[Any, list[int]] = defaultdict(list)
+    places: defaultdict[Key, list[int]] = defaultdict(list)
     for place, identifier in enumerate(identifiers):
         places[identifier].append(place)
     return places

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from itertools import count
+from contextlib import contextmanager
 from pathlib import Path
 
 import can
 import canopen
+from interop_rows.bench import new_channel as new_channel
+from interop_rows.bench import open_bus as open_bus
+from interop_rows.bench import robot as robot
 
-from eurobot_od import dialects, dictionary, runtime
+from eurobot_od import dialects, dictionary
 from eurobot_od.client.master import REQUEST_BASE, RESPONSE_BASE, Master
-from eurobot_od.nodes import ROLES
 
 EDS = dialects.eds_folder() / "canopen"
 DRIVE = EDS / "drive.eds"
@@ -20,35 +21,12 @@ DRIVE = EDS / "drive.eds"
 ANSWER_WAIT = 2.0
 """Seconds, for a machine with much else to do; tests of silence have a wait of their own."""
 
-_numbers = count()
-
-
-def new_channel() -> str:
-    """Name an in-process bus that no other test has."""
-    return f"client test {next(_numbers)}"
-
-
-def virtual_bus(channel: str) -> can.BusABC:
-    """Open an in-process bus."""
-    return can.Bus(interface="virtual", channel=channel)
-
-
-@contextmanager
-def robot(*roles: str) -> Iterator[str]:
-    """Run our nodes on a new bus; gives its channel."""
-    channel = new_channel()
-    with ExitStack() as stack:
-        for role in roles:
-            node = ROLES[role](dialects.load(role, "canopen"))
-            stack.enter_context(runtime.Live.node(virtual_bus(channel), node))
-        yield channel
-
 
 @contextmanager
 def stock_drive(file: Path = DRIVE) -> Iterator[tuple[str, canopen.LocalNode]]:
     """Run canopen's own node 2 with the drive's EDS on a new bus; gives its channel and the node."""
     channel = new_channel()
-    network = canopen.Network(virtual_bus(channel))
+    network = canopen.Network(open_bus(channel))
     network.NOTIFIER_CYCLE = 0.01
     network.connect()
     node = network.create_node(2, dictionary.Dictionary.load(file, 2).objects)
@@ -62,7 +40,7 @@ def stock_drive(file: Path = DRIVE) -> Iterator[tuple[str, canopen.LocalNode]]:
 def peer(answers: Callable[[bytes], list[bytes]], node_id: int = 2) -> Iterator[str]:
     """Run a peer that answers each SDO request with the frames that `answers` gives; gives the channel."""
     channel = new_channel()
-    bus = virtual_bus(channel)
+    bus = open_bus(channel)
 
     def received(message: can.Message) -> None:
         if message.arbitration_id == REQUEST_BASE + node_id:
@@ -80,5 +58,5 @@ def peer(answers: Callable[[bytes], list[bytes]], node_id: int = 2) -> Iterator[
 @contextmanager
 def master_on(channel: str, answer_wait: float = ANSWER_WAIT) -> Iterator[Master]:
     """Open a master on a channel."""
-    with Master(virtual_bus(channel), answer_wait) as master:
+    with Master(open_bus(channel), answer_wait) as master:
         yield master

@@ -8,7 +8,7 @@ import pytest
 from eurobot_od.client.master import Master, label
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
-from tests.client.peers import master_on, new_channel, peer, robot, stock_drive, virtual_bus
+from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
 
 HEARTBEAT_TIME = (0x1017, 0)
 EXPEDITED_TWO_BYTES = bytes.fromhex("4b171000e8030000")
@@ -129,7 +129,7 @@ def test_a_reset_waits_for_the_boot_up() -> None:
 
 def test_only_classic_base_data_frames_are_heard() -> None:
     channel = new_channel()
-    with Master(virtual_bus(channel)) as master, virtual_bus(channel) as sender:
+    with Master(open_bus(channel)) as master, open_bus(channel) as sender:
         sender.send(can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=True))
         sender.send(can.Message(arbitration_id=0x702, is_remote_frame=True, is_extended_id=False))
         sender.send(can.Message(arbitration_id=0x702, data=b"\x05\0", is_extended_id=False))  # two bytes

@@ -10,7 +10,7 @@ import pytest
 from eurobot_od.client.description import Identity
 from eurobot_od.client.scan import Found, scan
 from eurobot_od.device.nmt import NmtState
-from tests.client.peers import master_on, new_channel, peer, robot, stock_drive, virtual_bus
+from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
 
 quick_scan = partial(scan, pace=0.0005, listen=0.1)
 """Enough for nodes of this process."""
@@ -29,7 +29,7 @@ def test_our_three_nodes_are_found_with_their_names_and_nothing_else() -> None:
 
 def test_this_protocols_own_identifiers_are_no_node_64() -> None:
     channel = new_channel()
-    with master_on(channel, 0.3) as master, virtual_bus(channel) as robot_bus:
+    with master_on(channel, 0.3) as master, open_bus(channel) as robot_bus:
         for cob_id in (0x0C0, 0x1C0, 0x2C0, 0x3C0, 0x080, 0x100):  # what services of node 64 would have
             robot_bus.send(can.Message(arbitration_id=cob_id, data=b"\0", is_extended_id=False))
         assert quick_scan(master) == []
@@ -37,7 +37,7 @@ def test_this_protocols_own_identifiers_are_no_node_64() -> None:
 
 def test_a_node_that_only_sends_heartbeats_is_found() -> None:
     channel = new_channel()
-    with master_on(channel, 0.05) as master, virtual_bus(channel) as silent:
+    with master_on(channel, 0.05) as master, open_bus(channel) as silent:
         silent.send(can.Message(arbitration_id=0x709, data=b"\x04", is_extended_id=False))
         assert quick_scan(master) == [Found(9, NmtState.STOPPED, None, "")]
 

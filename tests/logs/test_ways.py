@@ -140,6 +140,8 @@ REGULAR = "(1396.001356) can0 180#1B796C2008\n(1396.005961) can0 010#\n(1396.013
         (REGULAR.replace("1396.", "-396."), "a time before the start"),
         (REGULAR.replace("(1396.005961)", "1396.005961"), "no brackets"),
         (REGULAR.replace("(1396.005961)", "((1396.005961)"), "too many brackets"),
+        ("(1.5)(1396.123456) can0 180#1B796C2008\n", "two times in one word"),
+        ("(1.5396.123456) can0 180#1B796C2008\n", "two points in a time"),
         (REGULAR.replace("(1396.005961)", "(1396.00596)").replace("013890", "0138900"), "decimals in another number"),
         ("x" * 5000 + "\n" + REGULAR, "a long line at the beginning"),
         (REGULAR + "x" * 50_000 + "\n", "a very long line at the end"),

@@ -22,7 +22,7 @@ from eurobot_od.match.play import Player
 from eurobot_od.match.timeline import Timeline
 from eurobot_od.nodes import Node
 from eurobot_od.runtime import Live, Watch
-from tests.client.peers import master_on, new_channel, virtual_bus
+from tests.client.peers import master_on, new_channel, open_bus
 
 NOW = datetime(2014, 5, 28, 12, 0)
 SHORT = Options(duration=6.0)
@@ -38,7 +38,7 @@ def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
             begun.set()
 
     def play() -> None:
-        stage.play_live(Options(duration=3.0), show, lambda _time, _frame: None, lambda: virtual_bus(channel))
+        stage.play_live(Options(duration=3.0), show, lambda _time, _frame: None, lambda: open_bus(channel))
 
     match = threading.Thread(target=play)
     match.start()
@@ -78,9 +78,9 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     seen: list[Frame] = []
     player = Player(cast.core, cast.world, SHORT, Timeline(clock, lambda _: None), clock)
     with ExitStack() as stack:
-        stack.enter_context(Watch(virtual_bus(channel), lambda _, frame: seen.append(frame), clock))
+        stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
         for node in cast.nodes:
-            stack.enter_context(Live.node(virtual_bus(channel), node, clock))
+            stack.enter_context(Live.node(open_bus(channel), node, clock))
         for node in cast.nodes:
             if node.name in changed:
                 assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Outcome(2, stored=True)
