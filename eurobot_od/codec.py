@@ -14,7 +14,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Data, Frame
 
 MAX_BITS = 64
 """A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
@@ -251,7 +251,7 @@ class ByteTable:
         self.rows = _rows(self._outer)
         self.index = "".join(f"[b{byte}]" for byte, _ in shares)
 
-    def fill(self, data: bytes) -> None:
+    def fill(self, data: Data) -> None:
         """Enter the meanings that the field has in such frames, whatever the last byte is."""
         row, raw = self.rows, 0
         for byte, parts in self._outer:
@@ -273,15 +273,15 @@ def reader(
     layout: Layout,
     columns: Sequence[Column],
     message: type,
-    irregular: Callable[[bytes], Any],
+    irregular: Callable[[Data], Any],
     unknown: Unknown | None,
-) -> Callable[[bytes], Any]:
+) -> Callable[[Data], Any]:
     """Generate `read(data) -> message`; `irregular` gets data of another length than the layout's."""
     mapped = {column.field: column.read for column in columns if column.read is not None}
     looked_up = {field: read for field, read in mapped.items() if layout.widths[field] <= LOOKED_UP_BITS}
     tables = {field: ByteTable(read, _shares(layout.places(field))) for field, read in looked_up.items()}
 
-    def seldom(data: bytes) -> Any:
+    def seldom(data: Data) -> Any:
         if len(data) != layout.length:
             return irregular(data)
         for table in tables.values():
@@ -305,7 +305,7 @@ def read(data):
     names = {f"_{column.field}": column.default if column.read is None else column.read for column in columns}
     names |= {f"_{field}": table.rows for field, table in tables.items()}
     names |= {"new": tuple.__new__, "message": message, "seldom": seldom, "from_bytes": int.from_bytes}
-    read: Callable[[bytes], Any] = generate("read", source, names)
+    read: Callable[[Data], Any] = generate("read", source, names)
     return read
 
 

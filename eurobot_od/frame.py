@@ -6,7 +6,10 @@ counted where it arrives and goes no further.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
+
+Data: TypeAlias = bytes | bytearray
+"""Data of a frame where it is only read: python-can's messages have a bytearray."""
 
 
 class Frame(NamedTuple):

@@ -296,6 +296,11 @@ def service(message_type: type[Message]) -> str:
     return _SERVICE[message_type]
 
 
+def is_flagged(message: Message) -> bool:
+    """Tell whether any value of a received message is out of range."""
+    return OutOfRange in map(type, message)
+
+
 def flagged_fields(message: Message) -> list[str]:
     """Return the fields of a received message whose value is out of range; empty if all may be acted on."""
     return [name for name, value in zip(message._fields, message) if isinstance(value, OutOfRange)]

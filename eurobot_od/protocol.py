@@ -15,7 +15,7 @@ from eurobot_od import codec, dialects
 from eurobot_od.codec import Column, Layout, LayoutError, Unknown
 from eurobot_od.dictionary import Dictionary, MappedObject, Pdo, PdoDirection
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownIdentifier, UnknownName
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Data, Frame
 from eurobot_od.kinds import Coordinate, Heading, Kind, Limits
 from eurobot_od.messages import Message, field_name, kinds, type_named
 from eurobot_od.outline import Outline
@@ -129,7 +129,7 @@ class Binding:
     def _to_bytes(self, word: int) -> bytes:
         return word.to_bytes(self.layout.length, self.layout.byte_order)
 
-    def complete(self, data: bytes) -> bytes:
+    def complete(self, data: Data) -> bytes:
         """Return data of the mapping's full length.
 
         What is longer is cut (CiA 301, EMCY 0x8220); optional fields that a shorter frame leaves out get their
@@ -149,9 +149,9 @@ class Binding:
     # Meanings
 
     @cached_property
-    def decode(self) -> Callable[[bytes], Message]:
+    def decode(self) -> Callable[[Data], Message]:
         """The function from a frame's data to the typed message; it raises FrameLengthError."""
-        read: Callable[[bytes], Message] = codec.reader(
+        read: Callable[[Data], Message] = codec.reader(
             self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self.unknown
         )
         return read

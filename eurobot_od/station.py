@@ -18,7 +18,7 @@ from eurobot_od.nodes.node import Node
 class Station:
     """One node with its own gatekeeper, sized by the node's Transmit settings; more listeners may be added to it.
 
-    `serving` tells, to who holds the node's guard, that the node has a frame in hand just now.
+    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
     """
 
     def __init__(
@@ -29,8 +29,7 @@ class Station:
         clock: Callable[[], float] = time.perf_counter,
         aside: Aside = in_place,
     ) -> None:
-        self.node = node
-        self.serving = False
+        self.node, self.plan = node, node.device.plan
         self.gatekeeper = Gatekeeper(
             node.device.protocol,
             table_size=node.setting("Transmit.Listener table size"),
@@ -54,10 +53,11 @@ class Station:
             self._submit(self.node.tick(now), now)
 
     @property
-    def next_wakeup(self) -> float | None:
-        """When to call `tick`, in the node's time."""
+    def next_wakeup(self) -> float:
+        """When to call `tick`, in the node's time; infinite if nothing is planned."""
         with self.node.guard:
-            return self.node.next_wakeup
+            wakeup = self.plan.soonest = self.node.next_wakeup
+            return wakeup
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
         """Tell the node what the CAN controller reports."""
@@ -66,11 +66,7 @@ class Station:
 
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
-            self.serving = True
-            try:
-                self._submit(self.node.receive(frame, now), now)
-            finally:
-                self.serving = False
+            self._submit(self.node.receive(frame, now), now)
             self._follow()
 
     def _follow(self) -> None:

@@ -30,12 +30,12 @@ GOTO_FRAME = PROTOCOL.encode(GOTO)
 STOP_FRAME = PROTOCOL.encode(StopDrive())
 SHORT_GOTO_FRAME = Frame(GOTO_FRAME.cob_id, GOTO_FRAME.data[:5])
 
-Heard = list[Received[Any]]
 
+class Heard(list[Received[Any]]):
+    """A listener that keeps what it is called with."""
 
-def received(message: Message, timestamp: float) -> Received[Message]:
-    frame = PROTOCOL.encode(message)
-    return Received(message, frame.cob_id, timestamp, frame.data)
+    def __call__(self, message: object, timestamp: float) -> None:
+        self.append(Received(message, timestamp))
 
 
 def ignore(*_: object) -> None:
@@ -59,7 +59,7 @@ class Broken(Exception):
     """What a broken listener raises."""
 
 
-def broken(_: object) -> None:
+def broken(*_: object) -> None:
     raise Broken("lamp\nis gone")
 
 
@@ -69,7 +69,7 @@ REGISTRATIONS: dict[str, Callable[[Gatekeeper], object]] = {
     "queue of Goto XY": lambda gatekeeper: gatekeeper.add_queue(GotoXY),
     "gotos": lambda gatekeeper: gatekeeper.add_queue(GotoXY, name="gotos"),
     "ignore": lambda gatekeeper: gatekeeper.add_function(GotoXY, ignore),
-    "list.append": lambda gatekeeper: gatekeeper.add_function(GotoXY, Heard().append),
+    "dict.setdefault": lambda gatekeeper: gatekeeper.add_function(GotoXY, dict[Any, Any]().setdefault),
     "lamp": lambda gatekeeper: gatekeeper.add_function(GotoXY, ignore, "lamp"),
     "functools.partial(": lambda gatekeeper: gatekeeper.add_function(GotoXY, partial(ignore, 1)),
     "drive": lambda gatekeeper: gatekeeper.add_frames(lambda: (0x008,), ignore, "drive"),
@@ -150,14 +150,13 @@ def test_filters_are_what_python_can_understands() -> None:
 
 def test_queues_and_functions_of_one_message_all_hear_it() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    first: Heard = []
-    second: Heard = []
+    first, second = Heard(), Heard()
     queues = [gatekeeper.add_queue(GotoXY), gatekeeper.add_queue(GotoXY)]
-    gatekeeper.add_function(GotoXY, first.append)
-    gatekeeper.add_function(GotoXY, second.append)
+    gatekeeper.add_function(GotoXY, first)
+    gatekeeper.add_function(GotoXY, second)
     gatekeeper.start()
     assert gatekeeper.receive(GOTO_FRAME, 1.5)
-    expected = [received(GOTO, 1.5)]
+    expected = [Received(GOTO, 1.5)]
     assert [first, second, *(queue.drain() for queue in queues)] == [expected] * 4
 
 
@@ -170,22 +169,48 @@ def test_listeners_hear_only_their_own_message() -> None:
     assert queue.drain() == []
 
 
-def test_functions_are_called_in_the_order_of_registration_after_all_queues() -> None:
+def test_nodes_are_served_first_then_queues_then_functions_each_in_the_order_of_registration() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     order: list[str] = []
-    gatekeeper.add_function(GotoXY, lambda _: order.append(f"first, {len(queue)} queued"))
-    gatekeeper.add_frames(lambda: (0x008,), lambda *_: order.append("node"))
-    gatekeeper.add_function(GotoXY, lambda _: order.append("last"))
+
+    def note(name: str) -> Callable[..., object]:
+        return lambda *_: order.append(f"{name}, {len(queue)} queued")
+
+    gatekeeper.add_function(GotoXY, note("function 1"))
     queue = gatekeeper.add_queue(GotoXY)
+    gatekeeper.add_frames(lambda: (0x008,), note("node 1"))
+    gatekeeper.add_function(GotoXY, note("function 2"))
+    gatekeeper.add_frames(lambda: (0x008,), note("node 2"))
     gatekeeper.start()
     gatekeeper.receive(GOTO_FRAME, 1.0)
-    assert order == ["first, 1 queued", "node", "last"]
+    assert order == ["node 1, 0 queued", "node 2, 0 queued", "function 1, 1 queued", "function 2, 1 queued"]
+
+
+# What a driver hands over, in a buffer of its own.
+BUFFERS = {"whole": GOTO_FRAME.data, "without the optional fields": GOTO_FRAME.data[:6]}
+
+
+@pytest.mark.parametrize("data", BUFFERS.values(), ids=BUFFERS)
+def test_what_listeners_get_does_not_change_with_the_drivers_buffer(data: bytes) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL, clock=Clock())
+    nodes, function = Heard(), Heard()
+    gatekeeper.add_frames(lambda: (0x008,), nodes)
+    gatekeeper.add_frames(lambda: (0x008,), nodes)
+    gatekeeper.add_function(GotoXY, function)
+    queue = gatekeeper.add_queue(GotoXY)
+    gatekeeper.start()
+    buffer = bytearray(data)
+    gatekeeper.receive_data(0x008, buffer, 1.0)
+    buffer[:] = b"\x55" * len(buffer)
+    assert nodes == [Received(Frame(0x008, data), 1.0)] * 2
+    assert {type(each.message.data) for each in nodes} == {bytes}
+    assert function == queue.drain() == [Received(GOTO, 1.0)]
 
 
 def test_a_node_gets_the_frames_of_all_its_identifiers_once() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    heard: list[tuple[Frame, float]] = []
-    gatekeeper.add_frames(lambda: (0x000, 0x008, 0x008), lambda *arguments: heard.append(arguments))
+    heard = Heard()
+    gatekeeper.add_frames(lambda: (0x000, 0x008, 0x008), heard)
     gatekeeper.start()
     frames = [(Frame(0x000, b"\x01\x00"), 1.0), (GOTO_FRAME, 2.0)]
     for frame, timestamp in frames:
@@ -208,14 +233,13 @@ def test_frames_before_the_start_and_of_others_are_only_counted() -> None:
 
 def test_2014_a_dataless_message_never_carries_the_data_of_the_one_before() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    heard: Heard = []
-    gatekeeper.add_function(GotoXY, heard.append)
-    gatekeeper.add_function(StopDrive, heard.append)
+    heard = Heard()
+    gatekeeper.add_function(GotoXY, heard)
+    gatekeeper.add_function(StopDrive, heard)
     gatekeeper.start()
     gatekeeper.receive(GOTO_FRAME, 1.0)
     gatekeeper.receive(STOP_FRAME, 2.0)
-    assert heard == [received(GOTO, 1.0), received(StopDrive(), 2.0)]
-    assert heard[1].message == StopDrive()
+    assert heard == [Received(GOTO, 1.0), Received(StopDrive(), 2.0)]
 
 
 def test_2014_listener_21_and_later_are_heard_or_refused_by_name() -> None:
@@ -249,13 +273,13 @@ def test_2014_a_full_queue_keeps_the_newer_message_and_says_so() -> None:
 
 def test_a_listener_that_raises_is_named_and_the_others_hear_the_message() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    heard: Heard = []
+    heard = Heard()
     gatekeeper.add_function(GotoXY, broken)
-    gatekeeper.add_function(GotoXY, heard.append)
+    gatekeeper.add_function(GotoXY, heard)
     gatekeeper.start()
     for timestamp in (1.0, 2.0):
         assert gatekeeper.receive(GOTO_FRAME, timestamp)
-    assert heard == [received(GOTO, 1.0), received(GOTO, 2.0)]
+    assert heard == [Received(GOTO, 1.0), Received(GOTO, 2.0)]
     assert [str(each) for each in gatekeeper.reports] == ["listener failed: broken: Broken: lamp is gone"] * 2
     assert isinstance(gatekeeper.reports[0].error, Broken)
     assert gatekeeper.statistics().listeners[0] == ListenerStatistics("broken", delivered=2, lost=0, failed=2)
@@ -264,11 +288,11 @@ def test_a_listener_that_raises_is_named_and_the_others_hear_the_message() -> No
 def test_a_slow_listener_is_named_and_set_aside_with_its_messages_in_order() -> None:
     clock = Clock()
     waiting: list[Callable[[], None]] = []
-    heard: Heard = []
+    heard = Heard()
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.010, aside=waiting.append)
 
-    def slow(each: Received[GotoXY]) -> None:
-        heard.append(each)
+    def slow(message: GotoXY, timestamp: float) -> None:
+        heard(message, timestamp)
         clock.run(0.020)
 
     gatekeeper.add_function(GotoXY, slow, "slow")
@@ -284,14 +308,14 @@ def test_a_slow_listener_is_named_and_set_aside_with_its_messages_in_order() -> 
     assert [each.timestamp for each in heard] == [1.0, 2.0, 3.0]
     gatekeeper.receive(GOTO_FRAME, 4.0)
     waiting[1]()
-    assert heard == [received(GOTO, timestamp) for timestamp in (1.0, 2.0, 3.0, 4.0)]
+    assert heard == [Received(GOTO, timestamp) for timestamp in (1.0, 2.0, 3.0, 4.0)]
     assert gatekeeper.statistics().listeners == (ListenerStatistics("slow", delivered=4, lost=0, slow=1),)
 
 
 def test_a_slow_listener_without_a_thread_is_called_on_and_reported_less_and_less() -> None:
     clock = Clock()
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.010)
-    gatekeeper.add_function(GotoXY, lambda _: clock.run(0.020), "slow")
+    gatekeeper.add_function(GotoXY, lambda *_: clock.run(0.020), "slow")
     gatekeeper.start()
     for timestamp in range(9):
         gatekeeper.receive(GOTO_FRAME, float(timestamp))
@@ -302,22 +326,32 @@ def test_a_slow_listener_without_a_thread_is_called_on_and_reported_less_and_les
 def test_a_listener_as_quick_as_allowed_is_not_slow() -> None:
     clock = Clock()
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.5)
-    gatekeeper.add_function(GotoXY, lambda _: clock.run(0.5))
+    gatekeeper.add_function(GotoXY, lambda *_: clock.run(0.5))
     gatekeeper.start()
     gatekeeper.receive(GOTO_FRAME, 1.0)
     assert list(gatekeeper.reports) == []
 
 
-def test_a_call_counts_from_when_the_caller_has_last_looked_at_the_clock() -> None:
+# The timestamp, since when the call counts, and what is reported at second 2 if half a second is allowed.
+SINCE: list[tuple[float, float | None, list[Event]]] = [
+    (1.0, 1.5, []),  # the caller has looked at the clock
+    (1.5, 0.0, [Event.LISTENER_SLOW]),
+    (1.5, None, []),  # the timestamp is of that clock
+    (1.0, None, [Event.LISTENER_SLOW]),
+]
+
+
+@pytest.mark.parametrize(("timestamp", "since", "reported"), SINCE)
+def test_a_call_counts_from_when_the_caller_has_last_looked_at_the_clock(
+    timestamp: float, since: float | None, reported: list[Event]
+) -> None:
     clock = Clock()
     clock.run(2.0)
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.5)
-    gatekeeper.add_function(GotoXY, lambda _: None, "quick")
+    gatekeeper.add_function(GotoXY, ignore)
     gatekeeper.start()
-    gatekeeper.receive_data(*GOTO_FRAME, 1.0, since=1.5)
-    assert list(gatekeeper.reports) == []
-    gatekeeper.receive_data(*GOTO_FRAME, 1.0, since=0.0)
-    assert [each.event for each in gatekeeper.reports] == [Event.LISTENER_SLOW]
+    gatekeeper.receive_data(*GOTO_FRAME, timestamp, since)
+    assert [each.event for each in gatekeeper.reports] == reported
 
 
 def test_a_slow_node_is_named_but_stays_with_the_receiving_thread() -> None:
@@ -335,11 +369,11 @@ def test_a_slow_node_is_named_but_stays_with_the_receiving_thread() -> None:
 def test_a_backlog_that_overflows_keeps_the_newest_and_names_the_listener() -> None:
     clock = Clock()
     waiting: list[Callable[[], None]] = []
-    heard: Heard = []
+    heard = Heard()
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, aside=waiting.append)
 
-    def slow(each: Received[StopDrive]) -> None:
-        heard.append(each)
+    def slow(message: StopDrive, timestamp: float) -> None:
+        heard(message, timestamp)
         clock.run(1.0)
 
     gatekeeper.add_function(StopDrive, slow, "slow")
@@ -368,10 +402,10 @@ REFUSED = {
 @pytest.mark.parametrize("frame", REFUSED.values(), ids=REFUSED)
 def test_a_frame_too_short_is_counted_and_reported_and_only_a_node_gets_it(frame: Frame) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
-    heard: list[tuple[Frame, float]] = []
+    heard = Heard()
     queue = gatekeeper.add_queue(GotoXY)
     gatekeeper.add_function(GotoXY, broken)
-    gatekeeper.add_frames(lambda: (0x008,), lambda *arguments: heard.append(arguments))
+    gatekeeper.add_frames(lambda: (0x008,), heard)
     gatekeeper.start()
     assert gatekeeper.receive(frame, 1.0)
     assert (heard, queue.drain(), gatekeeper.statistics().refused) == ([(frame, 1.0)], [], 1)

@@ -10,7 +10,7 @@ from eurobot_od.gatekeeper import ListenerStatistics, MessageQueue, Received, Re
 
 
 def item(number: int) -> Received[int]:
-    return Received(number, 0x004, float(number), b"")
+    return Received(number, float(number))
 
 
 def numbers(queue: MessageQueue[int]) -> list[int]:
@@ -33,7 +33,7 @@ def test_the_newest_are_kept_in_order_and_losses_reported(
     reports: list[Report] = []
     queue = MessageQueue[int]("gotos", maxsize, reports.append)
     for number in range(count):
-        queue.put(item(number))
+        queue.put(*item(number))
     assert queue.statistics() == ListenerStatistics("gotos", delivered=count, lost=count - len(kept))
     assert (len(queue), numbers(queue), [each.timestamp for each in reports]) == (len(kept), kept, reported)
 
@@ -41,8 +41,8 @@ def test_the_newest_are_kept_in_order_and_losses_reported(
 def test_an_overflow_names_queue_size_and_count() -> None:
     reports: list[Report] = []
     queue = MessageQueue[int]("gotos", 1, reports.append)
-    queue.put(item(0))
-    queue.put(item(1))
+    queue.put(*item(0))
+    queue.put(*item(1))
     [report] = reports
     assert str(report) == "queue overflow: gotos: full with 1 messages, 1 lost so far; the newest are kept"
 
@@ -50,7 +50,7 @@ def test_an_overflow_names_queue_size_and_count() -> None:
 def test_get_takes_the_oldest() -> None:
     queue = MessageQueue[int]("gotos", 0, print)
     for number in range(3):
-        queue.put(item(number))
+        queue.put(*item(number))
     assert (queue.get(), queue.get(timeout=1.0), queue.get_nowait()) == (item(0), item(1), item(2))
 
 
@@ -66,7 +66,7 @@ def test_an_empty_queue_gives_none() -> None:
 
 def test_get_waits_for_a_message_of_another_thread() -> None:
     queue = MessageQueue[int]("gotos", 0, print)
-    thread = threading.Thread(target=queue.put, args=[item(7)])
+    thread = threading.Thread(target=queue.put, args=item(7))
     thread.start()
     assert queue.get(timeout=10.0) == item(7)
     thread.join()
@@ -85,9 +85,9 @@ def test_many_readers_share_what_is_put_and_what_is_missing_is_counted() -> None
     for reader in readers:
         reader.start()
     for number in range(2000):
-        queue.put(item(number))
+        queue.put(*item(number))
     for _ in readers:
-        queue.put(item(-1))
+        queue.put(*item(-1))
     for reader in readers:
         reader.join()
     assert len(taken) == len(set(taken)) == 2000 - queue.lost

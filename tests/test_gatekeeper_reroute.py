@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
 from eurobot_od import dialects
@@ -72,6 +74,21 @@ def test_who_listens_to_frames_is_asked_again() -> None:
     wanted[:] = [0x703, 0x704]
     gatekeeper.reroute(changed({}))
     assert heard(gatekeeper) == [0x703, 0x704]
+
+
+def test_who_wants_to_know_of_a_change_is_called_behind_it_in_the_thread_that_receives() -> None:
+    told: list[tuple[list[object], threading.Thread]] = []
+    gatekeeper = Gatekeeper(changed({}))
+    gatekeeper.add_queue(CheckDriveRequest)
+    gatekeeper.add_frames(lambda: (0x602,), lambda *_: gatekeeper.reroute(changed({CHECK: 0x3C5})), "master")
+    gatekeeper.start()
+    gatekeeper.rerouted = lambda: told.append((heard(gatekeeper), threading.current_thread()))
+    gatekeeper.receive(Frame(0x3C0), 0.0)
+    assert told == []
+    reader = threading.Thread(target=gatekeeper.receive, args=(Frame(0x602), 1.0))
+    reader.start()
+    reader.join()
+    assert told == [([0x3C5, 0x602], reader)]
 
 
 def test_a_change_does_not_open_the_registration_again() -> None:

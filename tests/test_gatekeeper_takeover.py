@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import pytest
 
@@ -26,27 +25,33 @@ class Sticky:
         self.heard: list[float] = []
         self.threads: list[threading.Thread] = []
 
-    def __call__(self, received: Received[Any]) -> None:
-        self.heard.append(received.timestamp)
+    def __call__(self, _: object, timestamp: float) -> None:
+        self.heard.append(timestamp)
         self.threads.append(threading.current_thread())
         self.entered.set()
         assert self.released.wait(PATIENCE)
 
 
 class Stuck:
-    """A gatekeeper with a reader thread that is stuck in the first of two functions."""
+    """A gatekeeper with a reader thread that is stuck in the first of two functions, or of two nodes."""
 
     def __init__(self, register: Callable[[Gatekeeper, Sticky], object]) -> None:
         self.sticky, self.heard, self.went_on = Sticky(), list[float](), list[bool]()
+        self.got: list[object] = []
         self.aside: list[Callable[[], None]] = []
         self.gatekeeper = Gatekeeper(PROTOCOL, aside=self.aside.append, slow_after=PATIENCE)
         self.queue = self.gatekeeper.add_queue(StopDrive)
         register(self.gatekeeper, self.sticky)
-        self.gatekeeper.add_function(StopDrive, lambda received: self.heard.append(received.timestamp))
+        self.gatekeeper.add_frames(lambda: (FRAME.cob_id,), lambda frame, _: self.got.append(frame))
+        self.gatekeeper.add_function(StopDrive, self.hear)
         self.gatekeeper.start()
         self.reader = threading.Thread(target=lambda: self.went_on.append(self.gatekeeper.receive(FRAME, 1.0)))
         self.reader.start()
         assert self.sticky.entered.wait(PATIENCE)
+
+    def hear(self, message: StopDrive, timestamp: float) -> None:
+        self.got.append(message)
+        self.heard.append(timestamp)
 
     def release(self) -> None:
         self.sticky.released.set()
@@ -55,9 +60,7 @@ class Stuck:
 
 REGISTER: dict[str, Callable[[Gatekeeper, Sticky], object]] = {
     "function": lambda gatekeeper, sticky: gatekeeper.add_function(StopDrive, sticky, "sticky"),
-    "node": lambda gatekeeper, sticky: gatekeeper.add_frames(
-        lambda: (FRAME.cob_id,), lambda frame, timestamp: sticky(Received(None, 0, timestamp, frame.data)), "sticky"
-    ),
+    "node": lambda gatekeeper, sticky: gatekeeper.add_frames(lambda: (FRAME.cob_id,), sticky, "sticky"),
 }
 
 
@@ -76,8 +79,17 @@ def test_the_watchdog_sees_which_listener_is_being_called(stuck: Stuck) -> None:
     assert stuck.gatekeeper.running() is None
 
 
-def test_queues_do_not_wait_for_functions(stuck: Stuck) -> None:
-    assert [each.timestamp for each in stuck.queue.drain()] == [1.0]
+def test_queues_and_nodes_do_not_wait_for_functions() -> None:
+    stuck = Stuck(REGISTER["function"])
+    assert (stuck.queue.drain(), stuck.got) == ([Received(StopDrive(), 1.0)], [FRAME])
+    stuck.release()
+
+
+def test_whoever_is_behind_gets_of_the_successor_what_it_listens_to(stuck: Stuck) -> None:
+    running = stuck.gatekeeper.running()
+    assert running is not None
+    stuck.gatekeeper.take_over(running)
+    assert (stuck.queue.drain(), stuck.got) == ([Received(StopDrive(), 1.0)], [FRAME, StopDrive()])
 
 
 def test_the_successor_goes_on_with_the_other_listeners_and_later_frames(stuck: Stuck) -> None:
@@ -174,7 +186,7 @@ def test_the_successor_can_be_stuck_as_well() -> None:
     heard: list[float] = []
     for number, each in enumerate(sticky):
         gatekeeper.add_function(StopDrive, each, f"sticky {number}")
-    gatekeeper.add_function(StopDrive, lambda received: heard.append(received.timestamp))
+    gatekeeper.add_function(StopDrive, lambda _, timestamp: heard.append(timestamp))
     gatekeeper.start()
     went_on: list[bool] = []
 

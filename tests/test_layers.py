@@ -41,7 +41,7 @@ RULE = re.compile(r"\b[Rr]ule(?: of this (?:file|package))?:")
 # Identifiers that are also numbers of CiA 301 and 304: bases of the predefined connection set, and GFC.
 CIA_NUMBERS = {0x001, *range(0x080, 0x580, 0x080)}
 # Other numbers in the form of an identifier: where they stand, and what they are.
-NO_IDENTIFIERS = {("runtime", 0x004): "a class bit of Linux's error frames"}
+NO_IDENTIFIERS = {("runtime.live", 0x004): "a class bit of Linux's error frames"}
 IDENTIFIER_FORM = re.compile(r"0[xX][0-7][0-9a-fA-F]{2}")
 IDENTIFIERS = {each.cob_id for each in Protocol.load(dialects.DEFAULT).bindings} - CIA_NUMBERS
 

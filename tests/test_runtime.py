@@ -17,7 +17,7 @@ from eurobot_od import dialects
 from eurobot_od.errors import BusError, FieldError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
-from eurobot_od.gatekeeper import Gatekeeper, Received, Report
+from eurobot_od.gatekeeper import Gatekeeper, Report
 from eurobot_od.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -247,9 +247,13 @@ def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
 
 
 class FilteringBus(VirtualBus):
-    """A driver with filters of its own."""
+    """A driver with filters of its own; `error` is what it raises once it does not take them any more."""
+
+    error: Exception | None = None
 
     def _apply_filters(self, filters: Any) -> None:
+        if self.error is not None:
+            raise self.error
         self.applied = filters
 
 
@@ -270,6 +274,20 @@ def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> N
         other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
         assert queue.get(LONG) is not None
     assert gatekeeper.statistics().unheard == 1
+
+
+def test_a_driver_that_does_not_take_changed_filters_has_failed_and_is_read_on(channel: str) -> None:
+    gatekeeper, bus = Gatekeeper(PROTOCOL), FilteringBus(channel)
+    queue = gatekeeper.add_queue(StopDrive)
+    gatekeeper.add_frames(lambda: (0x602,), lambda *_: gatekeeper.reroute(PROTOCOL), "master")
+    with virtual(channel) as other, Live(bus, gatekeeper) as live:
+        assert live.failure is None
+        bus.error = OSError("no room\nfor filters")
+        for cob_id in (0x602, PROTOCOL.cob_id(StopDrive)):
+            other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert isinstance(live.failure, BusError)
+    assert str(live.failure) == f"the bus {bus.channel_info} failed: no room for filters"
 
 
 def test_a_watch_sees_every_frame(channel: str) -> None:
@@ -456,7 +474,7 @@ def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
 def test_a_listener_that_never_returns_does_not_stop_the_node(channel: str) -> None:
     entered, release, reports = Event(), Event(), Reports()
 
-    def stuck(_: Received[CheckDriveRequest]) -> None:
+    def stuck(*_: object) -> None:
         entered.set()
         release.wait(LONG)
 
@@ -478,7 +496,7 @@ def test_a_listener_that_never_returns_does_not_stop_the_node(channel: str) -> N
 def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
     reports = Reports()
 
-    def broken(_: Received[CheckDriveRequest]) -> None:
+    def broken(*_: object) -> None:
         raise ValueError("lamp is gone")
 
     drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)

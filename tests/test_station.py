@@ -20,7 +20,7 @@ PROTOCOL = Protocol.load()
 BOOT_UP = Frame(0x702, b"\x00")
 
 
-def ignore(_: object) -> None:
+def ignore(*_: object) -> None:
     """A listener that does nothing."""
 
 
@@ -103,10 +103,12 @@ def test_settings_size_the_listener_table_in_which_the_node_has_a_place(spoil_ed
         station.gatekeeper.add_function(StopDrive, ignore, "lamp")
 
 
-def test_it_tells_who_wakes_that_the_node_has_a_frame_in_hand(station: Station) -> None:
-    seen: list[bool] = []
-    station.node.wake = lambda: seen.append(station.serving)
+def test_a_node_wakes_nobody_for_an_answer_that_goes_out_at_once(station: Station) -> None:
+    woken: list[float] = []
+    station.node.wake = lambda: woken.append(station.node.now)
     station.start(0.0)
-    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), 0.5)  # it answers, and wakes
-    station.node.offer(GotoConfirm())
-    assert seen == [True, False]
+    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), 0.5)
+    station.tick(1.0)
+    assert woken == []
+    station.node.offer(GotoConfirm())  # from outside: nobody else would see to it
+    assert woken == [1.0]

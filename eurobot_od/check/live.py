@@ -32,7 +32,7 @@ class LiveBench:
     """The bench of a python-can bus; `seen` and `failed` may be called from any thread, once it has begun."""
 
     def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
+        self._driver = runtime.Driver(bus)
         self._loop = asyncio.get_running_loop()
         self._trace: Trace | None = None
 
@@ -59,9 +59,9 @@ class LiveBench:
     async def send(self, frame: Frame) -> float:
         """Hand a frame to the driver; raises BusError if it does not take it."""
         begun = now = self._loop.time()
-        while not runtime.transmit(self._bus, frame):
+        while not self._driver.send(frame):
             if now > begun + SEND_WAIT:
-                raise BusError(f"the bus {self._bus.channel_info} did not take {frame}")
+                raise BusError(f"the bus {self._driver.bus.channel_info} did not take {frame}")
             await asyncio.sleep(RETRY)
             now = self._loop.time()
         return now

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import can
 
     from eurobot_od.frame import Frame
+    from eurobot_od.gatekeeper import Received
     from eurobot_od.messages import Message
     from eurobot_od.protocol import Binding, Protocol
     from eurobot_od.runtime import Live
@@ -84,20 +85,21 @@ def _words(protocol: Protocol, message: Message) -> str:
 
 
 def _only_send(bus: can.BusABC, frame: Frame) -> int:
-    from eurobot_od.runtime import transmit
+    from eurobot_od.runtime import Driver
 
     with bus:
-        if not transmit(bus, frame, PATIENCE):
+        if not Driver(bus).send(frame, PATIENCE):
             raise BusError(NOT_TAKEN)
     return 0
 
 
 def _exchange(bus: can.BusABC, protocol: Protocol, message: Message, expected: Binding, within: float) -> int:
-    from eurobot_od.gatekeeper import Gatekeeper
+    from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
     from eurobot_od.runtime import Live
 
     gatekeeper = Gatekeeper(protocol)
-    answers = gatekeeper.add_queue(expected.type)
+    answers: MessageQueue[Frame] = MessageQueue("answers", 0, print)
+    gatekeeper.add_frames(lambda: (expected.cob_id,), answers.put)
     with Live(bus, gatekeeper) as live:
         started = live.clock()
         live.send(message)
@@ -107,12 +109,15 @@ def _exchange(bus: can.BusABC, protocol: Protocol, message: Message, expected: B
     return status
 
 
-def _tell(live: Live, protocol: Protocol, answer: Any, started: float, expected: Binding, within: float) -> int:
+def _tell(
+    live: Live, protocol: Protocol, answer: Received[Frame] | None, started: float, expected: Binding, within: float
+) -> int:
     if live.failure:
         raise live.failure
     if answer is None:
         print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
         return 1
     took = (answer.timestamp - started) * 1000
-    print(f"received  {answer.frame}  {_words(protocol, answer.message)}  after {took:.1f} ms")
+    message = expected.decode(answer.message.data)
+    print(f"received  {answer.message}  {_words(protocol, message)}  after {took:.1f} ms")
     return 0

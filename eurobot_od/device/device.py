@@ -7,6 +7,7 @@ what a peer sends wrong becomes an EMCY, an SDO abort and a count, never an exce
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.aborts import Abort, AbortCode
@@ -15,6 +16,7 @@ from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import (
     ERROR_CONTROL_BASE,
     NMT_COB_ID,
+    SERVICES,
     TARGET,
     NmtCommand,
     NmtState,
@@ -26,6 +28,7 @@ from eurobot_od.device.nmt import (
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
 from eurobot_od.device.pdo import ALWAYS as ALWAYS
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
+from eurobot_od.device.plan import Plan
 from eurobot_od.device.sdo import SdoServer
 from eurobot_od.device.store import Memory, Store
 from eurobot_od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
@@ -84,18 +87,30 @@ Ear = Callable[[Frame], Reaction]
 class Device:
     """The CANopen side of a node, made from its `dictionary`; `store` keeps what 0x1010 saves.
 
-    `state` is the NMT state, `objects` its values, `protocol` its messages as they are mapped now, `identifiers` the
-    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_answers` is the
-    COB-ID on which it answers as an SDO server, None if it is none; no master changes that (CiA 301, 7.5.2.33: ro).
+    `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they
+    are mapped now, `identifiers` the COB-IDs of all frames it listens to. Both are replaced as a whole when a master
+    changes them. `sdo_answers` is the COB-ID on which it answers as an SDO server, None if it is none; no master
+    changes that (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything.
     """
 
     def __init__(self, dictionary: Dictionary, store: Store | None = None) -> None:
         self._file = dictionary
         self._store: Store = store or Memory()
+        self.plan = Plan()
         self._stored = self._store.load()
         self.state = NmtState.INITIALISING
         self._now = 0.0
         self._load(dict(self._stored))
+
+    @property
+    def state(self) -> NmtState:
+        """The NMT state."""
+        return self._state
+
+    @state.setter
+    def state(self, state: NmtState) -> None:
+        self._state = state
+        self._listens, self._reports, self._serves, self.operational = SERVICES[state]
 
     def _load(self, values: dict[Address, Value]) -> None:
         """Make everything anew from these values, as after power-on or a reset."""
@@ -112,7 +127,7 @@ class Device:
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
         self._server = SdoServer(self.objects)
         self._consumer = HeartbeatConsumer()
-        self._next_heartbeat: float | None = None
+        self._next_heartbeat = inf
         self._configure()
 
     def _configure(self) -> None:
@@ -252,7 +267,7 @@ class Device:
 
     def _plan_heartbeat(self, now: float) -> None:
         period = self.objects.raw(HEARTBEAT_TIME)
-        self._next_heartbeat = now + period / 1000 if period else None
+        self._next_heartbeat = now + period / 1000 if period else inf
 
     def command(self, command: NmtCommand, now: float) -> Reaction:
         """Carry out an NMT command."""
@@ -275,15 +290,11 @@ class Device:
     # Time
 
     @property
-    def next_wakeup(self) -> float | None:
-        """When to call `tick`, None if nothing is planned."""
-        times = [self._next_heartbeat, self._consumer.next, self._server.deadline]
-        if self.state is NmtState.OPERATIONAL:
-            times.append(self._pacing.next)
-        if self.state is not NmtState.STOPPED:
-            times.append(self.emergencies.next)
-        planned = [time for time in times if time is not None]
-        return min(planned) if planned else None
+    def next_wakeup(self) -> float:
+        """When to call `tick`, infinite if nothing is planned."""
+        pdo = self._pacing.next if self.operational else inf
+        emcy = self.emergencies.next if self._reports else inf
+        return min(self._next_heartbeat, self._consumer.next, self._server.deadline, pdo, emcy)
 
     def tick(self, now: float) -> Reaction:
         """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""
@@ -295,13 +306,13 @@ class Device:
         return Reaction(frames + self.emergency_frames(now), lost=lost)
 
     def _heartbeat(self, now: float) -> list[Frame]:
-        if self._next_heartbeat is None or now < self._next_heartbeat:
+        if now < self._next_heartbeat:
             return []
         self._plan_heartbeat(self._next_heartbeat)
         return [error_control(self.node_id, self.state)]
 
     def _timed_pdos(self, now: float) -> list[Frame]:
-        if self.state is not NmtState.OPERATIONAL:
+        if not self.operational:
             return []
         return self._pacing.released(now) + [self._process.frame(binding) for binding in self._pacing.due(now)]
 
@@ -309,7 +320,7 @@ class Device:
         """Report a lost heartbeat and behave as 0x1029 says."""
         self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
         command = ON_COMMUNICATION_ERROR.get(self.objects.raw(COMMUNICATION_ERROR))
-        if command is not None and self.state is NmtState.OPERATIONAL:
+        if command is not None and self.operational:
             self._enter(TARGET[command])
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
@@ -318,18 +329,24 @@ class Device:
 
     def emergency_frames(self, now: float) -> list[Frame]:
         """Return the EMCY frames that may go now; in STOPPED they wait (CiA 301, 7.3.2.2.4)."""
-        return [] if self.state is NmtState.STOPPED else self.emergencies.due(now)
+        if self.emergencies.quiet or not self._reports:
+            return []
+        frames = self.emergencies.due(now)
+        self.plan.at(self.emergencies.next)
+        return frames
 
     # Frames
 
     def receive(self, frame: Frame, now: float) -> Reaction:
         """Take in one frame from the bus; before `start` a device hears nothing."""
         ear = self._ears.get(frame.cob_id)
-        if ear is None or self.state is NmtState.INITIALISING:
+        if ear is None or not self._listens:
             return Reaction([])
         self._now = now
         reaction = ear(frame)
         reaction.frames.extend(self.emergency_frames(now))
+        if reaction.message is None:  # a message for the application plans nothing here
+            self.plan.at(self.next_wakeup)
         return reaction
 
     def _receive_command(self, frame: Frame) -> Reaction:
@@ -346,7 +363,7 @@ class Device:
         return Reaction([], answer=frame)
 
     def _receive_sdo(self, frame: Frame) -> Reaction:
-        if self.state is NmtState.STOPPED:
+        if not self._serves:
             return Reaction([])
         self._process.settle()
         return Reaction(self._sdo_frames(self._server.receive(frame.data, self._now)))
@@ -357,7 +374,7 @@ class Device:
 
     def _receive_pdo(self, frame: Frame) -> Reaction:
         binding = self._pdos.received[frame.cob_id]
-        if self.state is not NmtState.OPERATIONAL and binding.type not in ALWAYS:
+        if not self.operational and binding.type not in ALWAYS:
             return Reaction([])
         try:
             message = binding.decode(frame.data)
@@ -386,7 +403,7 @@ class Device:
         binding = self._pdos.sent.get(type(message))
         if binding is None:
             raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}")
-        if self.state is not NmtState.OPERATIONAL and not isinstance(message, ALWAYS):
+        if not self.operational and not isinstance(message, ALWAYS):
             raise StateError(f"{self.dictionary.name} is {self.state.name}: only stops may be sent")
         return binding
 
@@ -395,4 +412,7 @@ class Device:
         binding = self._sendable(message)
         frame = binding.encode(message)
         self._process.note(binding, frame.data)
-        return self._pacing.admit(binding, frame, now)
+        frames = self._pacing.admit(binding, frame, now)
+        if not frames:
+            self.plan.at(self._pacing.next)
+        return frames

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Hashable
 from enum import IntEnum
+from math import inf
 
 from eurobot_od.device.aborts import Abort, AbortCode
 from eurobot_od.dictionary import Address, Value
@@ -113,17 +114,20 @@ class Emergencies:
     # What is sent
 
     @property
-    def next(self) -> float | None:
-        """When there will be something to send, in seconds; None if nothing is planned."""
-        if not self._waiting and not self._passing:
-            return None
+    def quiet(self) -> bool:
+        """Whether there is nothing to report, now or later."""
+        return not self._waiting and not self._passing
+
+    @property
+    def next(self) -> float:
+        """When there will be something to send, in seconds; infinite if nothing is planned."""
+        if self.quiet:
+            return inf
         free = [self._free] if self._waiting else []
         return min([*self._passing.values(), *free])
 
     def due(self, now: float) -> list[Frame]:
         """Return the reports that the inhibit time lets go by now."""
-        if not self._waiting and not self._passing:
-            return []
         for code in [code for code, end in self._passing.items() if end <= now]:
             del self._passing[code]
             self.cleared(code)

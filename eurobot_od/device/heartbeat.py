@@ -6,6 +6,7 @@ Rule of this file: a node is watched from its first heartbeat on, never before; 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import inf
 
 from eurobot_od.device.nmt import ERROR_CONTROL_BASE
 
@@ -49,9 +50,9 @@ class HeartbeatConsumer:
         return was_lost
 
     @property
-    def next(self) -> float | None:
-        """When the next node will have been silent too long, None if none is awaited."""
-        return min(self._deadlines.values()) if self._deadlines else None
+    def next(self) -> float:
+        """When the next node will have been silent too long, infinite if none is awaited."""
+        return min(self._deadlines.values()) if self._deadlines else inf
 
     def overdue(self, now: float) -> list[int]:
         """Return the nodes that have fallen silent by now, each once."""

@@ -6,6 +6,7 @@ Rule of this file: no clock and no bus; the state machine is one table, and who 
 from __future__ import annotations
 
 from enum import Enum, IntEnum
+from typing import NamedTuple
 
 from eurobot_od.frame import Frame
 
@@ -25,6 +26,23 @@ class NmtState(IntEnum):
     STOPPED = 4
     OPERATIONAL = 5
     PRE_OPERATIONAL = 127
+
+
+class Services(NamedTuple):
+    """Which services a device has in an NMT state (CiA 301, 7.3.2.2.4)."""
+
+    nmt: bool = False
+    emcy: bool = False
+    sdo: bool = False
+    pdo: bool = False
+
+
+SERVICES = {
+    NmtState.INITIALISING: Services(),
+    NmtState.PRE_OPERATIONAL: Services(nmt=True, emcy=True, sdo=True),
+    NmtState.OPERATIONAL: Services(nmt=True, emcy=True, sdo=True, pdo=True),
+    NmtState.STOPPED: Services(nmt=True),
+}
 
 
 class NmtCommand(IntEnum):

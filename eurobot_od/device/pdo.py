@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from itertools import accumulate
+from math import inf
 
 from eurobot_od.codec import MAX_BITS
 from eurobot_od.device.aborts import Abort, AbortCode
@@ -243,10 +244,10 @@ class Pacing:
             self._free[binding] = now + self._inhibits[binding]
 
     @property
-    def next(self) -> float | None:
-        """When the next TPDO is due, None if none is."""
+    def next(self) -> float:
+        """When the next TPDO is due, infinite if none is."""
         if not self._events and not self._held:
-            return None
+            return inf
         return min([*self._events.values(), *map(self._free.__getitem__, self._held)])
 
     def released(self, now: float) -> list[Frame]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from binascii import crc_hqx
 from collections.abc import Callable, Mapping
 from enum import IntEnum
+from math import inf
 from typing import ClassVar, NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.device.aborts import Abort, AbortCode
@@ -305,12 +306,12 @@ Initiator: TypeAlias = "Callable[[SdoServer, Request], bytes]"
 
 
 class SdoServer:
-    """One SDO server; `deadline` is when it gives up the transfer under way, None without one."""
+    """One SDO server; `deadline` is when it gives up the transfer under way, infinite without one."""
 
     def __init__(self, access: ObjectAccess) -> None:
         self._access = access
         self._transfer: Transfer | None = None
-        self.deadline: float | None = None
+        self.deadline = inf
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the answers to a request; what is no request, or a client's abort, has none."""
@@ -331,7 +332,7 @@ class SdoServer:
 
     def tick(self, now: float) -> list[bytes]:
         """Return the abort of a transfer whose client fell silent."""
-        if self._transfer is None or self.deadline is None or now < self.deadline:
+        if self._transfer is None or now < self.deadline:
             return []
         address = self._transfer.address
         self.forget()
@@ -339,7 +340,7 @@ class SdoServer:
 
     def forget(self) -> None:
         """Drop the transfer under way without a word."""
-        self._transfer = self.deadline = None
+        self._transfer, self.deadline = None, inf
 
     def _answered(self, address: Address, answer: Callable[[], list[bytes]], now: float) -> list[bytes]:
         """Return the answers, or the abort that takes their place and ends the transfer."""
@@ -348,7 +349,7 @@ class SdoServer:
         except Abort as abort:
             self.forget()
             return [_aborted(address, abort.code)]
-        self.deadline = now + TIMEOUT if self._transfer else None
+        self.deadline = now + TIMEOUT if self._transfer else inf
         return answers
 
     def _go_on(self, transfer: Transfer, data: bytes) -> list[bytes]:

@@ -3,9 +3,8 @@
 Rule of this file: a frame is delivered at the cost of its own listeners, whoever else listens, and nothing that comes
 from the wire raises: it is counted and reported.
 
-Queues are served before functions, so that no function delays them. When a call of a function does not return, another
-thread takes the rest of the listeners out of the call, and goes on with them; the thread in that call, once it is back,
-finds them gone.
+Nodes are served first, then queues, then functions. When a call does not return, another thread takes the baton out of
+it and goes on with the listeners behind; the thread in that call, once it is back, finds the baton gone.
 """
 
 from __future__ import annotations
@@ -15,13 +14,14 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
-from eurobot_od.errors import RemoteError, UnknownName
-from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper.listeners import REST, Aside, Call, FunctionListener, in_place
+from eurobot_od.errors import FrameLengthError, UnknownName
+from eurobot_od.frame import Data, Frame
+from eurobot_od.gatekeeper.baton import Baton, Call
+from eurobot_od.gatekeeper.listeners import Aside, Function, FunctionListener, QueueListener, in_place
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
-from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received
+from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
-from eurobot_od.gatekeeper.routes import Functions, ListenerTable, Registration, Route, routes_to
+from eurobot_od.gatekeeper.routes import Kind, Listener, ListenerTable, Registration, Route, routes_to
 from eurobot_od.messages import Message, MessageT
 from eurobot_od.protocol import Binding, Protocol
 
@@ -37,20 +37,27 @@ REPORTS_KEPT = 1000
 EXACT = 0x7FF
 """Filter mask: all 11 bits of an identifier count."""
 
+IDENTIFIERS = EXACT + 1
+"""Number of COB-IDs that there are: a list with a place for each is read sooner than a dictionary."""
+
 
 class Running(NamedTuple):
-    """A call under way: its `listener`, `since` when by the gatekeeper's clock, and all `listeners` of what it got."""
+    """A call under way: of which `listener`, `since` when by the gatekeeper's clock, and all that it takes to go on."""
 
-    listener: FunctionListener[Any]
+    listener: Listener
     since: float
-    received: Received[Any]
-    listeners: Functions
+    message: Any
+    timestamp: float
+    cob_id: int
+    data: Data
+    rest: Route
     call: Call
+    baton: Baton
 
     @property
-    def behind(self) -> Functions:
+    def behind(self) -> Route:
         """The listeners whose turn has not come."""
-        return self.listeners[self.listeners.index(self.listener) + 1 :]
+        return self.rest[[listener for _, listener in self.rest].index(self.listener) + 1 :]
 
     @property
     def name(self) -> str:
@@ -73,7 +80,7 @@ class Gatekeeper:
     `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A function
     that takes longer than `slow_after` seconds of `clock` is set aside: from then on `aside` has it called. Reports
     go to `report`, or without one to `reports`. One thread receives, but for `take_over`; whoever owns the bus sends.
-    `generation` counts how often the receive filters have changed since the start.
+    `rerouted` is called when the receive filters have changed, in the thread that receives; at the start, too.
     """
 
     def __init__(
@@ -93,11 +100,11 @@ class Gatekeeper:
         self.mailboxes = Mailboxes(self._report, mailboxes, mailbox_wait)
         self._protocol, self._aside, self.clock, self._slow_after = protocol, aside, clock, slow_after
         self._table = ListenerTable(table_size)
-        self.generation = 0
+        self.rerouted: Callable[[], object] = lambda: None
         self._listeners: tuple[Registration, ...] = ()
-        self._routes: dict[int, Route] = {}
+        self._routes: list[Route] = [()] * IDENTIFIERS
         self._refused = self._unheard = 0
-        self._call: Call = []
+        self._baton = Baton()
 
     # Registration, before the start: raises ListenerError afterwards, and when the table is full
 
@@ -106,22 +113,20 @@ class Gatekeeper:
     ) -> MessageQueue[MessageT]:
         """Return a queue that gets every message of a type, see MessageQueue; UnknownName if there is no such type."""
         queue = MessageQueue[MessageT](name or f"queue of {self._binding(message_type).name}", maxsize, self._report)
-        self._add(queue.name, message_type, Route(queues=(queue,)))
+        self._add(message_type, Kind.QUEUE, QueueListener(queue, self._report))
         return queue
 
-    def add_function(
-        self, message_type: type[MessageT], function: Callable[[Received[MessageT]], object], name: str | None = None
-    ) -> None:
-        """Have a function called with every message of a type, under its own name unless another is given.
+    def add_function(self, message_type: type[MessageT], function: Function[MessageT], name: str | None = None) -> None:
+        """Have a function called with every message of a type and its timestamp; `name` is for reports.
 
         Functions are called in the order of their registration. Raises UnknownName if there is no such type.
         """
         self._binding(message_type)
         listener = FunctionListener(name or _name_of(function), function, self._report, self._aside)
-        self._add(listener.name, message_type, Route(functions=(listener,)))
+        self._add(message_type, Kind.FUNCTION, listener)
 
-    def _add(self, name: str, message_type: type[MessageT], route: Route) -> None:
-        self._table.add(name, Registration(lambda: self._cob_ids(message_type), route, decoded=True))
+    def _add(self, message_type: type[MessageT], kind: Kind, listener: Listener) -> None:
+        self._table.add(Registration(lambda: self._cob_ids(message_type), kind, listener))
 
     def _binding(self, message_type: type[MessageT]) -> Binding:
         return self._protocol.binding(cast("type[Message]", message_type))
@@ -134,19 +139,15 @@ class Gatekeeper:
             return ()
 
     def add_frames(
-        self, cob_ids: Callable[[], Iterable[int]], function: Callable[[Frame, float], object], name: str | None = None
+        self, cob_ids: Callable[[], Iterable[int]], function: Function[Frame], name: str | None = None
     ) -> None:
         """Have a function called with frames and their timestamps, as a CANopen node wants them; too short ones too.
 
         `cob_ids` is asked at the start. A node that is slow is reported, but stays with the thread that receives.
         """
 
-        def unpacked(received: Received[None]) -> None:
-            function(received.frame, received.timestamp)
-
-        listener = FunctionListener(name or _name_of(function), unpacked, self._report, in_place)
-        route = Route(functions=(listener,), nodes=(listener,))
-        self._table.add(listener.name, Registration(cob_ids, route, decoded=False))
+        listener = FunctionListener(name or _name_of(function), function, self._report, in_place)
+        self._table.add(Registration(cob_ids, Kind.NODE, listener))
 
     def start(self) -> list[CanFilter]:
         """End the registration and return the receive filters for python-can's `set_filters`.
@@ -163,13 +164,15 @@ class Gatekeeper:
         For the thread that receives: a master has changed a node's PDOs, SDO or heartbeat identifiers.
         """
         self._protocol = protocol
-        self._routes = routes_to(self._listeners, protocol)
-        self.generation += 1
+        routes = routes_to(self._listeners, protocol)
+        self._routes = [routes.get(cob_id, ()) for cob_id in range(IDENTIFIERS)]
+        self.rerouted()
         return self.filters()
 
     def filters(self) -> list[CanFilter]:
         """Return the receive filters as of now, made anew: nothing but the bus keeps them (document section 6)."""
-        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
+        heard = (cob_id for cob_id, route in enumerate(self._routes) if route)
+        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in heard]
 
     # Receiving
 
@@ -180,54 +183,64 @@ class Gatekeeper:
         """
         return self.receive_data(*frame, timestamp, self.clock())
 
-    def receive_data(self, cob_id: int, data: bytes, timestamp: float, since: float) -> bool:
-        """Do what `receive` does; `since` is the time by the gatekeeper's own `clock`."""
-        route = self._routes.get(cob_id)
-        if route is None:
-            self._unheard += 1
-            return True
-        decode, queues, functions, nodes = route
-        try:
-            message = decode(data) if decode else None
-        except RemoteError as error:
-            self._refuse(cob_id, error, timestamp)
-            functions, queues, message = nodes, (), None
-        received: Received[Any] = tuple.__new__(Received, (message, cob_id, timestamp, data))
-        for queue in queues:
-            queue.put(received)
-        return self._deliver(functions, received, since)
+    def receive_data(
+        self,
+        cob_id: int,
+        data: Data,
+        timestamp: float,
+        since: float | None = None,
+        rest: Route | None = None,
+        message: Any = None,
+    ) -> bool:
+        """Do what `receive` does; `since` is the time by the gatekeeper's own `clock`, the timestamp if that is its.
 
-    def _refuse(self, cob_id: int, error: RemoteError, timestamp: float) -> None:
-        self._refused += 1
-        self._report(Report(Event.FRAME_REFUSED, f"0x{cob_id:03X}", str(error), timestamp))
-
-    def _deliver(self, listeners: Functions, received: Received[Any], since: float) -> bool:
-        clock = self.clock
-        for listener in listeners:
-            self._call = call = [listener, since, received, listeners]
+        Given the `rest` of a route, go on there; `message` is what the listener before got.
+        """
+        if since is None:
+            since = timestamp
+        if rest is None:
             try:
-                listener.deliver(received)
+                rest = self._routes[cob_id]
+            except IndexError:  # a sender in this process that does not check its identifiers
+                rest = ()
+            if not rest:
+                self._unheard += 1
+        baton, clock = self._baton, self.clock
+        for make, listener in rest:
+            if make is not None:
+                try:
+                    message = make(data)
+                except FrameLengthError as error:
+                    self._refuse(error, timestamp)
+                    return True
+            deliver = listener.deliver  # in a step of its own: as a method of one instance it takes twice the time
+            baton.call = listener, since, message, timestamp, cob_id, data, rest
+            try:
+                deliver(message, timestamp)
             except Exception as error:  # whatever it is, the other listeners get their message
-                listener.has_failed(error, received.timestamp)
+                listener.has_failed(error, timestamp)
             listener.delivered += 1
-            try:
-                call.pop(REST)
-            except IndexError:
+            baton.call = None
+            if baton.claimed and baton.lost():
                 listener.come_back()
                 return False
             now = clock()
             if now - since > self._slow_after:
-                listener.was_slow(now - since, received.timestamp)
+                listener.was_slow(now - since, timestamp)
             since = now
         return True
+
+    def _refuse(self, error: FrameLengthError, timestamp: float) -> None:
+        self._refused += 1
+        self._report(Report(Event.FRAME_REFUSED, f"0x{error.cob_id:03X}", str(error), timestamp))
 
     # A function that does not return
 
     def running(self) -> Running | None:
         """Return the call under way, None between calls; for a watchdog on another thread."""
-        call = self._call
-        entries = tuple(call)  # in one go: the call may end meanwhile
-        return Running._make((*entries, call)) if len(entries) > REST else None
+        baton = self._baton
+        call = baton.call
+        return Running._make((*call, call, baton)) if call else None
 
     def take_over(self, stuck: Running) -> bool:
         """Go on in this thread behind a call that does not return, with the other listeners of its frame.
@@ -235,8 +248,11 @@ class Gatekeeper:
         True if it is this thread that receives from now on, False if the call has returned after all. The thread in
         that call gets False from `receive` when it comes back, after it has caught up with that listener's messages.
         """
-        left = stuck.listener.leave(stuck.call, stuck.received.timestamp)
-        return left and self._deliver(stuck.behind, stuck.received, self.clock())
+        if not stuck.listener.leave(stuck.baton, stuck.call, stuck.timestamp):
+            return False
+        self._baton = Baton()
+        _, _, message, timestamp, cob_id, data, *_ = stuck
+        return self.receive_data(cob_id, data, timestamp, self.clock(), stuck.behind, message)
 
     # Sending
 
@@ -252,7 +268,7 @@ class Gatekeeper:
 
     def statistics(self) -> Statistics:
         """Return the counts so far; listeners appear from the start on."""
-        heard = (listener for route in self._routes.values() for listener in route.listeners)
+        heard = (listener for route in self._routes for _, listener in route)
         listeners = tuple(listener.statistics() for listener in dict.fromkeys(heard))
         return Statistics(listeners, self._refused, self._unheard, self.mailboxes.statistics())
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, Generic, TypeAlias
+from typing import Generic, TypeAlias
 
+from eurobot_od.gatekeeper.baton import Baton, Call
 from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received, T
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 
@@ -20,11 +21,8 @@ BACKLOG = 1000
 Aside: TypeAlias = Callable[[Callable[[], None]], object]
 """Runs what it is given on a thread other than the reader's, as `ThreadPoolExecutor().submit` does."""
 
-Call: TypeAlias = list[Any]
-"""A call under way: the listener, since when, what it got, and at REST the listeners of the frame."""
-
-REST = 3
-"""Of the threads that pop this entry of a call exactly one succeeds, and that one goes on with the listeners."""
+Function: TypeAlias = Callable[[T, float], object]
+"""Gets what it listens to and when that came, in the bus's seconds."""
 
 
 def in_place(work: Callable[[], None]) -> None:
@@ -38,7 +36,7 @@ class FunctionListener(Generic[T]):
     Who delivers counts that in `delivered`, and tells `has_failed` of an exception.
     """
 
-    def __init__(self, name: str, function: Callable[[Received[T]], object], report: Reporter, aside: Aside) -> None:
+    def __init__(self, name: str, function: Function[T], report: Reporter, aside: Aside) -> None:
         self.name = name
         self.delivered = self.failed = self.slow = 0
         self.deliver = function
@@ -62,8 +60,8 @@ class FunctionListener(Generic[T]):
             text = f"held up the others for {seconds * 1000:.1f} ms, {self.slow} times so far"
             self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
 
-    def _postpone(self, received: Received[T]) -> None:
-        self._backlog.put(received)
+    def _postpone(self, message: T, timestamp: float) -> None:
+        self._backlog.put(message, timestamp)
         with self._lock:
             idle, self._working = not self._working, True
         if idle:
@@ -72,7 +70,7 @@ class FunctionListener(Generic[T]):
     def _work(self) -> None:
         while (received := self._next()) is not None:
             try:
-                self._function(received)
+                self._function(*received)
             except Exception as error:  # the messages behind wait for this thread
                 self.has_failed(error, received.timestamp)
 
@@ -84,12 +82,10 @@ class FunctionListener(Generic[T]):
 
     # A call that does not return
 
-    def leave(self, call: Call, timestamp: float) -> bool:
+    def leave(self, baton: Baton, call: Call, timestamp: float) -> bool:
         """Set the listener aside in the midst of a call, by another thread; False if the call has returned by now."""
         with self._lock:
-            try:
-                call.pop(REST)
-            except IndexError:
+            if not baton.take(call):
                 return False
             self._owed, self._working = not self._working, True
             self.deliver = self._postpone
@@ -106,3 +102,18 @@ class FunctionListener(Generic[T]):
     def statistics(self) -> ListenerStatistics:
         """Return the counts so far."""
         return ListenerStatistics(self.name, self.delivered, self._backlog.lost, self.failed, self.slow)
+
+
+class QueueListener(FunctionListener[T]):
+    """Puts messages into a queue; it takes no time, so whatever held up the reader meanwhile was something else."""
+
+    def __init__(self, queue: MessageQueue[T], report: Reporter) -> None:
+        super().__init__(queue.name, queue.put, report, in_place)
+        self._queue = queue
+
+    def was_slow(self, seconds: float, timestamp: float) -> None:
+        """Take no notice."""
+
+    def statistics(self) -> ListenerStatistics:
+        """Return the queue's counts."""
+        return self._queue.statistics()

@@ -68,15 +68,29 @@ class Mailboxes:
 
     def load(self, now: float) -> list[Frame]:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
-        if not self._waiting:
-            return []
+        loaded: list[Frame] = []
+        while self._waiting and len(self._loaded) < self.count:
+            first = self._waiting.pop(0)
+            if first.deadline <= now:
+                self._drop(first.frame, now)
+            else:
+                insort(self._loaded, first)
+                loaded.append(first.frame)
+        if self._waiting:
+            self._limit(now)
+        return loaded
+
+    def _limit(self, now: float) -> None:
+        """Have the frames that found no room wait no longer than they may from now on."""
         self.expire(now)
-        free = self.count - len(self._loaded)
-        loaded, late = self._waiting[:free], now + self.wait
-        self._waiting = [each.until(late) for each in self._waiting[free:]]
-        self._loaded += loaded
-        self._loaded.sort()
-        return [each.frame for each in loaded]
+        late = now + self.wait
+        self._waiting = [each.until(late) for each in self._waiting]
+
+    def next(self, now: float) -> Frame | None:
+        """Load what there is room for, and return what the controller sends first; for who is the controller itself."""
+        if self._waiting:
+            self.load(now)
+        return self._loaded[0].frame if self._loaded else None
 
     def urgent(self) -> Frame | None:
         """Return the loaded frame that the controller sends first, None without one."""

@@ -10,27 +10,16 @@ from typing import Generic, TypeVar, overload
 
 from typing_extensions import NamedTuple
 
-from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 
 T = TypeVar("T")
 
 
 class Received(NamedTuple, Generic[T]):
-    """What a listener gets: the message, its COB-ID, when it came in the bus's seconds, and the data it came in.
-
-    It is immutable, so that no listener can spoil it for another. A node listens to frames: its message is None.
-    """
+    """A message as it waits in a queue, and when it came, in the bus's seconds."""
 
     message: T
-    cob_id: int
     timestamp: float
-    data: bytes
-
-    @property
-    def frame(self) -> Frame:
-        """The frame that the message came in."""
-        return Frame(self.cob_id, self.data)
 
 
 class ListenerStatistics(NamedTuple):
@@ -55,11 +44,11 @@ class MessageQueue(Generic[T]):
     def __len__(self) -> int:
         return self._items.qsize()
 
-    def put(self, received: Received[T]) -> None:
+    def put(self, message: T, timestamp: float) -> None:
         """Append a message; never waits."""
         if 0 < self.maxsize <= self._items.qsize():
-            self._drop_oldest(received.timestamp)
-        self._items.put(received)
+            self._drop_oldest(timestamp)
+        self._items.put(Received(message, timestamp))
         self.delivered += 1
 
     def _drop_oldest(self, now: float) -> None:

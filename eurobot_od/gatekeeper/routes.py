@@ -7,42 +7,49 @@ which message, not to which identifier, as a master may move a message while we 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from enum import IntEnum
+from itertools import groupby
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import ListenerError, StateError
+from eurobot_od.frame import Data, Frame
 from eurobot_od.gatekeeper.listeners import FunctionListener
-from eurobot_od.gatekeeper.queues import MessageQueue
-from eurobot_od.messages import Message
 from eurobot_od.protocol import Protocol
 
-Functions: TypeAlias = tuple[FunctionListener[Any], ...]
-"""Functions in the order in which they are called."""
+Listener: TypeAlias = FunctionListener[Any]
 
 
-class Route(NamedTuple):
-    """Who hears one COB-ID: queues, functions, and those of the functions that also take what cannot be decoded.
+class Kind(IntEnum):
+    """Kinds of listeners in the order in which they are served, so that none is held up by one that may take longer.
 
-    `decode` makes the message of a frame's data; it is None where nobody wants the message.
+    A node gets frames, the others get messages.
     """
 
-    decode: Callable[[bytes], Message] | None = None
-    queues: tuple[MessageQueue[Any], ...] = ()
-    functions: Functions = ()
-    nodes: Functions = ()
+    NODE = 0
+    QUEUE = 1
+    FUNCTION = 2
 
-    @property
-    def listeners(self) -> tuple[MessageQueue[Any] | FunctionListener[Any], ...]:
-        """All of them, in the order in which they are served."""
-        return (*self.queues, *self.functions)
+
+Make: TypeAlias = Callable[[Data], Any]
+"""Makes what a listener gets of a frame's data; raises FrameLengthError."""
+
+Stop: TypeAlias = tuple[Make | None, Listener]
+"""What makes what a listener gets of a frame's data, and the listener; None: it gets what the one before it got.
+
+A plain tuple, as Python takes a named one apart more slowly.
+"""
+
+Route: TypeAlias = tuple[Stop, ...]
+"""Who hears one COB-ID, in the order in which they are served."""
 
 
 class Registration(NamedTuple):
-    """A listener: where to ask for its COB-IDs, the way to it, and whether it wants frames decoded."""
+    """A listener, its kind, and where to ask for its COB-IDs."""
 
     cob_ids: Callable[[], Iterable[int]]
-    route: Route
-    decoded: bool
+    kind: Kind
+    listener: Listener
 
 
 class ListenerTable:
@@ -52,8 +59,9 @@ class ListenerTable:
         self.size = size
         self._registrations: list[Registration] | None = []
 
-    def add(self, name: str, registration: Registration) -> None:
+    def add(self, registration: Registration) -> None:
         """Register a listener; raises ListenerError with its name if the table is full or closed."""
+        name = registration.listener.name
         if self._registrations is None:
             raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
         if 0 < self.size <= len(self._registrations):
@@ -74,16 +82,19 @@ def routes_to(listeners: Iterable[Registration], protocol: Protocol) -> dict[int
     for each in listeners:
         for cob_id in set(each.cob_ids()):
             ways.setdefault(cob_id, []).append(each)
-    return {cob_id: _joined(cob_id, each, protocol) for cob_id, each in ways.items()}
+    return {cob_id: tuple(_stops(cob_id, each, protocol)) for cob_id, each in ways.items()}
 
 
-def _joined(cob_id: int, listeners: Sequence[Registration], protocol: Protocol) -> Route:
-    """Return one route to all of the listeners, in their order."""
-    routes = [listener.route for listener in listeners]
-    decoded = any(listener.decoded for listener in listeners)
-    return Route(
-        protocol.binding_of(cob_id).decode if decoded else None,
-        tuple(queue for route in routes for queue in route.queues),
-        tuple(function for route in routes for function in route.functions),
-        tuple(node for route in routes for node in route.nodes),
-    )
+def _stops(cob_id: int, listeners: Sequence[Registration], protocol: Protocol) -> Iterator[Stop]:
+    """Give all listeners by their kind, those of a kind in the order of their registration."""
+    ordered = sorted(listeners, key=lambda each: each.kind)
+    for wants_frames, group in groupby(ordered, lambda each: each.kind is Kind.NODE):
+        make: Make | None = _to_frame(cob_id) if wants_frames else protocol.binding_of(cob_id).decode
+        for each in group:
+            yield make, each.listener
+            make = None
+
+
+def _to_frame(cob_id: int) -> Callable[[Data], Frame]:
+    new = tuple.__new__  # twice as quick as Frame()
+    return lambda data: new(Frame, (cob_id, bytes(data)))

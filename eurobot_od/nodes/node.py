@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
+from math import inf
 from typing import Any, ClassVar
 
 from eurobot_od.device.device import ALWAYS, Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.nmt import NmtState
 from eurobot_od.device.store import Store
 from eurobot_od.dictionary import Dictionary
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
-from eurobot_od.messages import Message, flagged_fields
+from eurobot_od.messages import Message, is_flagged
 from eurobot_od.nodes.timers import Action, Timer, Timers
 
 
@@ -26,8 +26,9 @@ class Node:
 
     `HANDLERS` says for each message type what is done; a handler returns the message to answer with, or None.
     `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
-    sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from
-    several threads sets `guard` to their lock, and `wake` to what makes them call `tick` soon.
+    sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
+    `guard` to their lock, and `wake` to what makes them call `tick` soon; it is called with the guard held, and not
+    while `receive` or `tick` is under way: whoever has called those sees to what the node wants.
     """
 
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
@@ -39,9 +40,9 @@ class Node:
         self.ignored = self.withheld = 0
         self.guard: AbstractContextManager[object] = nullcontext()
         self.wake: Callable[[], None] = _nobody
-        self._operational = False
+        self._operational = self._attended = False
         self._soon: list[Action] = []
-        self._timers = Timers()
+        self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
 
     def setting(self, name: str) -> int:
@@ -55,45 +56,54 @@ class Node:
     # From outside
 
     @property
-    def next_wakeup(self) -> float | None:
-        """Time at which `tick` wants to be called, None if nothing is planned."""
-        times = [self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else None]
-        planned = [time for time in times if time is not None]
-        return min(planned) if planned else None
+    def next_wakeup(self) -> float:
+        """Time at which `tick` wants to be called, infinite if nothing is planned."""
+        return min(self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else inf)
 
     def start(self, now: float) -> list[Frame]:
         """Switch the node on: boot-up, and what it does from then on."""
         self.now = now
         self._out += self.device.start(now)
         self.reset()
-        self._operational = self.device.state is NmtState.OPERATIONAL
+        self._operational = self.device.operational
         return self._flush()
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         """Take in one frame and return the frames to send."""
         self.now = now
-        self._react(self.device.receive(frame, now))
+        self._attended = True
+        try:
+            self._react(self.device.receive(frame, now))
+        finally:
+            self._attended = False
         return self._flush()
 
     def tick(self, now: float) -> list[Frame]:
         """Do what is due by now and return the frames to send."""
         self.now = now
+        self._attended = True
+        try:
+            self._do_due(now)
+            self._react(self.device.tick(now))
+        finally:
+            self._attended = False
+        return self._flush()
+
+    def _do_due(self, now: float) -> None:
         soon, self._soon = self._soon, []
         for action in soon:
             action(now)
         for action, time in self._timers.due(now):
             action(time)
-        self._react(self.device.tick(now))
-        return self._flush()
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
         """Take in what the CAN controller reports, such as an overrun."""
         self.device.bus_error(code, now)
-        self.wake()
+        self._call()
 
     def _react(self, reaction: Reaction) -> None:
         self._out += reaction.frames
-        operational = self.device.state is NmtState.OPERATIONAL
+        operational = self.device.operational
         if self._operational and not operational:
             self.halted()
         self._operational = operational
@@ -105,6 +115,11 @@ class Node:
             self._handle(reaction.message)
         if reaction.answer is not None:
             self.answered(reaction.answer)
+
+    def _call(self) -> None:
+        """Wake whoever runs the node, unless they are here."""
+        if not self._attended:
+            self.wake()
 
     # For the nodes
 
@@ -125,12 +140,13 @@ class Node:
     def soon(self, action: Action) -> None:
         """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""
         self._soon.append(action)
-        self.wake()
+        self.device.plan.at(self.now)
+        self._call()
 
     def send(self, message: Message) -> None:
         """Put a message among the frames to send, and wake whoever runs the node."""
         self._out += self.device.send(message, self.now)
-        self.wake()
+        self._call()
 
     def offer(self, message: Message) -> None:
         """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
@@ -152,7 +168,7 @@ class Node:
         self.device.emergencies.cleared(what)
 
     def _handle(self, message: Message) -> None:
-        if flagged_fields(message) and not isinstance(message, ALWAYS):
+        if message and is_flagged(message) and not isinstance(message, ALWAYS):
             self.ignored += 1
         else:
             self._act(message)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import heapq
 import itertools
 from collections.abc import Callable, Iterator
+from math import inf
 from typing import TypeAlias
 
 Action: TypeAlias = Callable[[float], None]
@@ -29,9 +30,10 @@ class Timer:
 
 
 class Timers:
-    """The timers of one node, soonest first."""
+    """The timers of one node, soonest first; `planned` is told the time of each new one."""
 
-    def __init__(self) -> None:
+    def __init__(self, planned: Callable[[float], object] = lambda _: None) -> None:
+        self._planned = planned
         self._heap: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
 
@@ -39,18 +41,19 @@ class Timers:
         """Have `action` called when the time comes."""
         timer = Timer(time, action)
         heapq.heappush(self._heap, (time, next(self._order), timer))
+        self._planned(time)
         return timer
 
     @property
-    def next(self) -> float | None:
-        """Time of the soonest timer, None without any."""
+    def next(self) -> float:
+        """Time of the soonest timer, infinite without any."""
         while self._heap and self._heap[0][2].action is None:
             heapq.heappop(self._heap)
-        return self._heap[0][0] if self._heap else None
+        return self._heap[0][0] if self._heap else inf
 
     def due(self, now: float) -> Iterator[tuple[Action, float]]:
         """Yield what is due, also what becomes due meanwhile, each with its time."""
-        while self.next is not None and self.next <= now:
+        while self.next <= now:
             time, _, timer = heapq.heappop(self._heap)
             if timer.action is not None:
                 yield timer.action, time

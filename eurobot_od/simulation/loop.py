@@ -10,6 +10,7 @@ import asyncio
 import selectors
 from collections.abc import Callable, Coroutine
 from contextvars import Context
+from math import inf
 from typing import Any, TypeVar
 
 from eurobot_od.errors import EurobotError
@@ -31,10 +32,10 @@ class _Selector(selectors.DefaultSelector):
         self.woken = False
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        until = float("inf") if timeout is None else self._network.now + timeout
+        until = inf if timeout is None else self._network.now + timeout
         ready = self._ready()
         while not (ready or self.woken) and self._network.now < until:
-            if timeout is None and self._network.next_event is None:
+            if timeout is None and self._network.next_event == inf:
                 raise NothingHappens("every task waits, and no node has anything to do")
             self._network.advance(until)
             ready = self._ready()

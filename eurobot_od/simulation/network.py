@@ -7,6 +7,7 @@ were attached. The lowest COB-ID in all mailboxes wins the bus; frames that are 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame
@@ -50,27 +51,26 @@ class Network:
         return station
 
     @property
-    def next_event(self) -> float | None:
-        """Time of the next event, None if nothing will ever happen."""
+    def next_event(self) -> float:
+        """Time of the next event, infinite if nothing will ever happen."""
         return self._next_event(self._wakeups())
 
-    def _wakeups(self) -> list[float | None]:
+    def _wakeups(self) -> list[float]:
         return [station.next_wakeup for station in self._stations]
 
-    def _next_event(self, wakeups: Iterable[float | None]) -> float | None:
-        times = [time for time, _ in self._starting]
-        times += [time for time in wakeups if time is not None]
+    def _next_event(self, wakeups: Iterable[float]) -> float:
+        times = [*wakeups, *(time for time, _ in self._starting)]
         if self._sending:
             times.append(self._sending.end)
         elif any(station.gatekeeper.mailboxes.next_expiry is not None for station in self._stations):
             times.append(self.now)  # a frame submitted from outside, between two events
-        return max(min(times), self.now) if times else None
+        return max(min(times, default=inf), self.now)
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
         wakeups = self._wakeups()
         event = self._next_event(wakeups)
-        if event is None or event > until:
+        if event > until or event == inf:
             self.now = max(self.now, until)
             return False
         self.now = event
@@ -93,9 +93,9 @@ class Network:
             each[1].start(self.now)
         return bool(due)
 
-    def _tick(self, wakeups: Iterable[float | None]) -> None:
+    def _tick(self, wakeups: Iterable[float]) -> None:
         for station, wakeup in zip(self._stations, wakeups):
-            if wakeup is not None and wakeup <= self.now:
+            if wakeup <= self.now:
                 station.tick(self.now)
 
     def _end_sending(self) -> bool:

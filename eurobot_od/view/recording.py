@@ -26,7 +26,7 @@ from eurobot_od.messages import (
     PositionResponse,
     StartConfigurationSet,
     StopDrive,
-    flagged_fields,
+    is_flagged,
     kinds,
 )
 from eurobot_od.values import GotoFault, Passage, TeamColour
@@ -136,7 +136,7 @@ class _Recorder:
         """Take in a message."""
         self.start = time if self.start is None else self.start
         now = self.recording.end = max(time - self.start, self.recording.end)
-        if flagged_fields(message) and not isinstance(message, ALWAYS):
+        if is_flagged(message) and not isinstance(message, ALWAYS):
             return
         handle = HANDLERS.get(type(message))
         if handle is not None:

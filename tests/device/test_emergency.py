@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode
@@ -69,7 +71,7 @@ def test_the_inhibit_time_spaces_reports() -> None:
     assert ours.next == 1.1
     assert ours.due(1.05) == []
     assert ours.due(1.1) == [report(0x8220, 0x11)]
-    assert ours.next is None
+    assert ours.next == inf
 
 
 def test_what_waits_too_long_makes_room_for_the_newest() -> None:
@@ -89,7 +91,7 @@ def test_an_error_of_a_moment_passes() -> None:
     assert ours.due(0.5) == [report(0x8110, 0x11)]
     assert ours.next == 0.5 + PASSING
     assert ours.due(0.5 + PASSING) == [report(0, 0)]
-    assert ours.next is None
+    assert ours.next == inf
 
 
 def test_a_device_without_an_identifier_for_it_reports_nothing() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
@@ -32,7 +34,7 @@ def test_an_entry_names_a_node_and_a_time(entry: int, node_id: int, seconds: flo
 def test_a_node_is_watched_from_its_first_heartbeat_on() -> None:
     consumer = HeartbeatConsumer()
     consumer.configure([0x000207D0])
-    assert consumer.next is None
+    assert consumer.next == inf
     assert consumer.overdue(1000.0) == []
     consumer.heard(DRIVE, 1000.0)
     assert consumer.next == 1002.0
@@ -64,7 +66,7 @@ def test_nobody_else_is_watched() -> None:
     consumer = HeartbeatConsumer()
     consumer.configure([0x000207D0])
     assert consumer.heard(NAVIGATION, 0.0) is False
-    assert consumer.next is None
+    assert consumer.next == inf
 
 
 # The device
@@ -114,4 +116,4 @@ def test_a_changed_producer_time_is_live() -> None:
     wire.write(0x1017, 0, 50, size=2)
     assert wire.wait(0.05).frames == [error_control(DRIVE, NmtState.OPERATIONAL)]
     wire.write(0x1017, 0, 0, size=2)
-    assert wire.device.next_wakeup is None
+    assert wire.device.next_wakeup == inf

@@ -12,7 +12,6 @@ import pytest
 from can.interfaces.virtual import VirtualBus
 
 from eurobot_od import dialects
-from eurobot_od.frame import Frame
 from eurobot_od.messages import CheckDriveRequest
 from eurobot_od.nodes import ROLES
 from eurobot_od.runtime import Live
@@ -115,7 +114,7 @@ def test_a_listener_of_the_program_follows_a_changed_identifier(channel: str) ->
         network.send_message(0x3C5, b"")
         received = queue.get(PATIENCE)
     assert received is not None
-    assert (received.message, received.frame) == (CheckDriveRequest(), Frame(0x3C5))
+    assert received.message == CheckDriveRequest()
 
 
 CONTROLLER = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Any
 
 import pytest
@@ -268,7 +269,7 @@ def test_an_event_timer_sends_a_tpdo_again_and_again_while_operational() -> None
         wire.wait(0.1)
     assert wire.sent() == [wire.device.protocol.encode(GotoStateResponse(1500))] * 2
     wire.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-    assert wire.device.next_wakeup is None
+    assert wire.device.next_wakeup == inf
     assert wire.wait(1.0).frames == []
 
 

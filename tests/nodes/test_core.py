@@ -428,7 +428,7 @@ def test_a_node_that_falls_silent_stops_the_drive(silent: int) -> None:
     core.start(0.0)
     core.receive(Frame(silent, b"\x05"), 0.5)
     sent: list[Frame] = []
-    while (wakeup := core.next_wakeup) is not None and wakeup < 4.0:
+    while (wakeup := core.next_wakeup) < 4.0:
         sent += core.tick(wakeup)
     assert PROTOCOL.encode(StopDrive()) in sent
 

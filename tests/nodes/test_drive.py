@@ -57,7 +57,7 @@ class Seat:
 
     def run(self, seconds: float) -> Seat:
         end = self.now + seconds
-        while (wakeup := self.drive.next_wakeup) is not None and wakeup <= end:
+        while (wakeup := self.drive.next_wakeup) <= end:
             self.now = wakeup
             self.frames += self.drive.tick(wakeup)
         self.now = end

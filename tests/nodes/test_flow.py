@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from math import inf
 from typing import Any
 
 import pytest
@@ -43,7 +44,7 @@ class Run:
 
     def until(self, end: float) -> Run:
         """Let the time pass from timer to timer."""
-        while (time := self.timers.next) is not None and time <= end:
+        while (time := self.timers.next) <= end:
             self.now = time
             for action, due in self.timers.due(time):
                 action(due)
@@ -85,7 +86,7 @@ def test_a_question_is_repeated_until_it_is_answered(answered: float, times: lis
     assert [time for time, _ in run.sent] == times
     assert run.call.result(0) == CheckDriveResponse()
     assert run.ended == 1
-    assert run.timers.next is None
+    assert run.timers.next == inf
 
 
 def test_a_question_that_nobody_answers_names_request_answer_attempts_and_wait() -> None:
@@ -159,7 +160,7 @@ def test_a_cancelled_call_is_not_asked_again_and_its_flow_ends() -> None:
     run.until(10.0)
     assert [time for time, _ in run.sent] == [0.0]
     assert run.ended == 1
-    assert run.timers.next is None
+    assert run.timers.next == inf
 
 
 def test_a_cancelled_pause_ends_its_flow() -> None:

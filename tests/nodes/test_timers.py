@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from eurobot_od.nodes.timers import Timers
@@ -31,7 +33,7 @@ def test_what_is_due_comes_soonest_first(set_for: list[float], now: float, expec
     for time in set_for:
         timers.at(time, lambda _: None)
     assert due(timers, now) == expected
-    assert timers.next == min((time for time in set_for if time > now), default=None)
+    assert timers.next == min((time for time in set_for if time > now), default=inf)
 
 
 def test_equal_times_keep_their_order() -> None:
@@ -58,7 +60,7 @@ def test_what_becomes_due_meanwhile_is_due_too() -> None:
 def test_a_cancelled_timer_is_never_called_and_wakes_nobody() -> None:
     timers = Timers()
     timers.at(1.0, lambda _: pytest.fail("cancelled")).cancel()
-    assert timers.next is None
+    assert timers.next == inf
     assert due(timers, 2.0) == []
 
 
@@ -73,5 +75,13 @@ def test_clear_forgets_all() -> None:
     timers = Timers()
     timers.at(1.0, lambda _: pytest.fail("cleared"))
     timers.clear()
-    assert timers.next is None
+    assert timers.next == inf
     assert due(timers, 2.0) == []
+
+
+def test_each_new_timer_is_told() -> None:
+    told: list[float] = []
+    timers = Timers(told.append)
+    for time in (2.0, 3.0, 1.0):
+        timers.at(time, lambda _: None)
+    assert told == [2.0, 3.0, 1.0]

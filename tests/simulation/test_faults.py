@@ -42,7 +42,7 @@ GOTO = GotoXY(700, 1750, 90, 60)
 def answers(node: Node, *messages: Message, until: float = 0.0) -> list[Frame]:
     """Return what a node sends in answer to messages, up to a time in seconds."""
     frames = [frame for message in messages for frame in node.receive(PROTOCOL.encode(message), 0.0)]
-    while node.next_wakeup is not None and node.next_wakeup <= until:
+    while node.next_wakeup <= until:
         frames += node.tick(node.next_wakeup)
     return frames
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import pytest
 
 from eurobot_od.frame import Frame
@@ -108,7 +110,7 @@ def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
 
 def test_time_goes_on_without_events() -> None:
     network = Network()
-    assert network.next_event is None
+    assert network.next_event == inf
     assert not network.advance(5.0)
     assert network.now == 5.0
 

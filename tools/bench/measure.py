@@ -95,13 +95,19 @@ class Claim(NamedTuple):
 class Series:
     """Contenders that are measured in turns, and what is claimed of them.
 
-    `open` prepares, gives the contenders by name, and cleans up; it may raise NotHere or Wrong.
+    `open` prepares, gives the contenders by name, and cleans up; it may raise NotHere or Wrong. What takes next to no
+    time is measured `often`: in so many times as many rounds, as it takes more of them to meet a quiet moment.
     """
 
     group: str
     name: str
     open: Callable[[Scale], AbstractContextManager[Mapping[str, Contender]]]
     claims: tuple[Claim, ...]
+    often: int = 1
+
+    def rounds(self, scale: Scale) -> int:
+        """Return the number of rounds."""
+        return scale.rounds if scale.short else scale.rounds * self.often
 
 
 class Gap(NamedTuple):
@@ -163,7 +169,7 @@ def measure(series: Series, scale: Scale) -> Measured:
     measured = Measured(series)
     named = {name for claim in series.claims for name in (claim.ours, claim.peer)}
     with _noting(measured, WHOLE), series.open(scale) as contenders:
-        for _ in range(scale.rounds):
+        for _ in range(series.rounds(scale)):
             for name in [each for each in contenders if each in named and each not in measured.gaps]:
                 with _noting(measured, name):
                     measured.rounds.setdefault(name, []).append(contenders[name]())

@@ -38,7 +38,7 @@ class Answer:
         self._came = threading.Event()
         self._time = 0.0
 
-    def __call__(self, _: object) -> None:
+    def __call__(self, *_: object) -> None:
         self._time = time.perf_counter()
         self._came.set()
 

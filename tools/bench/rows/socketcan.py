@@ -49,10 +49,10 @@ def new_bus() -> Any:
     return bus
 
 
-def counter(count: Count) -> Callable[[object], None]:
+def counter(count: Count) -> Callable[..., None]:
     """Return a listener that counts."""
 
-    def hear(_: object) -> None:
+    def hear(*_: object) -> None:
         count[0] += 1
 
     return hear

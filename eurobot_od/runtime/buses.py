@@ -1,0 +1,90 @@
+"""python-can's buses: opening one, handing it a frame, and what its driver can do.
+
+Rule of this file: whatever a driver raises becomes a BusError of one line here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+
+if TYPE_CHECKING:
+    import can
+
+BITRATE = 500_000
+"""Bit/s of the robot's bus, where neither caller nor python-can's configuration says another."""
+
+DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
+"""The in-process bus, where neither caller nor python-can's configuration names one."""
+
+RETRY = 0.001
+"""Seconds until a frame that the driver did not take is tried again."""
+
+PROMPT = ("can.interfaces.virtual", "can.interfaces.socketcan.socketcan")
+"""Drivers whose `send` does not wait when told so; python-can leaves that to each driver, and few keep to it."""
+
+
+def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
+    """Open a python-can bus; what is not given comes from python-can's own configuration files and variables.
+
+    Raises BusError in one line, whatever the driver had to say.
+    """
+    import can
+
+    given = {"interface": interface, "channel": channel, "bitrate": bitrate}
+    try:
+        config = _configured({key: value for key, value in given.items() if value is not None})
+        return can.Bus(ignore_config=True, **config)
+    except Exception as error:  # drivers raise what comes to hand: OSError, ImportError, ValueError, CanError, ...
+        name = f"{interface or 'configured'} bus {channel or ''}".strip()
+        raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
+
+
+def _configured(given: dict[str, Any]) -> dict[str, Any]:
+    """Complete what is given by python-can's configuration, and that by our defaults."""
+    from can import rc, util
+
+    sources = (given, rc, util.load_environment_config(), util.load_file_config())
+    said = {key for source in sources for key, value in source.items() if value}
+    named = said & {"interface", "bustype"}
+    defaults = {} if named else {key: value for key, value in DEFAULT_BUS.items() if key not in said}
+    config = dict(util.load_config(config=defaults | given))
+    return {"bitrate": BITRATE} | config
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+class Driver:
+    """A bus as its driver lets itself be used: `bus`, and whether it `filters` and `prompt`ly returns by itself."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        import can
+
+        self.bus = bus
+        self._message, self._refused = can.Message, can.CanError
+        self.filters = bus.__class__._apply_filters is not can.BusABC._apply_filters
+        self.prompt = bus.__class__.send.__module__ in PROMPT
+
+    def send(self, frame: Frame, timeout: float = RETRY) -> bool:
+        """Hand over a frame; False if the driver does not take it in `timeout` seconds. Raises BusError if it failed.
+
+        A driver that is not `prompt` may wait longer than that.
+        """
+        # by their places: by their names the arguments take half as long again
+        message = self._message(0.0, frame.cob_id, False, False, False, None, None, frame.data)
+        try:
+            self.bus.send(message, timeout=timeout)
+        except self._refused:
+            return False
+        except Exception as error:  # drivers raise what comes to hand; this one does not say "try again"
+            raise failure(self.bus, error) from error
+        return True
+
+
+def failure(bus: can.BusABC, error: Exception) -> BusError:
+    """Return an error of a driver in one line."""
+    return BusError(f"the bus {bus.channel_info} failed: {_one_line(error)}")
