@@ -67,16 +67,15 @@ class Station:
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
             self._submit(self.node.receive(frame, now), now)
-            self._follow()
+            if self.node.device.identifiers is not self._identifiers:
+                self._follow()
 
     def _follow(self) -> None:
-        """Listen to what the node listens to by now: a master may have changed that with this frame."""
-        device = self.node.device
-        if device.identifiers is not self._identifiers:
-            self._identifiers = device.identifiers
-            self.gatekeeper.reroute(device.protocol)
+        """Listen to what the node listens to by now: a master has changed that with this frame."""
+        self._identifiers = self.node.device.identifiers
+        self.gatekeeper.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         for frame in frames:
             lasting = frame.cob_id == self.node.device.sdo_answers
-            self.gatekeeper.send_frame(frame, now, lasting)
+            self.gatekeeper.mailboxes.submit(frame, now, lasting)

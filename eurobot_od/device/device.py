@@ -329,7 +329,7 @@ class Device:
 
     def emergency_frames(self, now: float) -> list[Frame]:
         """Return the EMCY frames that may go now; in STOPPED they wait (CiA 301, 7.3.2.2.4)."""
-        if self.emergencies.quiet or not self._reports:
+        if not self._reports:
             return []
         frames = self.emergencies.due(now)
         self.plan.at(self.emergencies.next)
@@ -344,7 +344,8 @@ class Device:
             return Reaction([])
         self._now = now
         reaction = ear(frame)
-        reaction.frames.extend(self.emergency_frames(now))
+        if not self.emergencies.quiet:
+            reaction.frames.extend(self.emergency_frames(now))
         if reaction.message is None:  # a message for the application plans nothing here
             self.plan.at(self.next_wakeup)
         return reaction

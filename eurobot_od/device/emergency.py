@@ -51,7 +51,8 @@ REGISTER_BIT = {0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
 class Emergencies:
     """The errors of one device; `due` returns the EMCY frames to send.
 
-    `cob_id` gives the identifier of 0x1014 (None: the device sends no EMCY), `inhibit` the seconds of 0x1015.
+    `cob_id` gives the identifier of 0x1014 (None: the device sends no EMCY), `inhibit` the seconds of 0x1015. It is
+    `quiet` if there is nothing to report, now or later.
     """
 
     def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
@@ -60,6 +61,7 @@ class Emergencies:
         self._passing: dict[ErrorCode, float] = {}
         self._waiting: deque[bytes] = deque(maxlen=WAITING)
         self._free = float("-inf")
+        self.quiet = True
         self.history: list[int] = []
 
     @property
@@ -92,9 +94,11 @@ class Emergencies:
     def happened(self, code: ErrorCode, now: float) -> None:
         """Note an error of a moment: it is gone when it has not happened again for a while."""
         self._passing[code] = now + PASSING
+        self.quiet = False
         self.raised(code, code)
 
     def _report(self, code: ErrorCode, info: bytes) -> None:
+        self.quiet = False
         self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
 
     # The error field
@@ -114,11 +118,6 @@ class Emergencies:
     # What is sent
 
     @property
-    def quiet(self) -> bool:
-        """Whether there is nothing to report, now or later."""
-        return not self._waiting and not self._passing
-
-    @property
     def next(self) -> float:
         """When there will be something to send, in seconds; infinite if nothing is planned."""
         if self.quiet:
@@ -135,6 +134,7 @@ class Emergencies:
         while self._waiting and self._free <= now:
             frames += self._frame(self._waiting.popleft())
             self._free = now + inhibit if (inhibit := self._inhibit()) else self._free
+        self.quiet = not self._waiting and not self._passing
         return frames
 
     def _frame(self, data: bytes) -> list[Frame]:

@@ -232,7 +232,8 @@ class Pacing:
         if now < self._free.get(binding, now):
             self._held[binding] = frame
             return []
-        self.sent(binding, now)
+        if self._inhibits or self._events:
+            self.sent(binding, now)
         return [frame]
 
     def sent(self, binding: Binding, now: float) -> None:

@@ -102,19 +102,20 @@ class Node:
         self._call()
 
     def _react(self, reaction: Reaction) -> None:
-        self._out += reaction.frames
-        operational = self.device.operational
-        if self._operational and not operational:
-            self.halted()
-        self._operational = operational
-        if reaction.reset:
+        frames, message, reset, lost, answer = reaction
+        self._out += frames
+        if self._operational is not self.device.operational:
+            self._operational = self.device.operational
+            if not self._operational:
+                self.halted()
+        if reset:
             self.reset()
-        for node_id in reaction.lost:
+        for node_id in lost:
             self.heartbeat_lost(node_id)
-        if reaction.message is not None:
-            self._handle(reaction.message)
-        if reaction.answer is not None:
-            self.answered(reaction.answer)
+        if message is not None:
+            self._handle(message)
+        if answer is not None:
+            self.answered(answer)
 
     def _call(self) -> None:
         """Wake whoever runs the node, unless they are here."""
@@ -181,7 +182,9 @@ class Node:
 
     def _flush(self) -> list[Frame]:
         frames, self._out = self._out, []
-        return frames + self.device.emergency_frames(self.now)
+        if not self.device.emergencies.quiet:
+            frames += self.device.emergency_frames(self.now)
+        return frames
 
 
 def _nobody() -> None:

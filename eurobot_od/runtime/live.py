@@ -177,14 +177,10 @@ class Live:
         """
         if not self.gatekeeper.receive_data(cob_id, data, now, self._since and self._since()):
             return False
-        self._hurry()
-        self._sender.pump()
-        return True
-
-    def _hurry(self) -> None:
-        """Wake the keeper if the node wants to be called before the keeper would look again."""
         if self.station is not None and self.station.plan.soonest < self._looks_at:
             self._wake()
+        self._sender.pump()
+        return True
 
     def _note_foreign(self, message: can.Message) -> None:
         """Count what is no classic base data frame, and tell the node what the controller reports."""

@@ -55,7 +55,11 @@ class Sender:
     def go_on(self, frame: Frame | None, timeout: float) -> None:
         """Send the frame of `begin` and what comes behind it."""
         while frame is not None:
-            sent = self._sent(frame, timeout)
+            try:
+                sent = self._driver.send(frame, timeout)
+            except BusError as failure:
+                self._failed(failure)
+                sent = False
             with self._lock:
                 frame = self._next(frame) if sent else self._give_up()
 
@@ -71,10 +75,3 @@ class Sender:
         """Leave the frame that the driver has not taken in its mailbox."""
         self.busy, self.blocked = False, True
         return None
-
-    def _sent(self, frame: Frame, timeout: float) -> bool:
-        try:
-            return self._driver.send(frame, timeout)
-        except BusError as failure:
-            self._failed(failure)
-            return False

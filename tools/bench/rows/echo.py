@@ -52,16 +52,30 @@ class Answer:
         return self._time - begin
 
 
+Answering = Callable[[can.BusABC], Live]
+"""Makes, on a bus, who answers a Check Drive Request."""
+
+
+def drive(bus: can.BusABC) -> Live:
+    """Have our whole drive answer: a CANopen device with its object dictionary."""
+    return Live.node(bus, ROLES["drive"](dialects.load("drive")))
+
+
+def listener(bus: can.BusABC) -> Live:
+    """Have a function answer that listens to the typed message, as in a node of one's own."""
+    keeper = Gatekeeper(protocol())
+    answering = Live(bus, keeper)
+    keeper.add_function(CheckDriveRequest, lambda *_: answering.send(CheckDriveResponse()))
+    return answering
+
+
 @contextmanager
-def ours() -> Iterator[Callable[[], float]]:
-    """Ask our drive, as a node whose listener hears the answer."""
+def ours(answering: Answering) -> Iterator[Callable[[], float]]:
+    """Send typed messages; a listener hears the answer."""
     channel, answer = new_channel(), Answer()
     keeper = Gatekeeper(protocol())
     keeper.add_function(CheckDriveResponse, answer)
-    with (
-        Live.node(new_bus(channel), ROLES["drive"](dialects.load("drive"))),
-        Live(new_bus(channel), keeper) as asking,
-    ):
+    with answering(new_bus(channel)), Live(new_bus(channel), keeper) as asking:
         yield lambda: answer.after(lambda: asking.send(CheckDriveRequest()))
 
 
@@ -124,24 +138,35 @@ def echoes(side: Side, beside: Beside, seconds: float) -> Figures:
     return {Quantity.TIME: median(times), Quantity.MEAN: fmean(times)}
 
 
+SIDES: dict[str, Side] = {
+    "drive": partial(ours, drive),
+    "listener": partial(ours, listener),
+    "notifiers": notifiers,
+}
+
+
 @contextmanager
 def opened(beside: Beside, scale: Scale) -> Iterator[Mapping[str, Contender]]:
-    """Give both sides as contenders."""
+    """Give all sides as contenders."""
     seconds = scale.of(400, 10) / 1000
-    yield {"ours": partial(echoes, ours, beside, seconds), "notifiers": partial(echoes, notifiers, beside, seconds)}
+    yield {name: partial(echoes, side, beside, seconds) for name, side in SIDES.items()}
 
 
-def _claim(name: str, wanted: float | None = None, quantity: Quantity = Quantity.TIME) -> Claim:
-    return Claim(f"{name}: bare Notifiers", "ours", "notifiers", Way.RATIO, wanted, quantity)
+def _claim(name: str, ours: str, wanted: float | None = None, quantity: Quantity = Quantity.TIME) -> Claim:
+    return Claim(f"{name}: bare Notifiers", ours, "notifiers", Way.RATIO, wanted, quantity)
 
 
 def _reported(name: str, beside: Beside) -> Series:
-    claims = _claim(f"{name}, median"), _claim(f"{name}, mean", quantity=Quantity.MEAN)
+    claims = _claim(f"{name}, median", "drive"), _claim(f"{name}, mean", "drive", quantity=Quantity.MEAN)
     return Series("echo", name, partial(opened, beside), claims)
 
 
+CLAIMS = (
+    _claim("request to answer of a whole drive, median", "drive", 1.2),
+    _claim("request to answer of a listener, median", "listener", 1.2),
+)
 SERIES = (
-    Series("echo", "request to answer", partial(opened, nullcontext), (_claim("request to answer, median", 1.2),)),
+    Series("echo", "request to answer", partial(opened, nullcontext), CLAIMS, often=3),
     _reported("beside a busy thread", busy),
     _reported("busy thread, switch interval 0.5 ms", busy_but_fair),
 )
