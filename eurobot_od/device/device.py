@@ -382,10 +382,11 @@ class Device:
         except FrameLengthError:
             self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
             return Reaction([])
-        self._process.note(binding, frame.data)
+        if binding.layout.length:
+            self._process.note(binding, frame.data)
         if len(frame.data) > binding.layout.length:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
-        else:
+        elif binding.name in self.emergencies.errors:
             self.emergencies.cleared(binding.name)
         return Reaction([], message)
 
@@ -410,9 +411,12 @@ class Device:
 
     def send(self, message: Message, now: float) -> list[Frame]:
         """Return the frame of a message to send now, none if its inhibit time holds it back; raises as `transmit`."""
-        binding = self._sendable(message)
+        binding = self._pdos.sent.get(type(message)) if self.operational else None
+        if binding is None:
+            binding = self._sendable(message)  # a stop, or it says what is wrong
         frame = binding.encode(message)
-        self._process.note(binding, frame.data)
+        if frame.data:
+            self._process.note(binding, frame.data)
         frames = self._pacing.admit(binding, frame, now)
         if not frames:
             self.plan.at(self._pacing.next)

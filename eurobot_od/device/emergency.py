@@ -52,12 +52,12 @@ class Emergencies:
     """The errors of one device; `due` returns the EMCY frames to send.
 
     `cob_id` gives the identifier of 0x1014 (None: the device sends no EMCY), `inhibit` the seconds of 0x1015. It is
-    `quiet` if there is nothing to report, now or later.
+    `quiet` if there is nothing to report, now or later. `errors` are those that are there now, by what is concerned.
     """
 
     def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
         self._cob_id, self._inhibit = cob_id, inhibit
-        self._active: dict[Hashable, ErrorCode] = {}
+        self.errors: dict[Hashable, ErrorCode] = {}
         self._passing: dict[ErrorCode, float] = {}
         self._waiting: deque[bytes] = deque(maxlen=WAITING)
         self._free = float("-inf")
@@ -67,13 +67,13 @@ class Emergencies:
     @property
     def active(self) -> tuple[ErrorCode, ...]:
         """The errors that are there now, oldest first."""
-        return tuple(self._active.values())
+        return tuple(self.errors.values())
 
     @property
     def register(self) -> int:
         """Value of the error register 0x1001."""
         register = 0
-        for code in self._active.values():
+        for code in self.errors.values():
             register |= GENERIC | REGISTER_BIT[code & 0xF000]
         return register
 
@@ -81,14 +81,14 @@ class Emergencies:
 
     def raised(self, code: ErrorCode, what: Hashable, info: bytes = b"") -> None:
         """Note an error of `what` with up to 5 bytes of manufacturer `info`; a known one is not reported again."""
-        if self._active.get(what) != code:
-            self._active[what] = code
+        if self.errors.get(what) != code:
+            self.errors[what] = code
             self.history = [code, *self.history][:HISTORY]
             self._report(code, info)
 
     def cleared(self, what: Hashable) -> None:
         """Note that the error of `what` is gone, if there was one."""
-        if self._active.pop(what, None) is not None:
+        if self.errors.pop(what, None) is not None:
             self._report(ErrorCode.NO_ERROR, b"")
 
     def happened(self, code: ErrorCode, now: float) -> None:

@@ -5,6 +5,7 @@ Rule of this file: both sides in one process on one in-process bus; a round's fi
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -16,7 +17,7 @@ from statistics import fmean, median
 
 import can
 
-from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel, protocol
 from eurobot_od import dialects
 from eurobot_od.gatekeeper import Gatekeeper
@@ -124,17 +125,29 @@ def busy_but_fair() -> Iterator[None]:
         sys.setswitchinterval(interval)
 
 
+@contextmanager
+def on_one_cpu() -> Iterator[None]:
+    """Have all threads that are started meanwhile share one processor."""
+    if not hasattr(os, "sched_setaffinity"):
+        raise NotHere("this system does not let a thread choose its processor")
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(allowed)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
 Side = Callable[[], AbstractContextManager[Callable[[], float]]]
 Beside = Callable[[], AbstractContextManager[None]]
 
 
 def echoes(side: Side, beside: Beside, seconds: float) -> Figures:
     """Measure echoes for some seconds; median and mean differ much where one echo in a hundred has to wait."""
-    with side() as echo:
+    with beside(), side() as echo:
         echo()
-        with beside():
-            end = time.perf_counter() + seconds
-            times = [echo(), *takewhile(lambda _: time.perf_counter() < end, (echo() for _ in count()))]
+        end = time.perf_counter() + seconds
+        times = [echo(), *takewhile(lambda _: time.perf_counter() < end, (echo() for _ in count()))]
     return {Quantity.TIME: median(times), Quantity.MEAN: fmean(times)}
 
 
@@ -156,17 +169,19 @@ def _claim(name: str, ours: str, wanted: float | None = None, quantity: Quantity
     return Claim(f"{name}: bare Notifiers", ours, "notifiers", Way.RATIO, wanted, quantity)
 
 
+def _medians(prefix: str, wanted: float | None) -> tuple[Claim, ...]:
+    names = {"drive": "answer of a whole drive", "listener": "answer of a listener"}
+    return tuple(_claim(f"{prefix}{name}, median", ours, wanted) for ours, name in names.items())
+
+
 def _reported(name: str, beside: Beside) -> Series:
     claims = _claim(f"{name}, median", "drive"), _claim(f"{name}, mean", "drive", quantity=Quantity.MEAN)
     return Series("echo", name, partial(opened, beside), claims)
 
 
-CLAIMS = (
-    _claim("request to answer of a whole drive, median", "drive", 1.2),
-    _claim("request to answer of a listener, median", "listener", 1.2),
-)
 SERIES = (
-    Series("echo", "request to answer", partial(opened, nullcontext), CLAIMS, often=3),
+    Series("echo", "request to answer", partial(opened, nullcontext), _medians("", 1.2)),
+    Series("echo", "all threads on one CPU", partial(opened, on_one_cpu), _medians("on one CPU: ", None)),
     _reported("beside a busy thread", busy),
     _reported("busy thread, switch interval 0.5 ms", busy_but_fair),
 )

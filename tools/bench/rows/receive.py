@@ -126,6 +126,6 @@ CLAIMS = (
 )
 BACKLOG = Claim(f"a backlog of {WAITING} different frames: bare Notifier", "ours 1", "notifier", Way.RATIO)
 SERIES = (
-    Series("receive", "frame to typed message in a function", partial(opened, DIFFERENT), CLAIMS, often=3),
+    Series("receive", "frame to typed message in a function", partial(opened, DIFFERENT), CLAIMS, often=5),
     Series("receive", "a backlog of different frames", partial(opened, WAITING), (BACKLOG,), often=3),
 )
