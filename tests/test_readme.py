@@ -1,4 +1,7 @@
-"""The README's Python examples run as they stand, and print what their comments say."""
+"""The README's Python examples run as they stand, and print what their comments say.
+
+The lines for a robot on a real bus are left out: they need one, and real time.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,16 @@ from pathlib import Path
 import pytest
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"^```python\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
-PRINTED = re.compile(r"^print\(.*\)  # (.*)$", re.MULTILINE)
+PLAY, REHEARSE, PROTOCOL, LAMP = re.findall(r"^```python\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+PRINTED = re.compile(r"^ *print\(.*\)  # (.*)$", re.MULTILINE)
+EXAMPLES = {
+    "a rehearsal": PLAY + REHEARSE.partition("with Robot")[0],
+    "frames": PROTOCOL,
+    "a program of one's own": LAMP,
+}
 
 
-def test_there_are_examples() -> None:
-    assert len(EXAMPLES) == 2
-
-
-@pytest.mark.parametrize("example", EXAMPLES)
+@pytest.mark.parametrize("example", EXAMPLES.values(), ids=EXAMPLES)
 def test_an_example_prints_what_it_says(example: str, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(example, "README.md", "exec"), {})
     lines = capsys.readouterr().out.splitlines()
