@@ -187,7 +187,7 @@ def opened(make: Callable[[], Statements], scale: Scale) -> Iterator[Mapping[str
 
 
 def _series(name: str, make: Callable[[], Statements], *claims: Claim) -> Series:
-    return Series("codec", name, contextmanager(partial(opened, make)), claims)
+    return Series("codec", name, contextmanager(partial(opened, make)), claims, often=3)
 
 
 def _claim(task: str, peer: str, label: str, wanted: float | None = None) -> Claim:
