@@ -117,6 +117,14 @@ def test_another_message_is_no_answer(capsys: pytest.CaptureFixture[str]) -> Non
     assert said.out.splitlines()[1] == "expected  Check Navi Response: nothing came within 100 ms"
 
 
+def test_an_answer_that_is_too_short_is_one_line(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
+    short = can.Message(arbitration_id=0x014, data=b"\x01", is_extended_id=False)
+    with can.Notifier(wire, [lambda _: wire.send(short)]):
+        said = send(capsys, "Goto State Request", "--expect", "Goto State Response", "--within", "10 s")
+    assert said.status == 1
+    assert said.err == "eurobot-od: Goto State Response (0x014): 1 bytes of data, expected 3\n"
+
+
 def test_on_an_empty_bus_nothing_comes(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
     said = send(capsys, "Check Drive Request", "--expect", "Check Drive Response", "--within", "0.05s")
     assert said.status == 1
