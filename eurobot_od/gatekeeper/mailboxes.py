@@ -90,7 +90,7 @@ class Mailboxes:
         """Load what there is room for, and return what the controller sends first; for who is the controller itself."""
         if self._waiting:
             self.load(now)
-        return self._loaded[0].frame if self._loaded else None
+        return self.urgent()
 
     def urgent(self) -> Frame | None:
         """Return the loaded frame that the controller sends first, None without one."""

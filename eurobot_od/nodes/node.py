@@ -152,11 +152,9 @@ class Node:
     def offer(self, message: Message) -> None:
         """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
         try:
-            self._out += self.device.send(message, self.now)
+            self.send(message)
         except StateError:
             self.withheld += 1
-        if not self._attended:
-            self.wake()
 
     def at(self, time: float, action: Action) -> Timer:
         """Have `action` called when the time comes."""

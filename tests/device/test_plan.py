@@ -14,7 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.messages import GotoStateRequest, GotoStateResponse
 from tests.device.master import Wire, wired
 
-CONFIRM = 0x1801
+STATE = 0x1801
 """Communication parameters of Goto State Response."""
 
 CORE = 1
@@ -39,9 +39,9 @@ def watch_core(wire: Wire) -> None:
 
 
 def inhibit_state(wire: Wire) -> None:
-    wire.write(CONFIRM, 1, NOT_VALID | 0x014)
-    wire.write(CONFIRM, 3, 1000, size=2)
-    wire.write(CONFIRM, 1, 0x014)
+    wire.write(STATE, 1, NOT_VALID | 0x014)
+    wire.write(STATE, 3, 1000, size=2)
+    wire.write(STATE, 1, 0x014)
     wire.device.send(GotoStateResponse(3), wire.now)
 
 
@@ -51,7 +51,7 @@ def inhibit_emcy(wire: Wire) -> None:
 
 
 def stop_with_event_timer(wire: Wire) -> None:
-    wire.write(CONFIRM, 5, 200, size=2)
+    wire.write(STATE, 5, 200, size=2)
     wire.command(NmtCommand.STOP)
 
 
@@ -60,7 +60,7 @@ PLANS: dict[str, tuple[Step, Step, float]] = {
     "a client is awaited": (lambda _: None, lambda wire: wire.send(CLIENT_IS_AWAITED), 1.0),
     "heartbeats, by a master": (lambda _: None, lambda wire: wire.write(0x1017, 0, 50, size=2), 0.05),
     "another's heartbeat": (watch_core, lambda wire: wire.send(error_control(CORE, NmtState.OPERATIONAL)), 2.0),
-    "an event timer, by a master": (lambda _: None, lambda wire: wire.write(CONFIRM, 5, 200, size=2), 0.2),
+    "an event timer, by a master": (lambda _: None, lambda wire: wire.write(STATE, 5, 200, size=2), 0.2),
     "an event timer, by a start": (stop_with_event_timer, lambda wire: wire.command(NmtCommand.START), 0.2),
     "a TPDO held back": (inhibit_state, lambda wire: wire.device.send(GotoStateResponse(2), wire.now), 0.1),
     "an EMCY held back": (inhibit_emcy, lambda wire: wire.send(LONG_REQUEST), 0.1),
