@@ -1,6 +1,6 @@
-"""The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.
+"""The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries, and a CANopen workbench for any device.
 
-Rule of this file: names only, loaded when they are asked for, so that a command that needs no bus starts at once.
+The public names are loaded when they are asked for, so that a command that needs no bus starts at once.
 """
 
 from __future__ import annotations
@@ -8,20 +8,53 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eurobot_od import messages as messages
     from eurobot_od.frame import Frame as Frame
-    from eurobot_od.protocol import Protocol as Protocol
+    from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
+    from eurobot_od.live import Live as Live
+    from eurobot_od.live import open_bus as open_bus
+    from eurobot_od.pdo.protocol import Protocol as Protocol
+    from eurobot_od.robot import messages as messages
+    from eurobot_od.robot.facade import Robot as Robot
+    from eurobot_od.robot.match import rehearse as rehearse
+    from eurobot_od.robot.nodes import Core as Core
+    from eurobot_od.robot.nodes import Drive as Drive
+    from eurobot_od.robot.nodes import Navigation as Navigation
 
-__all__ = ["Frame", "Protocol", "messages"]
-_HOMES = {"Frame": "eurobot_od.frame", "Protocol": "eurobot_od.protocol"}
+_HOMES = {
+    "Core": "robot.nodes",
+    "Drive": "robot.nodes",
+    "Frame": "frame",
+    "Gatekeeper": "gatekeeper",
+    "Live": "live",
+    "Navigation": "robot.nodes",
+    "Protocol": "pdo.protocol",
+    "Robot": "robot.facade",
+    "messages": "robot.messages",
+    "open_bus": "live",
+    "rehearse": "robot.match",
+}
+"""Where each public name is; `messages` is a module itself."""
+
+__all__ = [  # noqa: RUF022 (as documented; each is loaded by __getattr__)
+    "Protocol",
+    "messages",
+    "Frame",
+    "Core",
+    "Drive",
+    "Navigation",
+    "Robot",
+    "rehearse",
+    "Gatekeeper",
+    "Live",
+    "open_bus",
+]
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name from its module on first use."""
     from importlib import import_module
 
-    if name == "messages":
-        return import_module("eurobot_od.messages")
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = import_module(f"{__name__}.{_HOMES[name]}")
+    return home if name == "messages" else getattr(home, name)

@@ -23,7 +23,7 @@ from eurobot_od.errors import (
     UnknownIdentifier,
     UnknownName,
 )
-from eurobot_od.values import Direction
+from eurobot_od.robot.values import Direction
 
 ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # the caller's: nothing was sent

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import eurobot_od
-from eurobot_od import dialects
+from eurobot_od.robot import dialects
 
 ROOT = Path(__file__).parents[1]
 
@@ -34,7 +34,7 @@ def test_an_installed_package_finds_its_eds_files_inside(monkeypatch: pytest.Mon
     inside = tmp_path / "eurobot_od" / "eds" / "mine"
     inside.mkdir(parents=True)
     inside.joinpath("core.eds").write_text((ROOT / "eds" / "canopen" / "core.eds").read_text())
-    monkeypatch.setattr(dialects, "__file__", str(tmp_path / "eurobot_od" / "dialects.py"))
+    monkeypatch.setattr(dialects, "__file__", str(tmp_path / "eurobot_od" / "robot" / "dialects.py"))
     assert dialects.names() == ["mine"]
 
 

@@ -14,15 +14,14 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from typing import NamedTuple
 
-from eurobot_od import dialects
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import Interrupt, Options
-from eurobot_od.check.shipped import shipped_suites
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
-from eurobot_od.nodes import ROLES
-from eurobot_od.simulation import faults
+from eurobot_od.robot import dialects, faults
+from eurobot_od.robot.check.shipped import shipped_suites
+from eurobot_od.robot.nodes import ROLES
 
 FINE, NOT_FOUND = 0, 1
 

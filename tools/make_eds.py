@@ -17,8 +17,8 @@ from environment import ROOT, ensure
 ensure("yaml")
 sys.path.insert(0, str(ROOT))  # the package next door, installed or not
 
-from edsgen.table import Table, TableError, read_table  # noqa: E402
-from edsgen.text import eds_text  # noqa: E402
+from eurobot_od.od.make.table import Table, TableError, read_table  # noqa: E402
+from eurobot_od.od.make.text import eds_text  # noqa: E402
 
 EDS = ROOT / "eds"
 FINE, DIFFERENT, WRONG_INPUT = 0, 1, 2

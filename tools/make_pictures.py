@@ -13,17 +13,17 @@ from pathlib import Path
 
 from rich.console import Console
 
-from eurobot_od import dialects
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Text
-from eurobot_od.match.options import Options
-from eurobot_od.match.stage import play_simulated
-from eurobot_od.view.controls import Controls
-from eurobot_od.view.picture import picture
-from eurobot_od.view.recording import record
-from eurobot_od.view.screen import screen
-from eurobot_od.view.traffic import Traffic
+from eurobot_od.monitor.controls import Controls
+from eurobot_od.monitor.screen import screen
+from eurobot_od.monitor.traffic import Traffic
+from eurobot_od.robot import dialects
+from eurobot_od.robot.match.options import Options
+from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.picture.picture import picture
+from eurobot_od.robot.picture.recording import record
 
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = Options(seed=1)

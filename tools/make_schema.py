@@ -15,8 +15,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))  # the package next door, installed or not
 
-from eurobot_od.check import shipped  # noqa: E402
 from eurobot_od.check.reader import schema  # noqa: E402
+from eurobot_od.robot.check import shipped  # noqa: E402
 
 FILE = shipped.SCHEMA
 FINE, DIFFERENT = 0, 1

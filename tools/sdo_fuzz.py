@@ -14,11 +14,11 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from eurobot_od import dialects
-from eurobot_od.device.aborts import AbortCode
 from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT, Device
-from eurobot_od.dictionary import Address, Dictionary
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.robot import dialects
+from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

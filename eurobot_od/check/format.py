@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from eurobot_od import dialects
 from eurobot_od.check import shapes
 from eurobot_od.check.frames import Frames
 from eurobot_od.check.patterns import Pattern
@@ -50,6 +49,7 @@ from eurobot_od.check.suite import (
 )
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
+from eurobot_od.robot import dialects
 from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
 
 VERSION = 1

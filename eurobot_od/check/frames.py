@@ -21,10 +21,10 @@ from eurobot_od.check.values import Scale, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.kinds import BarrierFlags, Kind
-from eurobot_od.messages import TYPES, field_name, kinds
-from eurobot_od.protocol import Binding
-from eurobot_od.values import BARRIER_NAMES, Passage, barrier_number
+from eurobot_od.pdo.kinds import BarrierFlags, Kind
+from eurobot_od.pdo.protocol import Binding
+from eurobot_od.robot.messages import TYPES, field_name, kinds
+from eurobot_od.robot.values import BARRIER_NAMES, Passage, barrier_number
 from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, refuse
 
 T = TypeVar("T")

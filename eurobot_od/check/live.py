@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from eurobot_od import runtime
+from eurobot_od import live as runtime
 from eurobot_od.check.results import StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, Options, Runner
 from eurobot_od.check.suite import Suite

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import yaml
 
-from eurobot_od import dialects
 from eurobot_od.check.format import Format
 from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Dialect, Vocabulary, load_dialect, saved_names, texts_at
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot import dialects
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.doing import Doer, Failed
 from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+from eurobot_od.check.steps import Doer, Failed
 from eurobot_od.check.suite import Group, Step, Suite
 from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.errors import BusError, LocalError, RemoteError

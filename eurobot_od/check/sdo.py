@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from typing import TypeAlias
 
-from eurobot_od.device.sdo import (
+from eurobot_od.errors import RemoteError
+from eurobot_od.od.dictionary import Address
+from eurobot_od.sdo.server import (
     ABORT,
     EXPEDITED,
     EXPEDITED_SIZE,
@@ -20,8 +22,6 @@ from eurobot_od.device.sdo import (
     Client,
     Server,
 )
-from eurobot_od.dictionary import Address
-from eurobot_od.errors import RemoteError
 
 Exchange: TypeAlias = Callable[[bytes], Awaitable[bytes]]
 

@@ -20,9 +20,9 @@ from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
 from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NmtCommand
-from eurobot_od.dictionary import BASE_IDENTIFIER, NOT_VALID, Address, Dictionary
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
+from eurobot_od.od.dictionary import BASE_IDENTIFIER, NOT_VALID, Address, Dictionary
 from eurobot_od.yaml_places import Problems, Text, refuse
 
 T = TypeVar("T")

@@ -15,12 +15,12 @@ from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.match.drill import drill
-from eurobot_od.match.options import Options as MatchOptions
-from eurobot_od.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.check.drill import drill
+from eurobot_od.robot.match.options import Options as MatchOptions
+from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
-from eurobot_od.simulation.world import World
 
 POWER_UP = 0.1
 """Seconds after which all nodes are up; then the suite begins, and the core's program."""

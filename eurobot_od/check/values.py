@@ -13,8 +13,8 @@ from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.kinds import Angle, Kind, Limits
-from eurobot_od.values import OutOfRange
+from eurobot_od.pdo.kinds import Angle, Kind, Limits
+from eurobot_od.robot.values import OutOfRange
 
 Variables: TypeAlias = Mapping[str, Any]
 

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import yaml
 
-from eurobot_od import dialects
 from eurobot_od.check.values import Scale
-from eurobot_od.dictionary import Dictionary
-from eurobot_od.kinds import Kind, Limits
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.outline import Outline
-from eurobot_od.protocol import Protocol
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
 
 
 class Dictionaries(Mapping[str, Dictionary]):

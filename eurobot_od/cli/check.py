@@ -15,15 +15,15 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od import dialects
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.check.results import StepResult, SuiteResult
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
-    from eurobot_od.nodes import Node
+    from eurobot_od.robot.nodes import Node
 
 FINE, RED, WRONG_INPUT, BUS_TROUBLE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -56,8 +56,8 @@ def _count(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the suites, run them, and report."""
-    from eurobot_od.check import shipped
     from eurobot_od.check.reader import SuiteError, SuiteReader
+    from eurobot_od.robot.check import shipped
 
     if arguments.schema:
         print(shipped.SCHEMA.read_text(encoding="utf-8"), end="")
@@ -171,8 +171,8 @@ def _is_chosen(texts: Sequence[str], name: str) -> bool:
 
 def _roles(faults: Sequence[str]) -> dict[str, type[Node]]:
     """Return the classes of the simulated nodes; those that can have a fault have it."""
-    from eurobot_od.nodes import ROLES
-    from eurobot_od.simulation.faults import faulty, find
+    from eurobot_od.robot.faults import faulty, find
+    from eurobot_od.robot.nodes import ROLES
 
     roles = dict(ROLES)
     for fault in faults:

@@ -77,10 +77,10 @@ def add_filters(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Decode all logs; report what is wrong in them."""
-    from eurobot_od import dialects
     from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
     from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.robot import dialects
 
     decoder, output = Decoder(dialects.outlines(arguments.dialect)), _output(arguments)
     window = Window(arguments.since, arguments.until, arguments.relative)

@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, NodeRefused
-from eurobot_od.lint.diff import (
-    NO_OBJECT,
-    Address,
-    Difference,
-    Reading,
-    compare,
-    compare_live,
-    place,
-    readable,
-)
+from eurobot_od.lint.diff import NO_OBJECT, Address, Difference, Reading, compare, compare_live, place, readable
 from eurobot_od.lint.files import read_device
 from eurobot_od.lint.model import Device
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eurobot_od.client.description import Description
     from eurobot_od.client.pdo_order import Step
     from eurobot_od.client.reading import Reading
-    from eurobot_od.dictionary import Address, Dictionary
+    from eurobot_od.od.dictionary import Address, Dictionary
 
 SOURCES = (".dcf", ".eds")
 
@@ -40,7 +40,7 @@ def write_concise(arguments: argparse.Namespace) -> int:
     """Write or print the concise DCF of a DCF."""
     from eurobot_od.client.configure import check_file
     from eurobot_od.client.description import from_file
-    from eurobot_od.export.cdcf import pack
+    from eurobot_od.od.concise import pack
 
     description = from_file(arguments.file)
     check_file(description, description.dictionary.node_id)
@@ -69,7 +69,7 @@ def concise(description: Description) -> list[Step]:
 def read_concise(arguments: argparse.Namespace) -> int:
     """Print a concise DCF, or write the DCF that says the same."""
     from eurobot_od.client.description import from_file
-    from eurobot_od.export.cdcf import Truncated, unpack
+    from eurobot_od.od.concise import Truncated, unpack
 
     try:
         writes = unpack(Path(arguments.file).read_bytes())
@@ -88,8 +88,8 @@ def read_concise(arguments: argparse.Namespace) -> int:
 
 def verbose(description: Description, writes: Iterable[tuple[Address, bytes]]) -> str:
     """Return the DCF of what objects have after all writes; raises UnknownName for one that the EDS does not have."""
-    from eurobot_od import dcf
-    from eurobot_od.runtime import BITRATE
+    from eurobot_od.live import BITRATE
+    from eurobot_od.od import dcf
 
     dictionary = description.dictionary
     values = {address: _reading(address, data, dictionary).value for address, data in writes}

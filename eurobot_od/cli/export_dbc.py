@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the file."""
-    from eurobot_od.export.dbc import dbc_text
-    from eurobot_od.protocol import Protocol
+    from eurobot_od.pdo.dbc import dbc_text
+    from eurobot_od.pdo.protocol import Protocol
 
     text = dbc_text(Protocol.load(arguments.dialect))
     if arguments.output is None:

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the file; 1 if the node refuses objects of its EDS, which are left out."""
     from eurobot_od.client.reading import dcf_text
-    from eurobot_od.runtime import BITRATE
+    from eurobot_od.live import BITRATE
 
     with remote.node(arguments) as node:
         description = remote.needed_description(arguments, node)

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from eurobot_od.nodes import Node
-    from eurobot_od.simulation.faults import Fault
+    from eurobot_od.robot.faults import Fault
+    from eurobot_od.robot.nodes import Node
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,8 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the faults."""
-    from eurobot_od.nodes import ROLES
-    from eurobot_od.simulation import faults
+    from eurobot_od.robot import faults
+    from eurobot_od.robot.nodes import ROLES
 
     role = ROLES[arguments.node] if arguments.node else None
     chosen = {owner: rows for owner, rows in faults.FAULTS.items() if role is None or issubclass(role, owner)}

@@ -18,8 +18,8 @@ from eurobot_od.errors import RemoteError
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.tally import Tally
-    from eurobot_od.messages import Message
+    from eurobot_od.logs.statistics import Tally
+    from eurobot_od.robot.messages import Message
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,11 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw the match; say what was wrong in the log."""
-    from eurobot_od import dialects
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.tally import Tally
-    from eurobot_od.view.files import form, save
-    from eurobot_od.view.recording import record
+    from eurobot_od.logs.statistics import Tally
+    from eurobot_od.robot import dialects
+    from eurobot_od.robot.picture.files import form, save
+    from eurobot_od.robot.picture.recording import record
 
     form(arguments.output)
     decoder, tally = Decoder(dialects.outlines(arguments.dialect)), Tally()

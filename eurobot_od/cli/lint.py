@@ -86,7 +86,7 @@ def read_network(files: Sequence[str]) -> Network:
 
 def _read_network_file(file: str) -> Network:
     from eurobot_od.lint.network import Member, Network, nodes_of
-    from eurobot_od.lint.network_file import read_network_file
+    from eurobot_od.od.network import read_network_file
 
     said = read_network_file(read_bytes(file).decode("utf-8", "replace"), file)
     members = [

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.recorder import recording
 from eurobot_od.errors import LocalError, RemoteError
-from eurobot_od.values import TeamColour
+from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
-    from eurobot_od.match import Event, Options, Summary
-    from eurobot_od.match.played import Played
-    from eurobot_od.messages import Message
-    from eurobot_od.simulation.world import World
+    from eurobot_od.robot.match import Event, Options, Summary
+    from eurobot_od.robot.match.played import Played
+    from eurobot_od.robot.messages import Message
+    from eurobot_od.robot.world import World
 
     Show = Callable[[Event], None]
     Watch = Callable[[float, Frame], None]
@@ -88,7 +88,7 @@ def _jobs(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Play one match, or one for each of many seeds."""
-    from eurobot_od.match import Options
+    from eurobot_od.robot.match import Options
 
     options = Options(
         team=TeamColour[arguments.team.upper()],
@@ -131,7 +131,7 @@ def _both(one: Watch, other: Watch) -> Watch:
 
 
 def _play(arguments: argparse.Namespace, options: Options, show: Show, watch: Watch) -> tuple[Summary, World]:
-    from eurobot_od.match import stage
+    from eurobot_od.robot.match import stage
 
     if arguments.speed == "fast":
         return stage.play_simulated(options, show, watch)
@@ -148,7 +148,7 @@ class Picture:
         self._file, self._dialect = file, dialect
         self._frames: list[tuple[float, Frame]] = []
         if file is not None:
-            from eurobot_od.view.files import form
+            from eurobot_od.robot.picture.files import form
 
             form(file)
 
@@ -161,13 +161,13 @@ class Picture:
         """Draw what the frames say, and where the robot truly was."""
         if self._file is None:
             return
-        from eurobot_od.view.files import save
-        from eurobot_od.view.recording import record
+        from eurobot_od.robot.picture.files import save
+        from eurobot_od.robot.picture.recording import record
 
         save(record(self._messages(), world.path), self._file, title)
 
     def _messages(self) -> Iterator[tuple[float, Message]]:
-        from eurobot_od.protocol import Protocol
+        from eurobot_od.pdo.protocol import Protocol
 
         protocol = Protocol.load(self._dialect)
         for time, frame in self._frames:
@@ -210,7 +210,7 @@ def _as_text(summary: Summary) -> str:
 
 def _run_many(arguments: argparse.Namespace, options: Options) -> int:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.match.many import cores, play_many
+    from eurobot_od.robot.match.seeds import cores, play_many
 
     _check_options(arguments)
     jobs = arguments.jobs or min(cores(), MOST_JOBS)
@@ -235,7 +235,7 @@ def _print_objects(matches: Iterable[Played], number: int) -> bool:
 
 def _print_tally(matches: Iterable[Played], number: int) -> bool:
     """Print what all matches came to; tell whether something went wrong in one."""
-    from eurobot_od.match.tally import report
+    from eurobot_od.robot.match.statistics import report
 
     played = list(_watched(matches, number))
     print(*report(played), sep="\n")

@@ -18,10 +18,10 @@ from eurobot_od.cli.decode import form_of, opened
 from eurobot_od.cli.keyboard import keys
 
 if TYPE_CHECKING:
-    from eurobot_od.cli.sources import BusSource, LogSource, Timed
     from eurobot_od.logs.meaning import Meaning
-    from eurobot_od.view.controls import Controls
-    from eurobot_od.view.traffic import Traffic
+    from eurobot_od.monitor.controls import Controls
+    from eurobot_od.monitor.sources import BusSource, LogSource, Timed
+    from eurobot_od.monitor.traffic import Traffic
 
     Source: TypeAlias = BusSource | LogSource
     Took: TypeAlias = Callable[[float, Meaning], None]
@@ -34,7 +34,7 @@ REFRESH = 0.2
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     from eurobot_od.logs.formats import FORMATS
-    from eurobot_od.view.traffic import SORTS
+    from eurobot_od.monitor.traffic import SORTS
 
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play; left out: watch a bus")
     parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
@@ -55,11 +55,12 @@ def _speed(text: str) -> float:
 
 def run(arguments: argparse.Namespace) -> int:
     """Watch until the logs end or the watcher has enough; print the table once more."""
-    from eurobot_od import dialects, runtime
+    from eurobot_od import live as runtime
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.view.cells import plain_table
-    from eurobot_od.view.controls import Controls
-    from eurobot_od.view.traffic import Traffic, selected
+    from eurobot_od.monitor.cells import plain_table
+    from eurobot_od.monitor.controls import Controls
+    from eurobot_od.monitor.traffic import Traffic, selected
+    from eurobot_od.robot import dialects
 
     traffic = Traffic(Decoder(dialects.outlines(arguments.dialect)), arguments.bitrate or runtime.BITRATE)
     controls = Controls(arguments.sort, arguments.filter)
@@ -107,7 +108,7 @@ class Watch(NamedTuple):
 
 
 def _source(arguments: argparse.Namespace) -> AbstractContextManager[Source]:
-    from eurobot_od.cli.sources import BusSource, LogSource
+    from eurobot_od.monitor.sources import BusSource, LogSource
 
     if not arguments.logs:
         return closing(BusSource(options.open_bus(arguments)))
@@ -130,7 +131,7 @@ def _entries(logs: list[str], form: str | None) -> Generator[Timed, None, None]:
 def _lines(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
     """Print each frame as a line."""
     from eurobot_od.logs.output import Text
-    from eurobot_od.view.traffic import named
+    from eurobot_od.monitor.traffic import named
 
     output = Text()
 
@@ -146,7 +147,7 @@ def on_screen(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.view.screen import screen
+    from eurobot_od.monitor.screen import screen
 
     with Live(screen=True, auto_refresh=False) as live:
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.values import TeamColour
+from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
-    from eurobot_od.nodes import Node
-    from eurobot_od.runtime import Live
+    from eurobot_od.live import Live
+    from eurobot_od.robot.nodes import Node
 
 
 ONLY = {"team": "core", "drill": "core", "beacons": "navigation"}
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the node."""
-    from eurobot_od import runtime
+    from eurobot_od import live as runtime
 
     node = _make(arguments)
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
@@ -65,10 +65,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _make(arguments: argparse.Namespace) -> Node:
     """Make the node from its EDS file and what was stored; raises UnknownName, LocalError, DictionaryError."""
-    from eurobot_od import dialects
-    from eurobot_od.nodes import ROLES
-    from eurobot_od.simulation import faults
-    from eurobot_od.storage import FileStore
+    from eurobot_od.device.storage import FileStore
+    from eurobot_od.robot import dialects, faults
+    from eurobot_od.robot.nodes import ROLES
 
     for option, node in ONLY.items():
         if getattr(arguments, option) and arguments.node != node:
@@ -89,7 +88,7 @@ def _see(node: Node, live: Live) -> None:
 
 def _line(node: Node, frame: Frame, now: float) -> str:
     from eurobot_od.errors import RemoteError
-    from eurobot_od.messages import describe
+    from eurobot_od.robot.messages import describe
 
     try:
         message = node.device.protocol.decode(*frame)
@@ -101,7 +100,7 @@ def _line(node: Node, frame: Frame, now: float) -> str:
 
 def _start_up(node: Node, team: TeamColour) -> None:
     """Do the core's part of the startup (document 5.1); raises NoAnswer."""
-    from eurobot_od.nodes import Core
+    from eurobot_od.robot.nodes import Core
 
     if isinstance(node, Core):
         for name, seconds in node.check_nodes().result().items():
@@ -113,8 +112,8 @@ def _drill(node: Node) -> None:
     """Do the core's drill."""
     import asyncio
 
-    from eurobot_od.match.drill import drill
-    from eurobot_od.nodes import Core
+    from eurobot_od.robot.check.drill import drill
+    from eurobot_od.robot.nodes import Core
 
     if isinstance(node, Core):
         asyncio.run(drill(node))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from eurobot_od import dialects
+from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     import can
@@ -21,7 +21,7 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     """Open the bus that the options name; raises BusError."""
-    from eurobot_od import runtime
+    from eurobot_od import live as runtime
 
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
 

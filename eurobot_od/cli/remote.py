@@ -11,9 +11,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import dialects, durations
+from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from eurobot_od.frame import Frame
     from eurobot_od.gatekeeper import Received
-    from eurobot_od.messages import Message
-    from eurobot_od.protocol import Binding, Protocol
-    from eurobot_od.runtime import Live
+    from eurobot_od.live import Live
+    from eurobot_od.pdo.protocol import Binding, Protocol
+    from eurobot_od.robot.messages import Message
 
 PATIENCE = 1.0
 """Seconds that the driver has to take a frame."""
@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send the message; 1 if the expected answer does not come in time."""
-    from eurobot_od.protocol import Protocol
+    from eurobot_od.pdo.protocol import Protocol
 
     within = durations.seconds(arguments.within)
     protocol = Protocol.load(arguments.dialect)
@@ -79,13 +79,13 @@ def _value(binding: Binding, text: str) -> tuple[str, Any]:
 
 
 def _words(protocol: Protocol, message: Message) -> str:
-    from eurobot_od.messages import describe
+    from eurobot_od.robot.messages import describe
 
     return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
 
 
 def _only_send(bus: can.BusABC, frame: Frame) -> int:
-    from eurobot_od.runtime import Driver
+    from eurobot_od.live import Driver
 
     with bus:
         if not Driver(bus).send(frame, PATIENCE):
@@ -95,7 +95,7 @@ def _only_send(bus: can.BusABC, frame: Frame) -> int:
 
 def _exchange(bus: can.BusABC, protocol: Protocol, message: Message, expected: Binding, within: float) -> int:
     from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
-    from eurobot_od.runtime import Live
+    from eurobot_od.live import Live
 
     gatekeeper = Gatekeeper(protocol)
     answers: MessageQueue[Frame] = MessageQueue("answers", 0, print)

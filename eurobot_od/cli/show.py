@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import options as shared
 
 if TYPE_CHECKING:
-    from eurobot_od.protocol import Binding
+    from eurobot_od.pdo.protocol import Binding
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table of all messages, or one message."""
-    from eurobot_od.protocol import Protocol
+    from eurobot_od.pdo.protocol import Protocol
 
     protocol = Protocol.load(arguments.dialect)
     chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings

@@ -10,14 +10,14 @@ from collections.abc import Iterable
 from datetime import datetime
 from typing import NamedTuple
 
-from eurobot_od import dcf
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode, label
 from eurobot_od.client.objects import Object, all_objects, decode, encode, written, wrong
 from eurobot_od.client.pdo_order import Bytes, Step, pdo_of, procedure_objects, steps
 from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.dictionary import NODE_ID, Address, Dictionary
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
+from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import NODE_ID, Address, Dictionary
 
 STORE: Address = (0x1010, 1)
 SAVE = b"save"

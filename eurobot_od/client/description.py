@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 from canopen.objectdictionary import eds
 
-from eurobot_od import dialects
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.dictionary import Address, Dictionary
 from eurobot_od.errors import DictionaryError, NodeRefused
+from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.robot import dialects
 
 IDENTITY = 0x1018
 STORED_EDS: Address = (0x1021, 0)

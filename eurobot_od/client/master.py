@@ -18,8 +18,8 @@ from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
 from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
-from eurobot_od.dictionary import Address
 from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
+from eurobot_od.od.dictionary import Address
 
 if TYPE_CHECKING:
     from can import BusABC

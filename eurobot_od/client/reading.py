@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 from canopen.objectdictionary import datatypes
 
-from eurobot_od import dcf
 from eurobot_od.client.configure import is_parameter
 from eurobot_od.client.description import Description, device_name
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.objects import Object, all_objects, decode
-from eurobot_od.dictionary import Dictionary, Value
 from eurobot_od.errors import NodeRefused
+from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import Dictionary, Value
 
 
 class Reading(NamedTuple):

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import NamedTuple
 
-from eurobot_od.device.aborts import Abort, AbortCode
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import (
@@ -29,13 +28,14 @@ from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
 from eurobot_od.device.pdo import ALWAYS as ALWAYS
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
-from eurobot_od.device.sdo import SdoServer
 from eurobot_od.device.store import Memory, Store
-from eurobot_od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.messages import Message
-from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot.messages import Message
+from eurobot_od.sdo.server import SdoServer
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 ERROR_REGISTER = 0x1001
 ERROR_FIELD = 0x1003

@@ -11,9 +11,9 @@ from collections.abc import Callable, Hashable
 from enum import IntEnum
 from math import inf
 
-from eurobot_od.device.aborts import Abort, AbortCode
-from eurobot_od.dictionary import Address, Value
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 HISTORY = 8
 """How many errors 0x1003 remembers, the newest first."""

@@ -10,10 +10,10 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
-from eurobot_od.device.aborts import Abort, AbortCode
-from eurobot_od.device.sdo import SIZE_LIMIT
-from eurobot_od.dictionary import Address, Dictionary, Part, Value
 from eurobot_od.errors import DictionaryError
+from eurobot_od.od.dictionary import Address, Dictionary, Part, Value
+from eurobot_od.sdo.server import SIZE_LIMIT
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

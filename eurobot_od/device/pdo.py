@@ -10,10 +10,10 @@ from collections.abc import Callable, Collection, Iterator
 from itertools import accumulate
 from math import inf
 
-from eurobot_od.codec import MAX_BITS
-from eurobot_od.device.aborts import Abort, AbortCode
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Writer
-from eurobot_od.dictionary import (
+from eurobot_od.errors import MappingError
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import (
     BASE_IDENTIFIER,
     DUMMIES,
     MAPPING_OFFSET,
@@ -24,10 +24,10 @@ from eurobot_od.dictionary import (
     PdoDirection,
     Value,
 )
-from eurobot_od.errors import MappingError
-from eurobot_od.frame import Frame
-from eurobot_od.messages import EmergencyShutdown, EmergencyStop, Message, StopDrive
-from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.pdo.codec import MAX_BITS
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, Message, StopDrive
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 ALWAYS: tuple[type[Message], ...] = (EmergencyShutdown, EmergencyStop, StopDrive)
 """Messages that are sent and acted on in every NMT state: a robot must stop whatever a master did to its nodes."""

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias
 from eurobot_od.errors import ListenerError, StateError
 from eurobot_od.frame import Data, Frame
 from eurobot_od.gatekeeper.listeners import FunctionListener
-from eurobot_od.protocol import Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 Listener: TypeAlias = FunctionListener[Any]
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from eurobot_od.lint.file_rules import BIT_RATES, TOP, Check, bit_rates, form_of, in_range_of
 from eurobot_od.lint.findings import Problem, Rule
 from eurobot_od.lint.model import NODE_IDS, TYPES, UNSIGNED32, Device, parse_number
-from eurobot_od.lint.reader import Section
+from eurobot_od.od.document import Section
 
 DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "paramrefd")
 """Keys of objects that only a DCF has."""

@@ -27,7 +27,7 @@ from eurobot_od.lint.model import (
     Pdo,
     Variable,
 )
-from eurobot_od.lint.reader import Document, Entry, Section
+from eurobot_od.od.document import Document, Entry, Section
 
 Address = tuple[int, int]
 ABSENT = "-"

@@ -10,16 +10,8 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 from eurobot_od.lint.findings import Problem, Problems, Rule
-from eurobot_od.lint.model import (
-    PDO_COUNT,
-    TYPES,
-    UNSIGNED32,
-    Device,
-    Direction,
-    Object,
-    parse_number,
-)
-from eurobot_od.lint.reader import Entry, Odd, Section
+from eurobot_od.lint.model import PDO_COUNT, TYPES, UNSIGNED32, Device, Direction, Object, parse_number
+from eurobot_od.od.document import Entry, Odd, Section
 
 Check = Callable[[Device], Problems]
 

@@ -11,7 +11,7 @@ from enum import Enum
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
-from eurobot_od.lint.reader import Document, Entry, Section
+from eurobot_od.od.document import Document, Entry, Section
 
 NODE_ID = "$NODEID"
 NODE_IDS = (1, 127)

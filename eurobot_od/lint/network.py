@@ -16,7 +16,7 @@ from eurobot_od.lint.findings import Finding, Located, Rule
 from eurobot_od.lint.model import BASE_IDENTIFIER, NODE_IDS, NOT_VALID, Device, Direction, Number, Pdo, parse_number
 from eurobot_od.lint.object_rules import SDO_REQUEST, SDO_RESPONSE, heartbeats
 from eurobot_od.lint.pdo_rules import PREDEFINED, RESERVED, SYNCHRONOUS, Range, owner
-from eurobot_od.lint.reader import Entry, Section
+from eurobot_od.od.document import Entry, Section
 
 HEARTBEAT = 0x700
 LSS_IDENTIFIERS = (0x7E4, 0x7E5)

@@ -32,7 +32,7 @@ from eurobot_od.lint.model import (
     parse_number,
     parse_object_name,
 )
-from eurobot_od.lint.reader import Entry, Section
+from eurobot_od.od.document import Entry, Section
 
 # Objects and their keys
 

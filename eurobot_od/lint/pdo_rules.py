@@ -24,7 +24,7 @@ from eurobot_od.lint.model import (
     Pdo,
     Variable,
 )
-from eurobot_od.lint.reader import Entry, Section
+from eurobot_od.od.document import Entry, Section
 
 MOST_BITS = 64
 MOST_OBJECTS = 64

@@ -9,7 +9,7 @@ from __future__ import annotations
 from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
 from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import Device
-from eurobot_od.lint.reader import read
+from eurobot_od.od.document import read
 
 FILE_RULES: tuple[Rule, ...] = file_rules.RULES + object_rules.RULES + pdo_rules.RULES + dcf_rules.RULES
 """The rules for one file, by code."""

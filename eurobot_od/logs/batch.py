@@ -11,7 +11,7 @@ from itertools import islice, repeat
 from eurobot_od.logs.output import LINE, Clock, Show, Text
 from eurobot_od.logs.raw import Entries, Entry
 from eurobot_od.logs.rows import Rows, complete, from_tables
-from eurobot_od.logs.tally import Tally
+from eurobot_od.logs.statistics import Tally
 
 MOST = 500
 """Entries taken at once from what needs not be waited for; more are slower, as the garbage collector walks them."""

@@ -17,7 +17,7 @@ from eurobot_od.logs.lines import read_lines
 from eurobot_od.logs.output import GAP, TIME_WIDTH, Show, Shown, Text, written
 from eurobot_od.logs.raw import REMEMBERED, Entries
 from eurobot_od.logs.rows import HASH, Rows, complete, from_tables
-from eurobot_od.logs.tally import Tally
+from eurobot_od.logs.statistics import Tally
 
 PIECE = 1 << 14
 """Bytes taken at once: some four hundred lines. Twice as many are hardly faster, and take memory."""

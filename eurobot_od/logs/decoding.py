@@ -17,7 +17,7 @@ from eurobot_od.logs.filters import Wanted, Window
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Output, Text, showing, written
 from eurobot_od.logs.rows import rows_of
-from eurobot_od.logs.tally import Tally
+from eurobot_od.logs.statistics import Tally
 
 EVERYTHING = Window()
 

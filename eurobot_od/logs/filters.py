@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.logs.meaning import CANOPEN, Meaning
-from eurobot_od.messages import SERVICES, Message
-from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot.messages import SERVICES, Message
 
 Wanted: TypeAlias = Callable[[Meaning], bool]
 """Tells whether a frame with this meaning is wanted."""

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.kinds import Kind
 from eurobot_od.logs.raw import REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.messages import Message, flagged_fields, service
-from eurobot_od.outline import Outline
-from eurobot_od.protocol import Binding, Protocol
-from eurobot_od.values import OutOfRange
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.kinds import Kind
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot.messages import Message, flagged_fields, service
+from eurobot_od.robot.values import OutOfRange
 
 if TYPE_CHECKING:
     from eurobot_od.logs.services import Service

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.logs.meaning import Finding, Meaning
 from eurobot_od.logs.raw import REMEMBERED, Entries, Raw
-from eurobot_od.logs.tally import Tally
-from eurobot_od.messages import TYPES
+from eurobot_od.logs.statistics import Tally
+from eurobot_od.robot.messages import TYPES
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted

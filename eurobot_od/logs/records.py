@@ -16,8 +16,8 @@ from typing import Any
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.logs.output import Output
-from eurobot_od.messages import TYPES, kinds
-from eurobot_od.values import Barriers
+from eurobot_od.robot.messages import TYPES, kinds
+from eurobot_od.robot.values import Barriers
 
 
 class JsonLines(Output):

@@ -13,13 +13,13 @@ from functools import cache, cached_property, lru_cache
 from struct import unpack
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
-from eurobot_od import codec
-from eurobot_od.kinds import Kind, Limits
 from eurobot_od.logs.meaning import Finding, field_text
 from eurobot_od.logs.output import Shown, Text
 from eurobot_od.logs.raw import REMEMBERED
-from eurobot_od.protocol import TABLE_BITS, Binding, Protocol
-from eurobot_od.values import OutOfRange
+from eurobot_od.pdo import codec
+from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.pdo.protocol import TABLE_BITS, Binding, Protocol
+from eurobot_od.robot.values import OutOfRange
 
 MARK = "\0"
 """Stands in a row for a value that is in no table."""

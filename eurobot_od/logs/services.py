@@ -12,8 +12,8 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
-from eurobot_od.dictionary import NOT_VALID, Address
-from eurobot_od.outline import Described, Outline
+from eurobot_od.od.dictionary import NOT_VALID, Address
+from eurobot_od.od.outline import Described, Outline
 
 NODE_IDS = range(1, 128)
 EMCY_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE = 0x080, 0x580, 0x600

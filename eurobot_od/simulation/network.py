@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable
 from math import inf
 from typing import NamedTuple, TypeAlias
 
+from eurobot_od.device.node import Node
+from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
-from eurobot_od.nodes.node import Node
 from eurobot_od.simulation.bits import frame_bits
-from eurobot_od.station import Station
 
 Observer: TypeAlias = Callable[[float, Frame], None]
 """Called with the time a frame's transmission ended, in seconds, and the frame."""

@@ -9,13 +9,14 @@ from itertools import count
 import can
 import pytest
 
-from eurobot_od import dialects, runtime
+from eurobot_od import live as runtime
 from eurobot_od.check.live import run_live
 from eurobot_od.check.results import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, Options
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.errors import BusError
-from eurobot_od.nodes import Drive
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import Drive
 from tests.check.suites import HEAD, document, suite
 
 CHANNELS = count()

@@ -12,7 +12,7 @@ import make_schema
 import pytest
 import yaml
 
-from eurobot_od.check import shipped
+from eurobot_od.robot.check import shipped
 from tests.check.suites import HEAD, document, read
 
 VALIDATOR = jsonschema.Draft7Validator(json.loads(make_schema.FILE.read_text()))

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import pytest
 
 from eurobot_od.check.sdo import OddAnswer, SdoAborted, download, upload
-from eurobot_od.device.aborts import Abort, AbortCode
-from eurobot_od.device.sdo import SdoServer
-from eurobot_od.dictionary import Address
+from eurobot_od.od.dictionary import Address
+from eurobot_od.sdo.server import SdoServer
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 OBJECT: Address = (0x2000, 1)
 SIZES = [0, 1, 2, 3, 4, 5, 6, 7, 8, 13, 14, 15, 100]

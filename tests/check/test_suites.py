@@ -9,9 +9,8 @@ import fault_matrix
 import pytest
 from fault_matrix import Run
 
-from eurobot_od import dialects
 from eurobot_od.check.suite import Suite
-from eurobot_od.simulation import faults
+from eurobot_od.robot import dialects, faults
 
 SUITES = [(dialect, name) for dialect in dialects.names() for name in fault_matrix.shipped(dialect)]
 SAMPLE = faults.names()[::15]

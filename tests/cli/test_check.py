@@ -13,7 +13,7 @@ import pytest
 from junitparser import JUnitXml
 
 from eurobot_od import cli
-from eurobot_od.check import shipped
+from eurobot_od.robot.check import shipped
 from tests.check.suites import HEAD, document
 from tests.cli.console import run
 

@@ -11,11 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import cli, dialects
+from eurobot_od import cli
 from eurobot_od.cli.decode import bar
-from eurobot_od.messages import GotoXY, KalmanPositionResponse
-from eurobot_od.protocol import Protocol
-from eurobot_od.values import Barriers, Passage, Source
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.values import Barriers, Passage, Source
 
 PROTOCOL = Protocol.load(dialects.DEFAULT)
 GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from eurobot_od.simulation import faults
+from eurobot_od.robot import faults
 from tests.cli.console import run
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import cli, dialects
-from eurobot_od.messages import GotoXY, KalmanPositionResponse
-from eurobot_od.protocol import Protocol
-from eurobot_od.values import Source
+from eurobot_od import cli
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.values import Source
 
 PROTOCOL = Protocol.load(dialects.DEFAULT)
 HERE = PROTOCOL.encode(KalmanPositionResponse(500, 600, 0, Source.INTERNAL))

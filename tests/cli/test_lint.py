@@ -113,6 +113,6 @@ def test_a_check_imports_nothing_heavy() -> None:
         "dataclasses",
         "inspect",
         "eurobot_od.lint.network",
-        "eurobot_od.dictionary",
+        "eurobot_od.od.dictionary",
     }
     assert heavy & set(done.stderr.split()) == set()

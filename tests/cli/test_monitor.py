@@ -13,10 +13,10 @@ import can
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.sources import BusSource, LogSource
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.logs.raw import Damage, Foreign
+from eurobot_od.monitor.sources import BusSource, LogSource
 
 LOG = """\
 (10.000000) can0 00C#

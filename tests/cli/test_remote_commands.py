@@ -9,10 +9,10 @@ from pathlib import Path
 import can
 import pytest
 
-from eurobot_od import dcf
 from eurobot_od.cli import main
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.dictionary import Dictionary
+from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import Dictionary
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
 
 HEARTBEAT = "0x1017:0  Producer heartbeat time"

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from eurobot_od import dialects
-from eurobot_od.nodes import Drive
-from eurobot_od.runtime import Live, open_bus
+from eurobot_od.live import Live, open_bus
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import Drive
 from tests.cli.console import Said, run
 
 CHANNEL = "test-send"

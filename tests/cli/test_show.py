@@ -6,9 +6,9 @@ import json
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.cli.show import picture
-from eurobot_od.protocol import Protocol
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
 from tests.cli.console import run
 
 PROTOCOLS = {name: Protocol.load(name) for name in dialects.names()}

@@ -12,8 +12,9 @@ from interop_rows.bench import new_channel as new_channel
 from interop_rows.bench import open_bus as open_bus
 from interop_rows.bench import robot as robot
 
-from eurobot_od import dialects, dictionary
 from eurobot_od.client.master import REQUEST_BASE, RESPONSE_BASE, Master
+from eurobot_od.od import dictionary
+from eurobot_od.robot import dialects
 
 EDS = dialects.eds_folder() / "canopen"
 DRIVE = EDS / "drive.eds"

@@ -10,16 +10,16 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od import dcf
 from eurobot_od.client.configure import Outcome, apply, configure, difference
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.device.nmt import NmtState
-from eurobot_od.dictionary import Address, Value
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
 from eurobot_od.frame import Frame
-from eurobot_od.messages import GotoConfirm, GotoXY
-from eurobot_od.protocol import Protocol
+from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.messages import GotoConfirm, GotoXY
 from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive
 from tests.conftest import with_entry
 

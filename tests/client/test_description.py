@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.client.description import Identity, device_name, from_file, of_dialect, uploaded
 from eurobot_od.errors import DictionaryError
+from eurobot_od.robot import dialects
 from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
 
 NO_SUCH_OBJECT = bytes.fromhex("00000206")

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import dcf
 from eurobot_od.client.configure import configure, difference
 from eurobot_od.client.description import from_file
 from eurobot_od.client.reading import Reading, dcf_text, parameters, read_all, readable
 from eurobot_od.errors import NoAnswer
+from eurobot_od.od import dcf
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 
 DESCRIPTION = from_file(DRIVE)

@@ -11,13 +11,13 @@ import canopen
 import pytest
 from canopen import SdoAbortedError
 
-from eurobot_od import dialects
-from eurobot_od.device.aborts import AbortCode
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
 from eurobot_od.device.store import Store
-from eurobot_od.dictionary import Address
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Address
+from eurobot_od.robot import dialects
+from eurobot_od.sdo.wire import AbortCode
 
 
 class Wire(canopen.Network):

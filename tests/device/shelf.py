@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from eurobot_od.device.aborts import Abort, AbortCode
-from eurobot_od.dictionary import Address
+from eurobot_od.od.dictionary import Address
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 NUMBER: Address = (0x2000, 1)
 TEXT: Address = (0x1008, 0)

@@ -11,10 +11,10 @@ import canopen
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from eurobot_od import dialects
-from eurobot_od.messages import CheckDriveRequest
-from eurobot_od.nodes import ROLES
-from eurobot_od.runtime import Live
+from eurobot_od.live import Live
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CheckDriveRequest
+from eurobot_od.robot.nodes import ROLES
 
 PATIENCE = 5.0
 """Seconds after which an answer that has not come does not come."""

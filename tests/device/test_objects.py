@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from canopen import SdoAbortedError
 
-from eurobot_od.device.aborts import AbortCode
-from eurobot_od.dictionary import Address
+from eurobot_od.od.dictionary import Address
+from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import wired
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [

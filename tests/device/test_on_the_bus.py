@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.messages import StopDrive
-from eurobot_od.nodes.core import Outcome
-from eurobot_od.nodes.motion import Command, IdealChassis, Odometry
-from eurobot_od.values import TeamColour
-from tests.nodes.harness import Bench, Peer
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.nodes.core import Outcome
+from eurobot_od.robot.nodes.motion import Command, IdealChassis, Odometry
+from eurobot_od.robot.values import TeamColour
+from tests.robot.nodes.harness import Bench, Peer
 
 SILENT = bytes.fromhex("3081")
 MASTER = 100

@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.device.aborts import AbortCode
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.dictionary import Address
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
-from eurobot_od.messages import CheckDriveResponse, GotoStateResponse, GotoXY, KalmanPositionResponse, StopDrive
-from eurobot_od.values import Source
+from eurobot_od.od.dictionary import Address
+from eurobot_od.robot.messages import CheckDriveResponse, GotoStateResponse, GotoXY, KalmanPositionResponse, StopDrive
+from eurobot_od.robot.values import Source
+from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Wire, wired
 
 NOT_VALID = 1 << 31

@@ -15,10 +15,10 @@ from interop_rows import javascript, recordings, sheets, tools
 from interop_rows.row import Differs
 from interop_rows.tools import Tool
 
-from eurobot_od import dialects
-from eurobot_od.messages import GotoXY, KalmanPositionResponse
-from eurobot_od.protocol import Protocol
-from eurobot_od.values import Source
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.values import Source
 
 EDS = dialects.folder(dialects.DEFAULT)
 GOTO = 4

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.logs.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.messages import (
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import (
     CheckNaviRequest,
     EmergencyStop,
     GotoStateResponse,
@@ -18,7 +18,7 @@ from eurobot_od.messages import (
     Message,
     StartConfigurationSet,
 )
-from eurobot_od.values import Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
 
 MESSAGES: dict[str, Message] = {
     "stop": EmergencyStop(Obstacle.ENEMY),

@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.raw import Damage, Foreign, Raw
-from eurobot_od.messages import GotoXY, KalmanPositionResponse, describe
-from eurobot_od.protocol import Protocol
-from eurobot_od.values import Barriers, Source
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse, describe
+from eurobot_od.robot.values import Barriers, Source
 
 POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
 

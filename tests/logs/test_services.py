@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.raw import Damage
+from eurobot_od.robot import dialects
 
 SERVICES = [
     # NMT: to all, to a known node, to another one, an unknown command

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.logs import bulk, formats
 from eurobot_od.logs.batch import Batches
 from eurobot_od.logs.decoding import Decoding
@@ -16,8 +15,9 @@ from eurobot_od.logs.filters import Window
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Text, TextOfSeveral, showing, written
 from eurobot_od.logs.rows import MARK, from_tables, rows_of
-from eurobot_od.logs.tally import Tally
-from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.logs.statistics import Tally
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot import dialects
 
 FRAMES = 3_000
 HEARTBEAT, SDO = "701#05", "582#4B18100300000200"

@@ -7,8 +7,8 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.codec import MAX_BITS, Column, Layout, Slot, reader, unpacker, writer
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.codec import MAX_BITS, Column, Layout, Slot, reader, unpacker, writer
 
 COB_ID = 0x123
 

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od import dialects
 from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
@@ -20,8 +19,9 @@ from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Text, showing, written
 from eurobot_od.logs.raw import Damage, Foreign, Raw, shortened
 from eurobot_od.logs.records import Csv, JsonLines
-from eurobot_od.logs.tally import Tally
-from eurobot_od.messages import flagged_fields
+from eurobot_od.logs.statistics import Tally
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import flagged_fields
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))

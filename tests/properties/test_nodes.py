@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, Message, StopDrive
-from eurobot_od.nodes import ROLES, Core, Drive
-from eurobot_od.nodes.motion import AT_REST
-from eurobot_od.values import Barriers, Obstacle, TeamColour
-from tests.nodes.harness import DICTIONARIES, PROTOCOL, RED, Wheels
+from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, Message, StopDrive
+from eurobot_od.robot.nodes import ROLES, Core, Drive
+from eurobot_od.robot.nodes.motion import AT_REST
+from eurobot_od.robot.values import Barriers, Obstacle, TeamColour
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Wheels
 
 COB_IDS = [binding.cob_id for binding in PROTOCOL.bindings]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od import dialects
 from eurobot_od.client.configure import Change, Plan
 from eurobot_od.client.objects import Object
 from eurobot_od.client.pdo_order import Step, pdo_of, procedure_objects, steps
-from eurobot_od.dictionary import MAPPING_OFFSET, NOT_VALID, Address
+from eurobot_od.od.dictionary import MAPPING_OFFSET, NOT_VALID, Address
+from eurobot_od.robot import dialects
 
 PDOS = (0x1400, 0x1401, 0x1800)
 ENTRIES = 3

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od import dialects
 from eurobot_od.errors import FrameLengthError, RemoteError
-from eurobot_od.messages import (
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import (
     TYPES,
     EmergencyStop,
     GotoStateResponse,
@@ -19,8 +20,7 @@ from eurobot_od.messages import (
     StartConfigurationSet,
     flagged_fields,
 )
-from eurobot_od.protocol import Binding, Protocol
-from eurobot_od.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
 
 PROTOCOLS = {name: Protocol.load(name) for name in dialects.names()}
 BINDINGS = [

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.device.sdo import LENGTH, SEGMENT_SIZE, SdoServer
+from eurobot_od.sdo.server import LENGTH, SEGMENT_SIZE, SdoServer
 from tests.device.shelf import TEXT, Shelf
 
 contents = st.binary(max_size=2000)

@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import NoAnswer
-from eurobot_od.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest
-from eurobot_od.nodes.core import Core, Outcome
+from eurobot_od.robot.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest
+from eurobot_od.robot.nodes.core import Core, Outcome
 from eurobot_od.simulation.loop import NothingHappens, run
 from eurobot_od.simulation.network import Network
-from tests.nodes.harness import RED, Bench
+from tests.robot.nodes.harness import RED, Bench
 
 
 def test_sleeping_takes_simulated_time_only() -> None:

@@ -8,11 +8,11 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event
-from eurobot_od.messages import CheckDriveRequest, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
-from eurobot_od.nodes import ROLES, Drive
+from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
+from eurobot_od.robot.nodes import ROLES, Drive
 from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.simulation.network import Network
-from tests.nodes.harness import DICTIONARIES, PROTOCOL, Peer
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Peer
 
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import kill_store
 import pytest
 
-from eurobot_od import dialects
 from eurobot_od.device.device import Device
-from eurobot_od.storage import FileStore
+from eurobot_od.device.storage import FileStore
+from eurobot_od.robot import dialects
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="kills a forked process")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import sdo_fuzz
 
-from eurobot_od import dialects
+from eurobot_od.robot import dialects
 
 
 @pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])

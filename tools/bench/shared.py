@@ -11,7 +11,7 @@ from typing import Any
 
 import can
 
-from eurobot_od.protocol import Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 _numbers = count()
 

@@ -19,8 +19,8 @@ import can
 
 from bench.process import OURS, run
 from eurobot_od.frame import Frame
-from eurobot_od.protocol import Binding, Protocol
-from eurobot_od.values import OutOfRange
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot.values import OutOfRange
 
 SEED = 2014
 BEGIN, PERIOD = 1396.123456, 0.000217

@@ -14,9 +14,9 @@ from itertools import count
 import can
 import canopen
 
-from eurobot_od import dialects
-from eurobot_od.nodes import ROLES
-from eurobot_od.runtime import Live
+from eurobot_od.live import Live
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import ROLES
 
 PATIENCE = 5.0
 """Seconds after which an answer that has not come does not come."""

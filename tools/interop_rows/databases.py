@@ -13,9 +13,9 @@ from typing import Any
 import canmatrix.formats
 import cantools
 
-from eurobot_od import dialects
-from eurobot_od.export.dbc import dbc_text
-from eurobot_od.protocol import Binding, Protocol
+from eurobot_od.pdo.dbc import dbc_text
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot import dialects
 from interop_rows.row import Answer, agree
 
 FRAMES = 500

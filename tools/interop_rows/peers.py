@@ -11,11 +11,11 @@ from typing import Any
 
 import canmatrix.formats
 
-from eurobot_od import dialects
 from eurobot_od.client.master import Master
 from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.dictionary import Dictionary
-from eurobot_od.protocol import Protocol
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
 from interop_rows.bench import DRIVE, PATIENCE, SHORT_GOTO, Heard, collect, new_channel, open_bus, robot, stock_network
 from interop_rows.row import Answer, agree
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import can
 
-from eurobot_od import dialects
+from eurobot_od.robot import dialects
 from interop_rows.bench import DRIVE, PATIENCE, collect, live, stock_network
 from interop_rows.peers import patient
 from interop_rows.row import Answer, agree

@@ -15,7 +15,7 @@ import sys
 import time
 
 from eurobot_od.frame import Frame
-from eurobot_od.protocol import Protocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.simulation.bits import frame_bits
 
 DIFFERENT = 1000

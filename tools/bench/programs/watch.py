@@ -16,8 +16,8 @@ from collections.abc import Callable
 
 import can
 
-from eurobot_od import dialects
-from eurobot_od.protocol import Protocol
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
 
 RATE = 9000
 """Frames in a second: 8 bytes of data each at 100 % of 1 Mbit/s."""
@@ -74,10 +74,10 @@ class Sender(threading.Thread):
 def monitor(sender: Sender) -> int:
     """Run our monitor on the terminal and return how many frames it counted."""
     from eurobot_od.cli import monitor as command
-    from eurobot_od.cli.sources import BusSource
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.view.controls import Controls
-    from eurobot_od.view.traffic import Traffic
+    from eurobot_od.monitor.controls import Controls
+    from eurobot_od.monitor.sources import BusSource
+    from eurobot_od.monitor.traffic import Traffic
 
     source = BusSource(can.Bus(interface="virtual", channel=CHANNEL))
     watch = command.Watch(Traffic(Decoder(dialects.outlines()), 1_000_000), Controls("identifier", ""), source)

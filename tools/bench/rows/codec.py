@@ -18,11 +18,11 @@ from bitstruct import c as bitstruct  # type: ignore[import-untyped]  # it carri
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import protocol
-from eurobot_od import dialects
-from eurobot_od.export.dbc import dbc_text
-from eurobot_od.messages import GotoXY, Message, NaviPositionResponse, StartConfigurationSet
-from eurobot_od.protocol import Binding, Protocol
-from eurobot_od.values import Barriers, Source, TeamColour
+from eurobot_od.pdo.dbc import dbc_text
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoXY, Message, NaviPositionResponse, StartConfigurationSet
+from eurobot_od.robot.values import Barriers, Source, TeamColour
 
 GOTO = GotoXY(1234, 567, 89, 75, Barriers(0xA5C3))
 POSITION = NaviPositionResponse(1234, 567, 89, Source.INTERNAL)

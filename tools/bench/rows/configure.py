@@ -19,7 +19,6 @@ import canopen
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
 from bench.shared import new_bus, new_channel
-from eurobot_od import dcf, dialects
 from eurobot_od.cli.export_cdcf import concise
 from eurobot_od.client.configure import configure
 from eurobot_od.client.description import Description, from_file
@@ -27,9 +26,11 @@ from eurobot_od.client.master import Master
 from eurobot_od.client.objects import integer_range
 from eurobot_od.client.pdo_order import Step, pdo_of
 from eurobot_od.client.reading import parameters
-from eurobot_od.dictionary import NODE_ID, Address
-from eurobot_od.nodes import ROLES
-from eurobot_od.runtime import Live
+from eurobot_od.live import Live
+from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import NODE_ID, Address
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import ROLES
 
 NODE = 2
 BITRATE = 500

@@ -19,11 +19,11 @@ import can
 
 from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel, protocol
-from eurobot_od import dialects
 from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.messages import CheckDriveRequest, CheckDriveResponse
-from eurobot_od.nodes import ROLES
-from eurobot_od.runtime import Live
+from eurobot_od.live import Live
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse
+from eurobot_od.robot.nodes import ROLES
 
 PATIENCE = 5.0
 """Seconds after which an answer that has not come does not come."""

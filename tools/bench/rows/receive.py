@@ -23,8 +23,8 @@ from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Wa
 from bench.shared import new_bus, new_channel, protocol
 from bench.traffic import maker
 from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.messages import GotoXY
-from eurobot_od.runtime import Live
+from eurobot_od.live import Live
+from eurobot_od.robot.messages import GotoXY
 
 LISTENERS = (1, 100, 10_000)
 WAITING = 20_000

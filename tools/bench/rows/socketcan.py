@@ -22,7 +22,7 @@ from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, S
 from bench.process import ENVIRONMENT, PROGRAMS, PYTHON
 from bench.shared import protocol
 from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.runtime import Live
+from eurobot_od.live import Live
 
 CHANNEL = "vcan0"
 BITRATE = 1_000_000

@@ -17,9 +17,10 @@ from bench.eds import make_eds
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
 from bench.process import OURS, PROGRAMS, PYTHON, run, until_first_line
 from bench.traffic import recorded_traffic, write_candump
-from eurobot_od import dcf, dialects
 from eurobot_od.client.description import from_file
 from eurobot_od.client.reading import parameters
+from eurobot_od.od import dcf
+from eurobot_od.robot import dialects
 
 NODE = "drive"
 """The node whose files are used where a command wants one."""

@@ -1,0 +1,191 @@
+"""What all three nodes have in common: a CANopen device, timers, and a table of what each message does.
+
+Rule of this package: no clock and no bus. `receive` and `tick` take the time in seconds and return the frames to
+send; `next_wakeup` says when to call `tick`. A message whose value is out of range is never acted on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from math import inf
+from typing import Any, ClassVar
+
+from eurobot_od.device.device import ALWAYS, Device, Reaction
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.store import Store
+from eurobot_od.device.timers import Action, Timer, Timers
+from eurobot_od.errors import StateError
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.messages import Message, is_flagged
+
+
+class Node:
+    """A node of the robot, made from its EDS; `store` keeps its settings over a restart, None while it runs only.
+
+    `HANDLERS` says for each message type what is done; a handler returns the message to answer with, or None.
+    `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
+    sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
+    `guard` to their lock, and `wake` to what makes them call `tick` soon; it is called with the guard held, and not
+    while `receive` or `tick` is under way: whoever has called those sees to what the node wants.
+    """
+
+    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
+
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+        self.device = Device(dictionary, store)
+        self.name = dictionary.name
+        self.now = 0.0
+        self.ignored = self.withheld = 0
+        self.guard: AbstractContextManager[object] = nullcontext()
+        self.wake: Callable[[], None] = _nobody
+        self._operational = self._attended = False
+        self._soon: list[Action] = []
+        self._timers = Timers(self.device.plan.at)
+        self._out: list[Frame] = []
+
+    def setting(self, name: str) -> int:
+        """Return a setting from the object dictionary by its ParameterNames."""
+        return self.device.setting(name)
+
+    def seconds(self, name: str) -> float:
+        """Return a setting in milliseconds as seconds."""
+        return self.device.setting(name) / 1000
+
+    # From outside
+
+    @property
+    def next_wakeup(self) -> float:
+        """Time at which `tick` wants to be called, infinite if nothing is planned."""
+        return min(self._timers.next, self.device.next_wakeup, self.now if self._out or self._soon else inf)
+
+    def start(self, now: float) -> list[Frame]:
+        """Switch the node on: boot-up, and what it does from then on."""
+        self.now = now
+        self._out += self.device.start(now)
+        self.reset()
+        self._operational = self.device.operational
+        return self._flush()
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        """Take in one frame and return the frames to send."""
+        self.now = now
+        self._attended = True
+        try:
+            self._react(self.device.receive(frame, now))
+        finally:
+            self._attended = False
+        return self._flush()
+
+    def tick(self, now: float) -> list[Frame]:
+        """Do what is due by now and return the frames to send."""
+        self.now = now
+        self._attended = True
+        try:
+            self._do_due(now)
+            self._react(self.device.tick(now))
+        finally:
+            self._attended = False
+        return self._flush()
+
+    def _do_due(self, now: float) -> None:
+        soon, self._soon = self._soon, []
+        for action in soon:
+            action(now)
+        for action, time in self._timers.due(now):
+            action(time)
+
+    def bus_error(self, code: ErrorCode, now: float) -> None:
+        """Take in what the CAN controller reports, such as an overrun."""
+        self.device.bus_error(code, now)
+        self._call()
+
+    def _react(self, reaction: Reaction) -> None:
+        frames, message, reset, lost, answer = reaction
+        self._out += frames
+        if self._operational is not self.device.operational:
+            self._operational = self.device.operational
+            if not self._operational:
+                self.halted()
+        if reset:
+            self.reset()
+        for node_id in lost:
+            self.heartbeat_lost(node_id)
+        if message is not None:
+            self._handle(message)
+        if answer is not None:
+            self.answered(answer)
+
+    def _call(self) -> None:
+        """Wake whoever runs the node, unless they are here."""
+        if not self._attended:
+            self.wake()
+
+    # For the nodes
+
+    def reset(self) -> None:
+        """Go back to the state after power-on; the nodes add what is theirs."""
+        self._timers.clear()
+        self._soon.clear()
+
+    def halted(self) -> None:
+        """Do what is to be done when the node is no longer OPERATIONAL; the nodes that care say what."""
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Do what is to be done when another node has fallen silent; the nodes that care say what."""
+
+    def answered(self, frame: Frame) -> None:
+        """Take in another node's answer to an SDO request of ours; the nodes that ask say what."""
+
+    def soon(self, action: Action) -> None:
+        """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""
+        self._soon.append(action)
+        self.device.plan.at(self.now)
+        self._call()
+
+    def send(self, message: Message) -> None:
+        """Put a message among the frames to send, and wake whoever runs the node."""
+        self._out += self.device.send(message, self.now)
+        self._call()
+
+    def offer(self, message: Message) -> None:
+        """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
+        try:
+            self.send(message)
+        except StateError:
+            self.withheld += 1
+
+    def at(self, time: float, action: Action) -> Timer:
+        """Have `action` called when the time comes."""
+        return self._timers.at(time, action)
+
+    def raise_error(self, code: ErrorCode, what: Hashable) -> None:
+        """Report an error by EMCY, once."""
+        self.device.emergencies.raised(code, what)
+
+    def clear_error(self, what: Hashable) -> None:
+        """Report by EMCY that an error is gone."""
+        self.device.emergencies.cleared(what)
+
+    def _handle(self, message: Message) -> None:
+        if message and is_flagged(message) and not isinstance(message, ALWAYS):
+            self.ignored += 1
+        else:
+            self._act(message)
+
+    def _act(self, message: Message) -> None:
+        handler = self.HANDLERS.get(type(message))
+        answer = handler(self, message) if handler is not None else None
+        if answer is not None:
+            self.offer(answer)
+
+    def _flush(self) -> list[Frame]:
+        frames, self._out = self._out, []
+        if not self.device.emergencies.quiet:
+            frames += self.device.emergency_frames(self.now)
+        return frames
+
+
+def _nobody() -> None:
+    """Wake nobody: whoever runs the node calls `tick` by `next_wakeup`."""

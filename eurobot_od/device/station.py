@@ -1,0 +1,81 @@
+"""A node at its gatekeeper: received frames to the node, the node's frames to the mailboxes.
+
+Rule of this file: still no clock and no bus; the live runtime and the simulation both drive stations.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.node import Node
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Gatekeeper, Report
+from eurobot_od.gatekeeper.listeners import Aside, in_place
+
+
+class Station:
+    """One node with its own gatekeeper, sized by the node's Transmit settings; more listeners may be added to it.
+
+    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        *,
+        report: Callable[[Report], object] | None = None,
+        clock: Callable[[], float] = time.perf_counter,
+        aside: Aside = in_place,
+    ) -> None:
+        self.node, self.plan = node, node.device.plan
+        self.gatekeeper = Gatekeeper(
+            node.device.protocol,
+            table_size=node.setting("Transmit.Listener table size"),
+            mailboxes=node.setting("Transmit.Mailboxes"),
+            mailbox_wait=node.seconds("Transmit.Mailbox wait"),
+            report=report,
+            clock=clock,
+            aside=aside,
+        )
+        self._identifiers = node.device.identifiers
+        self.gatekeeper.add_frames(lambda: self._identifiers, self._received, node.name)
+
+    def start(self, now: float) -> None:
+        """Switch the node on."""
+        with self.node.guard:
+            self._submit(self.node.start(now), now)
+
+    def tick(self, now: float) -> None:
+        """Let the node do what is due."""
+        with self.node.guard:
+            self._submit(self.node.tick(now), now)
+
+    @property
+    def next_wakeup(self) -> float:
+        """When to call `tick`, in the node's time; infinite if nothing is planned."""
+        with self.node.guard:
+            wakeup = self.plan.soonest = self.node.next_wakeup
+            return wakeup
+
+    def bus_error(self, code: ErrorCode, now: float) -> None:
+        """Tell the node what the CAN controller reports."""
+        with self.node.guard:
+            self.node.bus_error(code, now)
+
+    def _received(self, frame: Frame, now: float) -> None:
+        with self.node.guard:
+            self._submit(self.node.receive(frame, now), now)
+            if self.node.device.identifiers is not self._identifiers:
+                self._follow()
+
+    def _follow(self) -> None:
+        """Listen to what the node listens to by now: a master has changed that with this frame."""
+        self._identifiers = self.node.device.identifiers
+        self.gatekeeper.reroute(self.node.device.protocol)
+
+    def _submit(self, frames: list[Frame], now: float) -> None:
+        for frame in frames:
+            lasting = frame.cob_id == self.node.device.sdo_answers
+            self.gatekeeper.mailboxes.submit(frame, now, lasting)

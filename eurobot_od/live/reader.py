@@ -1,0 +1,92 @@
+"""Reading a bus in a thread: the loop that every received frame goes through.
+
+Rule of this file: what is done with a frame is not known here, and nothing is made of it that nobody asked for.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Data, Frame
+from eurobot_od.live.buses import failure
+
+if TYPE_CHECKING:
+    import can
+
+POLL = 0.1
+"""Longest time in seconds that a thread waits before it looks whether it is to end."""
+
+Receive: TypeAlias = Callable[[int, Data, float], bool]
+"""Takes a frame's COB-ID, its data and the time; False ends the reading."""
+
+
+class Reader:
+    """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
+
+    `failed` gets the error that has ended the reading; not if `running` was set to False before.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        receive: Receive,
+        clock: Callable[[], float],
+        foreign: Callable[[can.Message], object],
+        failed: Callable[[BusError], object],
+    ) -> None:
+        self.running = True
+        self._bus, self._receive, self._clock = bus, receive, clock
+        self._foreign, self._failed = foreign, failed
+
+    def read(self) -> None:
+        """Read in this thread until `running` is False."""
+        try:
+            self._read()
+        except Exception as error:  # drivers raise what comes to hand
+            if self.running:
+                self._failed(failure(self._bus, error))
+
+    def _read(self) -> None:
+        recv, receive, clock = self._bus.recv, self._receive, self._clock
+        while self.running:
+            message = recv(POLL)
+            if message is None:
+                continue
+            if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+                self._foreign(message)
+            elif not receive(message.arbitration_id, message.data, clock()):
+                return
+
+
+class Watch:
+    """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
+
+    `failed` is called, once, with the error that ended the reading.
+    """
+
+    def __init__(
+        self,
+        bus: can.BusABC,
+        seen: Callable[[float, Frame], object],
+        clock: Callable[[], float],
+        failed: Callable[[BusError], object] = lambda _: None,
+    ) -> None:
+        self._bus, self._seen = bus, seen
+        self._reader = Reader(bus, self._see, clock, lambda _: None, failed)
+        self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
+
+    def _see(self, cob_id: int, data: Data, now: float) -> bool:
+        self._seen(now, Frame(cob_id, bytes(data)))
+        return True
+
+    def __enter__(self) -> Watch:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.running = False
+        self._thread.join(10 * POLL)
+        self._bus.shutdown()

@@ -1,0 +1,1 @@
+"""The live table of a bus: what is on it, message by message."""

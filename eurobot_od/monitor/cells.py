@@ -1,0 +1,56 @@
+"""The live table's cells as text, the same for every terminal.
+
+Rule of this file: how numbers are written stands here once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from eurobot_od.monitor.traffic import NodeHealth, Row
+
+ALIGN: Mapping[str, Callable[[str, int], str]] = {
+    "ID": str.ljust,
+    "Message": str.ljust,
+    "Count": str.rjust,
+    "Period ms": str.rjust,
+    "Age s": str.rjust,
+    "Last values": str.ljust,
+}
+HEADINGS = tuple(ALIGN)
+
+
+def cells(row: Row, now: float) -> tuple[str, ...]:
+    """Write a row, one text for each heading."""
+    identifier = "" if row.identifier is None else f"{row.identifier:03X}"
+    return identifier, row.name, str(row.count), _period(row), f"{max(now - row.last, 0.0):.1f}", values(row)
+
+
+def _period(row: Row) -> str:
+    period = row.period
+    return "" if period is None else f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}"
+
+
+def values(row: Row) -> str:
+    """Write the last values, and what is wrong with them."""
+    meaning = row.meaning
+    if not meaning.findings:
+        return meaning.text
+    wrong = "; ".join(dict.fromkeys(f"{damage.value}: {text}" for damage, text in meaning.findings))
+    return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
+
+
+def health(name: str, node: NodeHealth, now: float) -> str:
+    """Write how a node is."""
+    return f"{name} {'not heard' if node.heard is None else 'LOST' if node.lost(now) else node.state}" + (
+        f" ({node.emergency})" if node.emergency else ""
+    )
+
+
+def plain_table(rows: list[Row], now: float) -> Iterator[str]:
+    """Write the table without colours, one line a row."""
+    lines = [HEADINGS, *(cells(row, now) for row in rows)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(HEADINGS) - 1)]
+    for line in lines:
+        first = (ALIGN[heading](text, width) for heading, text, width in zip(HEADINGS, line, widths))
+        yield f"{'  '.join(first)}  {line[-1]}".rstrip()

@@ -1,0 +1,84 @@
+"""The live table for a terminal, with the package rich.
+
+Rule of this file: the only one that imports rich; colours show the protocol, red whatever is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from eurobot_od.monitor.cells import ALIGN, cells, health
+from eurobot_od.monitor.controls import HELP, Controls
+from eurobot_od.monitor.traffic import Row, Traffic, selected
+
+COLOURS: Mapping[str, str] = {"GTP": "bright_cyan", "ELP": "green", "GIP": "yellow", "CANopen": "magenta"}
+"""Colour of each protocol."""
+
+WRONG, OLD = "bold red", "dim"
+OLD_AFTER = 3.0
+"""A message is old after so many of its periods, but not before a second."""
+
+BAR_WIDTH = 20
+HEAVY_LOAD = 0.8
+VALUES = "Last values"
+
+
+def screen(traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], height: int) -> RenderableType:
+    """Return everything that is shown on `height` lines."""
+    rows = selected(traffic.rows.values(), controls.sort, controls.part)
+    room = max(height - 8, 1)
+    table = _table(rows[:room], now)
+    return Group(_top(traffic, load), _nodes(traffic, now), table, _bottom(controls, len(rows) - room))
+
+
+def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
+    share, rate = load
+    filled = min(round(share * BAR_WIDTH), BAR_WIDTH)
+    colour = WRONG if share >= HEAVY_LOAD else "green"
+    text = Text(f"{traffic.frames} frames  {rate:.0f}/s  load ")
+    text.append("█" * filled, colour).append("░" * (BAR_WIDTH - filled), OLD).append(f" {share:.1%}", colour)
+    text.append(f" of {traffic.bitrate // 1000} kbit/s")
+    if traffic.tally.total:
+        kinds = ", ".join(f"{count.number} x {damage.value}" for damage, count in traffic.tally.counts.items())
+        text.append(f"   {kinds}", WRONG)
+    return text
+
+
+def _nodes(traffic: Traffic, now: float) -> Text:
+    text = Text()
+    for name, node in traffic.nodes.items():
+        bad = node.lost(now) or node.emergency
+        text.append(f"● {health(name, node, now)}   ", WRONG if bad else OLD if node.heard is None else "green")
+    return text
+
+
+def _table(rows: list[Row], now: float) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
+    for heading, align in ALIGN.items():
+        ratio = 1 if heading == VALUES else None
+        table.add_column(heading, justify="right" if align is str.rjust else "left", no_wrap=True, ratio=ratio)
+    for row in rows:
+        table.add_row(*cells(row, now), style=_style(row, now))
+    return table
+
+
+def _style(row: Row, now: float) -> str:
+    if row.meaning.findings:
+        return WRONG
+    colour = COLOURS.get(row.meaning.group, "")
+    period = row.period
+    old = now - row.last > max(OLD_AFTER * period.mean, 1.0) if period else False
+    return f"{colour} {OLD}" if old else colour
+
+
+def _bottom(controls: Controls, hidden: int) -> Text:
+    text = Text(f"\n{HELP}   sort: {controls.sort}   filter: {controls.part}{'_' if controls.typing else ''}", OLD)
+    if hidden > 0:
+        text.append(f"   {hidden} rows do not fit")
+    if controls.paused:
+        text.append("   PAUSED", "bold reverse")
+    return text

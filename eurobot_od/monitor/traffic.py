@@ -1,0 +1,187 @@
+"""What is on a bus, message by message: how often, how regularly, with which values, and what is wrong.
+
+Rule of this file: no clock, no bus and no screen; frames with their times go in. A frame costs the same however many
+came before, and memory does not grow with them.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import pairwise
+from statistics import fmean, pstdev
+from typing import Any, NamedTuple
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder, Meaning
+from eurobot_od.logs.raw import REMEMBERED, Damage, Raw
+from eurobot_od.logs.statistics import Tally
+from eurobot_od.od.dictionary import Address
+from eurobot_od.od.outline import Outline
+
+OVERHEAD_BITS = 47
+"""Bits of a classic base frame beside its data, interframe space included and stuff bits not (ISO 11898-1)."""
+
+REMEMBERED_TIMES = 33
+"""Period and jitter are those of the last 32 intervals."""
+
+LOAD_SPAN = 1.0
+"""The bus load is that of the last second."""
+
+HEARTBEAT_PERIOD: Address = (0x1017, 0)
+LOST_AFTER = 2.0
+"""A node is lost after so many of its heartbeat periods without a heartbeat."""
+
+
+class Period(NamedTuple):
+    """Mean interval between frames of a message, and the intervals' standard deviation, both in s."""
+
+    mean: float
+    jitter: float
+
+
+@dataclass
+class Row:
+    """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
+
+    identifier: int | None
+    meaning: Meaning
+    count: int = 0
+    wrong: int = 0
+    times: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED_TIMES))
+
+    @property
+    def last(self) -> float:
+        """When the last frame came."""
+        return self.times[-1]
+
+    @property
+    def period(self) -> Period | None:
+        """The period; None before there is an interval."""
+        intervals = [later - earlier for earlier, later in pairwise(self.times)]
+        return Period(fmean(intervals), pstdev(intervals)) if intervals else None
+
+    @property
+    def name(self) -> str:
+        """Name of the message; of a service with its node; of what is not known, why."""
+        meaning = self.meaning
+        if meaning.message is None and meaning.name and len(meaning.nodes) == 1:
+            return f"{meaning.name} {meaning.nodes[0]}"
+        return meaning.name or meaning.findings[0].damage.value
+
+
+@dataclass
+class NodeHealth:
+    """What a node said of itself last: its state and when, its last EMCY; `period` is its heartbeat period in s."""
+
+    period: float
+    state: str = ""
+    heard: float | None = None
+    emergency: str = ""
+
+    def lost(self, now: float) -> bool:
+        """Whether it should have been heard by now."""
+        return self.heard is not None and self.period > 0 and now - self.heard > LOST_AFTER * self.period
+
+
+class Traffic:
+    """The traffic on a bus of `bitrate` bit/s; `rows` by identifier, or by kind of damage where there is none."""
+
+    def __init__(self, decoder: Decoder, bitrate: int) -> None:
+        self.bitrate = bitrate
+        self.rows: dict[int | Damage, Row] = {}
+        self.nodes = {each.name: NodeHealth(_heartbeat_period(each)) for each in decoder.outlines}
+        self.tally = Tally()
+        self.frames = 0
+        self.now = 0.0
+        self._bits = 0
+        self._marks: deque[tuple[float, int, int]] = deque()
+        self._explain: Callable[[Raw], Meaning] = lru_cache(REMEMBERED)(decoder)
+
+    def take(self, time: float, raw: Raw) -> Meaning:
+        """Take in a frame and tell what it means."""
+        meaning = self._explain(raw)
+        self.now = time
+        self.frames += 1
+        known = isinstance(raw, Frame)
+        key = raw[0]
+        row = self.rows.get(key)
+        if row is None:
+            row = self.rows[key] = Row(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+        row.meaning = meaning
+        row.count += 1
+        row.times.append(time)
+        if known:
+            self._bits += OVERHEAD_BITS + 8 * len(raw[1])
+        if meaning.findings:
+            row.wrong += 1
+            self.tally.add("frame", self.frames, meaning.findings)
+        if meaning.name in HEALTH:
+            self._hear(time, meaning)
+        return meaning
+
+    def _hear(self, time: float, meaning: Meaning) -> None:
+        health = self.nodes.get(meaning.nodes[0])
+        if health is not None and not meaning.findings:
+            HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
+
+    def clear(self) -> None:
+        """Forget what was counted."""
+        self.rows.clear()
+        self.tally = Tally()
+
+    def load(self, now: float) -> tuple[float, float]:
+        """Return bus load (share of 1, stuff bits not counted) and frames per second since the last second's mark.
+
+        Called at every refresh; between two calls the traffic is taken as even.
+        """
+        self._marks.append((now, self._bits, self.frames))
+        while len(self._marks) > 2 and now - self._marks[1][0] >= LOAD_SPAN:
+            self._marks.popleft()
+        since, bits, frames = self._marks[0]
+        span = now - since
+        if span <= 0:
+            return 0.0, 0.0
+        return (self._bits - bits) / span / self.bitrate, (self.frames - frames) / span
+
+
+def _heartbeat_period(outline: Outline) -> float:
+    return (outline.default(HEARTBEAT_PERIOD) or 0) / 1000
+
+
+def _beat(health: NodeHealth, time: float, state: str) -> None:
+    health.state, health.heard = state, time
+
+
+def _emergency(health: NodeHealth, _: float, text: str) -> None:
+    health.emergency = "" if text.startswith("0x0000") else text
+
+
+HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _beat, "EMCY": _emergency}
+"""What services say of a node's health."""
+
+
+# What is shown
+
+
+SORTS: Mapping[str, Callable[[Row], Any]] = {
+    "identifier": lambda row: (row.identifier is None, row.identifier or 0),
+    "name": lambda row: row.name.casefold(),
+    "count": lambda row: -row.count,
+    "period": lambda row: row.period.mean if row.period else float("inf"),
+    "age": lambda row: -row.last,
+    "wrong": lambda row: -row.wrong,
+}
+"""The orders of the table."""
+
+
+def selected(rows: Iterable[Row], sort: str, part: str) -> list[Row]:
+    """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
+    return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
+
+
+def named(meaning: Meaning, part: str) -> bool:
+    """Tell whether `part` is part of the name of a message, of its protocol, or of a node that has it."""
+    return part.casefold() in " ".join((meaning.name, meaning.group, *meaning.nodes)).casefold()

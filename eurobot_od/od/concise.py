@@ -1,0 +1,60 @@
+"""Concise DCF: the form in which a configuration manager keeps a node's configuration in 0x1F22 (CiA 302-3).
+
+Rule of this file: bytes and entries, no file and no bus. A number of entries, then index, sub-index, length and data of
+each, all little-endian; the entries stand in the order in which they are to be written.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from eurobot_od.od.dictionary import Address
+
+COUNT = struct.Struct("<I")
+HEAD = struct.Struct("<HBI")
+"""Number of entries; index, sub-index and length of one."""
+
+
+class Entry(NamedTuple):
+    """One write: the object's address and its bytes."""
+
+    address: Address
+    data: bytes
+
+
+class Truncated(ValueError):
+    """Bytes that end before what they announce, or go on behind it; the text says where."""
+
+
+def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
+    """Return the concise DCF of writes in their order."""
+    packed = [HEAD.pack(*address, len(data)) + data for address, data in entries]
+    return COUNT.pack(len(packed)) + b"".join(packed)
+
+
+def unpack(data: bytes) -> list[Entry]:
+    """Return the writes of a concise DCF; raises Truncated."""
+    (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
+    entries = list(_entries(data, count))
+    end = COUNT.size + sum(HEAD.size + len(each.data) for each in entries)
+    if end != len(data):
+        raise Truncated(f"{len(data) - end} bytes behind the last of {count} entries")
+    return entries
+
+
+def _entries(data: bytes, count: int) -> Iterator[Entry]:
+    place = COUNT.size
+    for _ in range(count):
+        index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
+        place += HEAD.size
+        yield Entry((index, subindex), _part(data, place, length))
+        place += length
+
+
+def _part(data: bytes, place: int, length: int) -> bytes:
+    part = data[place : place + length]
+    if len(part) < length:
+        raise Truncated(f"ends at byte {len(data)}, {length} bytes expected at byte {place}")
+    return part

@@ -1,0 +1,113 @@
+"""Where the bits of an object lie in its PDO: whole fields, or slices of them, in CiA 301's order.
+
+Rule of this file: CiA 301 fills a frame from the least significant bit of its first byte on and cannot say anything
+else; another order is told in its words, as slices, each a run of bits that follow each other in value and frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from eurobot_od.od.make.table import Dialect, Field, Record, Table
+from eurobot_od.yaml_places import Place, Text
+
+PADDING = Text("Padding", Place(0, 0))
+BYTE = 8
+FIRST_SLICES = 0x3000
+"""The object of the first cut object's slices; the next ones follow."""
+
+
+class Slice(NamedTuple):
+    """The bits `high` down to `low` of a field of the object; bit 0 is the value's least significant one."""
+
+    field: Text
+    high: int
+    low: int
+
+    @property
+    def bits(self) -> int:
+        """How many bits the slice has."""
+        return self.high - self.low + 1
+
+    @property
+    def name(self) -> str:
+        """The slice's ParameterName, `X position [11:4]`; padding has no value whose bits could be named."""
+        return PADDING if self.field == PADDING else f"{self.field} [{self.high}:{self.low}]"
+
+
+def least_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
+    """Lay out the fields as CiA 301 does, each one whole (7.5.2.36)."""
+    return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
+
+
+def most_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
+    """Lay out the fields from the first byte's most significant bit on; left over bits of the last byte are padding."""
+    bits = [(name, bit) for name, each in fields.items() for bit in reversed(range(each.bits))]
+    bits += [(PADDING, bit) for bit in reversed(range(-len(bits) % BYTE))]
+    frame = [bit for start in range(0, len(bits), BYTE) for bit in reversed(bits[start : start + BYTE])]
+    return tuple(runs(frame))
+
+
+def runs(frame: Iterable[tuple[Text, int]]) -> Iterator[Slice]:
+    """Join neighbouring bits of a field, given in CiA 301's order, into the longest slices."""
+    current: Slice | None = None
+    for name, bit in frame:
+        if current and (name, bit) == (current.field, current.high + 1):
+            current = current._replace(high=bit)
+            continue
+        if current:
+            yield current
+        current = Slice(name, bit, bit)
+    if current:
+        yield current
+
+
+@dataclass(frozen=True)
+class Layout:
+    """An object in a dialect: its index and fields, the `parts` of it in a PDO, where the cut ones of them live."""
+
+    name: Text
+    index: int
+    fields: dict[Text, Field]
+    parts: tuple[Slice, ...]
+    slices_index: int
+
+    @property
+    def cut(self) -> tuple[Slice, ...]:
+        """The parts that are no whole field, sub-indices 1, 2, ... of the slices' object."""
+        return tuple(each for each in self.parts if not self.is_whole(each))
+
+    @property
+    def targets(self) -> tuple[int, ...]:
+        """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
+        return tuple(self.target(each) for each in self.parts)
+
+    def is_whole(self, part: Slice) -> bool:
+        """Tell whether a part is a whole field."""
+        return part.field in self.fields and part.bits == self.fields[part.field].bits
+
+    def target(self, part: Slice) -> int:
+        """Give the mapping entry of a part."""
+        if self.is_whole(part):
+            return entry(self.index, list(self.fields).index(part.field) + 1, part.bits)
+        return entry(self.slices_index, self.cut.index(part) + 1, part.bits)
+
+
+def entry(index: int, sub_index: int, bits: int) -> int:
+    """Write a mapping entry."""
+    return index << 16 | sub_index << 8 | bits
+
+
+def layouts(table: Table, dialect: Dialect) -> dict[Text, Layout]:
+    """Lay out every object of the table in `dialect`."""
+    return {name: layout(name, record, dialect) for name, record in table.objects_in(dialect).items()}
+
+
+def layout(name: Text, record: Record, dialect: Dialect) -> Layout:
+    """Lay out one object."""
+    if name not in dialect.most_significant_first:
+        return Layout(name, record.index, record.fields, least_significant_first(record.fields), 0)
+    slices_index = FIRST_SLICES + dialect.most_significant_first.index(name)
+    return Layout(name, record.index, record.fields, most_significant_first(record.fields), slices_index)

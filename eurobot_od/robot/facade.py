@@ -1,0 +1,87 @@
+"""The core node on a live bus, for scripts and the REPL: every call waits for its result.
+
+Rule of this file: no behaviour of its own; each method is the core's method of the same name, waited for.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from functools import wraps
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+from eurobot_od import live as runtime
+from eurobot_od.device.flow import Call
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes.core import Core
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
+
+
+def _waited_for(
+    method: Callable[Concatenate[Core, Arguments], Call[Result]],
+) -> Callable[Concatenate[Robot, Arguments], Result]:
+    """Turn a call of the core's into one that waits for the result."""
+
+    @wraps(method)
+    def wait(self: Robot, /, *arguments: Arguments.args, **names: Arguments.kwargs) -> Result:
+        return method(self.core, *arguments, **names).result()
+
+    return wait
+
+
+def _passed_on(
+    method: Callable[Concatenate[Core, Arguments], None],
+) -> Callable[Concatenate[Robot, Arguments], None]:
+    """Turn a stop of the core's into one of the robot's; it does not wait."""
+
+    @wraps(method)
+    def call(self: Robot, /, *arguments: Arguments.args, **names: Arguments.kwargs) -> None:
+        method(self.core, *arguments, **names)
+
+    return call
+
+
+class Robot:
+    """The robot as its core node sees it, on any python-can bus; a context manager.
+
+    ```python
+    with Robot("socketcan", "can0") as robot:
+        robot.check_nodes()
+        robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
+        print(robot.goto(1500, 1000, 90, speed=50).outcome)
+    ```
+    What is left out comes from python-can's configuration; without one, it is the in-process bus.
+    Raises BusError, DictionaryError, UnknownName.
+    """
+
+    def __init__(
+        self,
+        interface: str | None = None,
+        channel: str | None = None,
+        bitrate: int | None = None,
+        dialect: str | Path | None = None,
+    ) -> None:
+        self.core = Core(dialects.load("core", dialect))
+        self.live = runtime.Live.node(runtime.open_bus(interface, channel, bitrate), self.core)
+
+    def __enter__(self) -> Robot:
+        self.live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.live.stop()
+
+    def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
+        """Run a team's strategy, a coroutine that awaits the core's calls, and return its result."""
+        return asyncio.run(strategy(self.core))
+
+    check_nodes = _waited_for(Core.check_nodes)
+    configure_start = _waited_for(Core.configure_start)
+    goto = _waited_for(Core.goto)
+    position = _waited_for(Core.position)
+    stop = _passed_on(Core.stop)
+    emergency_stop = _passed_on(Core.emergency_stop)
+    emergency_shutdown = _passed_on(Core.emergency_shutdown)

@@ -1,0 +1,54 @@
+"""Faults on demand: what can be wrong with a node, each as a class of node that does just that.
+
+Rule of this package: a fault changes the simulated node only; the node's own class knows nothing of it. Every fault
+says which step of which shipped suite finds it, and a tool proves it for all of them.
+"""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot.faults import core, device, drive, navigation
+from eurobot_od.robot.faults.fault import Caught, Fault
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+
+NodeT = TypeVar("NodeT", bound=Node)
+
+FAULTS: dict[type[Node], tuple[Fault, ...]] = {
+    Core: core.FAULTS,
+    Drive: drive.FAULTS,
+    Navigation: navigation.FAULTS,
+    Node: device.FAULTS,
+}
+"""The faults by the class of node that can have them; those of Node any node can have."""
+
+
+def names() -> list[str]:
+    """Return the names of all faults."""
+    return [fault.name for faults in FAULTS.values() for fault in faults]
+
+
+def fitting(role: type[Node]) -> list[Fault]:
+    """Return the faults that a class of node can have."""
+    return [fault for owner, faults in FAULTS.items() if issubclass(role, owner) for fault in faults]
+
+
+def find(name: str) -> tuple[type[Node], Fault]:
+    """Return a fault by its name, and the class of node that can have it; raises UnknownName."""
+    for owner, faults in FAULTS.items():
+        for fault in faults:
+            if fault.name == name:
+                return owner, fault
+    raise UnknownName("fault", name, names())
+
+
+def faulty(role: type[NodeT], name: str) -> type[NodeT]:
+    """Return the class of a node that has a fault; raises UnknownName, LocalError if such a node cannot have it."""
+    owner, fault = find(name)
+    if not issubclass(role, owner):
+        raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of the {role.__name__.lower()}")
+    return type(role.__name__, (fault.mixin, role), {})
+
+
+__all__ = ["FAULTS", "Caught", "Fault", "faulty", "find", "fitting", "names"]

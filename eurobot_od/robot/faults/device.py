@@ -1,0 +1,283 @@
+"""Faults that any node can have: network management, heartbeat, emergencies, SDO, frames of a wrong length.
+
+Rule of this file: a row says what is wrong, how, and which step of which suite finds it; a fault that needs state is a
+class above the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from eurobot_od.device.device import ALWAYS
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand, NmtState, error_control
+from eurobot_od.device.node import Node
+from eurobot_od.frame import Frame
+from eurobot_od.robot.faults.fault import Caught, Fault
+from eurobot_od.robot.faults.hooks import (
+    Change,
+    arriving,
+    data,
+    emcy,
+    every,
+    heartbeat,
+    leaving,
+    lost,
+    moved,
+    nmt,
+    sdo_answer,
+    sdo_request,
+    twice,
+)
+
+BOOT_UP = NmtState.INITIALISING
+ABORT = 0x80
+"""Command byte of an SDO abort (CiA 301, 7.2.4.3.17)."""
+
+DOWNLOAD, DOWNLOADED = 0x20, 0x60
+"""Command bytes of an expedited SDO download, without its size, and of its answer (CiA 301, 7.2.4.3.3)."""
+
+SIZE_BITS = 0x0F
+GENERAL_ERROR = (0x0800_0000).to_bytes(4, "little")
+"""Abort code "general error" (CiA 301, Table 22)."""
+
+
+class HeartbeatStops(Node):
+    """Sends two heartbeats and then no more."""
+
+    _sent = 0
+
+    def _flush(self) -> list[Frame]:
+        frames = super()._flush()
+        beats = [frame for frame in frames if frame.cob_id == heartbeat(self) and frame.data[0] != BOOT_UP]
+        self._sent += len(beats)
+        return [frame for frame in frames if frame not in beats] if self._sent > 2 else frames
+
+
+class EveryOtherHeartbeat(Node):
+    """Sends only every other heartbeat."""
+
+    _count = 0
+
+    def _flush(self) -> list[Frame]:
+        return [frame for frame in super()._flush() if frame.cob_id != heartbeat(self) or self._odd(frame)]
+
+    def _odd(self, frame: Frame) -> bool:
+        self._count += frame.data[0] != BOOT_UP
+        return frame.data[0] == BOOT_UP or self._count % 2 == 1
+
+
+class AlwaysOperational(Node):
+    """Goes on with its work in every NMT state."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        state = self.device.state
+        if frame.cob_id == NMT_COB_ID or state is NmtState.INITIALISING:
+            return super().receive(frame, now)
+        self.device.state = NmtState.OPERATIONAL
+        answers = super().receive(frame, now)
+        self.device.state = state
+        return answers
+
+
+class WritesForgotten(Node):
+    """Confirms what is written by SDO and forgets it."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id == sdo_request(self) and frame.data[:1] and frame.data[0] & ~SIZE_BITS == DOWNLOAD:
+            return [Frame(sdo_answer(self), bytes([DOWNLOADED]) + frame.data[1:4] + bytes(4))]
+        return super().receive(frame, now)
+
+
+class DeafWhenStopped(Node):
+    """Heeds emergencies and stops only in OPERATIONAL, like any other message."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        always = {self.device.protocol.cob_id(each) for each in ALWAYS if each in self.HANDLERS}
+        if self.device.state is not NmtState.OPERATIONAL and frame.cob_id in always:
+            return []
+        return super().receive(frame, now)
+
+
+class Padded(Node):
+    """Fills up short messages with what is left in the buffer, and acts on them (2014 robot)."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        lengths = {each.cob_id: each.layout.length for each in self.device.protocol.bindings}
+        return super().receive(Frame(frame.cob_id, frame.data.ljust(lengths.get(frame.cob_id, 0), b"\x01")), now)
+
+
+def without(command: NmtCommand) -> Change:
+    """Do not hear one NMT command."""
+    return lambda _, frame: [] if frame.data[:1] == bytes([command]) else [frame]
+
+
+def _without_boot_up(_: Node, frame: Frame) -> Iterable[Frame]:
+    return [frame] if frame.data[0] != BOOT_UP else []
+
+
+def _always_well(node: Node, frame: Frame) -> Iterable[Frame]:
+    return [frame if frame.data[0] == BOOT_UP else error_control(node.device.node_id, NmtState.OPERATIONAL)]
+
+
+def _to_us(node: Node, frame: Frame) -> Iterable[Frame]:
+    return [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
+
+
+def _never_cleared(_: Node, frame: Frame) -> Iterable[Frame]:
+    return [] if frame.data[:2] == ErrorCode.NO_ERROR.to_bytes(2, "little") else [frame]
+
+
+def _general_abort(_: Node, frame: Frame) -> Iterable[Frame]:
+    return [Frame(frame.cob_id, frame.data[:4] + GENERAL_ERROR) if frame.data[0] == ABORT else frame]
+
+
+def _silent_abort(_: Node, frame: Frame) -> Iterable[Frame]:
+    return [frame] if frame.data[0] != ABORT else []
+
+
+def _babble(node: Node) -> None:
+    node.raise_error(ErrorCode.PDO_TOO_LONG, "babble")
+    node.clear_error("babble")
+
+
+FAULTS = (
+    Fault(
+        "boot-up-missing",
+        "sends no boot-up message",
+        leaving(heartbeat, _without_boot_up),
+        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+    ),
+    Fault(
+        "reset-ignored",
+        "goes on when it is told to reset",
+        arriving(nmt, without(NmtCommand.RESET_NODE)),
+        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+    ),
+    Fault(
+        "heartbeat-missing",
+        "sends no heartbeat",
+        leaving(heartbeat, lambda _, frame: [frame] if frame.data[0] == BOOT_UP else []),
+        Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says"),
+    ),
+    Fault(
+        "heartbeat-stops",
+        "sends two heartbeats and then no more",
+        HeartbeatStops,
+        Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
+    ),
+    Fault(
+        "heartbeat-every-other",
+        "sends only every other heartbeat",
+        EveryOtherHeartbeat,
+        Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
+    ),
+    Fault(
+        "heartbeat-of-another-node",
+        "sends boot-up and heartbeat under the next node's identifier",
+        leaving(heartbeat, moved(1)),
+        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+    ),
+    Fault(
+        "heartbeat-always-operational",
+        "says OPERATIONAL in every state",
+        leaving(heartbeat, _always_well),
+        Caught("canopen", "7.2.8.3.2 Heartbeat: PRE-OPERATIONAL"),
+    ),
+    Fault(
+        "nmt-ignored",
+        "hears no NMT command",
+        arriving(nmt, lost),
+        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+    ),
+    Fault(
+        "nmt-stop-ignored",
+        "does not hear the NMT command Stop",
+        arriving(nmt, without(NmtCommand.STOP)),
+        Caught("canopen", "7.2.8.3.2 Heartbeat: STOPPED"),
+    ),
+    Fault(
+        "nmt-of-others-heeded",
+        "carries out the NMT commands of other nodes",
+        arriving(nmt, _to_us),
+        Caught("canopen", "7.2.8.2.1 NMT: another node's command does not matter"),
+    ),
+    Fault(
+        "works-when-stopped",
+        "answers messages in every NMT state",
+        AlwaysOperational,
+        Caught("canopen", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL"),
+    ),
+    Fault(
+        "deaf-when-stopped",
+        "heeds stops and shutdowns only in OPERATIONAL",
+        DeafWhenStopped,
+        Caught("canopen", "4.2.2 Emergency mushroom: acts in every NMT state"),
+    ),
+    Fault(
+        "emcy-missing",
+        "sends no EMCY",
+        leaving(emcy, lost),
+        Caught("canopen", "7.2.7 EMCY: a frame that is too short"),
+    ),
+    Fault(
+        "emcy-twice",
+        "sends each EMCY two times",
+        leaving(emcy, twice),
+        Caught("canopen", "7.2.7 EMCY: an error is reported once"),
+    ),
+    Fault(
+        "emcy-code-wrong",
+        "sends the bytes of the emergency error code the wrong way round",
+        leaving(emcy, data(lambda data: data[1::-1] + data[2:])),
+        Caught("canopen", "7.2.7 EMCY: a frame that is too short"),
+    ),
+    Fault(
+        "emcy-not-cleared",
+        "does not say that an error is gone",
+        leaving(emcy, _never_cleared),
+        Caught("canopen", "7.2.7 EMCY: the error is gone"),
+    ),
+    Fault(
+        "short-frame-filled-up",
+        "fills up short messages with left-over bytes and acts on them (2014 robot)",
+        Padded,
+        Caught("canopen", "7.2.7 EMCY: a frame that is too short"),
+    ),
+    Fault(
+        "sdo-not-answered",
+        "answers no SDO request",
+        arriving(sdo_request, lost),
+        Caught("canopen", "7.5.2.1 SDO: the device type is readable"),
+    ),
+    Fault(
+        "sdo-value-reversed",
+        "sends the bytes of values the wrong way round",
+        leaving(sdo_answer, data(lambda data: data[:4] + data[:3:-1])),
+        Caught("canopen", "7.5.2.20 SDO: the heartbeat time is 1000 ms"),
+    ),
+    Fault(
+        "sdo-write-forgotten",
+        "confirms what is written and forgets it",
+        WritesForgotten,
+        Caught("canopen", "7.2.4.2.3 SDO: what is written is read back"),
+    ),
+    Fault(
+        "sdo-abort-general",
+        "refuses everything with the code for a general error",
+        leaving(sdo_answer, _general_abort),
+        Caught("canopen", "7.2.4.3.17 SDO: an object that is not there"),
+    ),
+    Fault(
+        "sdo-abort-silent",
+        "does not answer a request that it refuses",
+        leaving(sdo_answer, _silent_abort),
+        Caught("canopen", "7.2.4.3.17 SDO: an object that is not there"),
+    ),
+    Fault(
+        "babbling",
+        "sends emergencies all the time",
+        every(0.001, _babble),
+        Caught("canopen", "7.2.7 EMCY: none without an error"),
+    ),
+)

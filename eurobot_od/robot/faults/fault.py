@@ -1,0 +1,29 @@
+"""What a fault is: a name, a sentence, the class that makes it, and the step of a check that finds it.
+
+Rule of this file: values only.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from eurobot_od.robot.faults.hooks import Mixin
+
+
+class Caught(NamedTuple):
+    """The step of a shipped suite that turns red: the one whose name says what is wrong."""
+
+    suite: str
+    step: str
+
+
+class Fault(NamedTuple):
+    """Something that is wrong with a node.
+
+    `mixin` is the class that goes in front of the node's class; `text` says what the node does wrong.
+    """
+
+    name: str
+    text: str
+    mixin: Mixin
+    caught_by: Caught

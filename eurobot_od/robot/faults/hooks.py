@@ -1,0 +1,258 @@
+"""What faults are made of: classes put in front of a node's class that change what goes in, what comes out, or when.
+
+Rule of this file: each function returns a class between a node's class and `Node`; the node's own class is as it is,
+and knows nothing of faults. Several of them can stand in front of one node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import cache, partial
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT
+from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NMT_COB_ID
+from eurobot_od.device.node import Node
+from eurobot_od.device.objects import EMCY_COB_ID
+from eurobot_od.errors import FieldError, FrameLengthError
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.messages import Message
+
+Mixin: TypeAlias = type[Node]
+"""A class that goes in front of a node's class."""
+
+Change: TypeAlias = Callable[[Node, Frame], Iterable[Frame]]
+"""What becomes of a frame: nothing, itself, another one, several."""
+
+Service: TypeAlias = Callable[[Node], int]
+"""The COB-ID of a CANopen service of a node."""
+
+Which: TypeAlias = type[Message] | Service
+"""Which frames: those of a message, or those of a service."""
+
+React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
+"""What a node does with a message: the node, the message, and the healthy reaction to call or not."""
+
+COB_ID_BITS = 0x7FF
+"""Bits of an entry such as 0x1014 that are the COB-ID."""
+
+UNREADABLE = (FrameLengthError, FieldError)
+"""What a frame with a wrong length, or a message with a value out of range, raises: such a frame stays as it is."""
+
+
+def heartbeat(node: Node) -> int:
+    """Boot-up and heartbeat."""
+    return ERROR_CONTROL_BASE + node.device.node_id
+
+
+def emcy(node: Node) -> int:
+    """Emergency messages."""
+    return node.device.number(EMCY_COB_ID) & COB_ID_BITS
+
+
+def sdo_answer(node: Node) -> int:
+    """Answers of the SDO server."""
+    return node.device.number(SDO_TRANSMIT) & COB_ID_BITS
+
+
+def sdo_request(node: Node) -> int:
+    """Requests to the SDO server."""
+    return node.device.number(SDO_RECEIVE) & COB_ID_BITS
+
+
+def nmt(_node: Node) -> int:
+    """NMT commands."""
+    return NMT_COB_ID
+
+
+def _cob_id(node: Node, which: Which) -> int:
+    return node.device.protocol.cob_id(which) if isinstance(which, type) else which(node)
+
+
+# Hooks
+
+
+def leaving(which: Which, change: Change) -> Mixin:
+    """Have `change` applied to frames that leave the node."""
+
+    class Leaving(Node):
+        def _flush(self) -> list[Frame]:
+            cob_id = _cob_id(self, which)
+            return [
+                left
+                for frame in super()._flush()
+                for left in (change(self, frame) if frame.cob_id == cob_id else [frame])
+            ]
+
+    return Leaving
+
+
+def arriving(which: Which, change: Change) -> Mixin:
+    """Have `change` applied to frames before the node gets them."""
+
+    class Arriving(Node):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            arrived = change(self, frame) if frame.cob_id == _cob_id(self, which) else [frame]
+            return [answer for each in arrived for answer in super(Arriving, self).receive(each, now)]
+
+    return Arriving
+
+
+def late(which: Which, seconds: float) -> Mixin:
+    """Hold frames back for some seconds before they leave the node."""
+
+    class Late(Node):
+        def reset(self) -> None:
+            super().reset()
+            self._due: list[Frame] = []
+
+        def _flush(self) -> list[Frame]:
+            frames, cob_id = super()._flush(), _cob_id(self, which)
+            for frame in frames:
+                if frame.cob_id == cob_id:
+                    self.at(self.now + seconds, partial(self._release, frame))
+            due, self._due = self._due, []
+            return [frame for frame in frames if frame.cob_id != cob_id] + due
+
+        def _release(self, frame: Frame, _now: float) -> None:
+            self._due.append(frame)
+
+    return Late
+
+
+def handling(message_type: type[Message], react: React) -> Mixin:
+    """Have `react` do what the node should do with a message."""
+
+    class Handling(Node):
+        def _handle(self, message: Message) -> None:
+            if isinstance(message, message_type):
+                react(self, message, super()._handle)
+            else:
+                super()._handle(message)
+
+    return Handling
+
+
+def preset(setting: str, value: int) -> Mixin:
+    """Have a setting another value than the object dictionary says."""
+
+    class Preset(Node):
+        def setting(self, name: str) -> int:
+            return value if name == setting else super().setting(name)
+
+        def seconds(self, name: str) -> float:
+            return self.setting(name) / 1000
+
+    return Preset
+
+
+def every(seconds: float, action: Callable[[Any], object]) -> Mixin:
+    """Have `action` called with the node again and again, from its start on."""
+
+    class Every(Node):
+        def reset(self) -> None:
+            super().reset()
+            self.at(self.now + seconds, self._again)
+
+        def _again(self, now: float) -> None:
+            action(self)
+            self.at(now + seconds, self._again)
+
+    return Every
+
+
+# Changes
+
+
+def lost(_node: Node, _frame: Frame) -> Iterable[Frame]:
+    """Nothing arrives."""
+    return ()
+
+
+def twice(_node: Node, frame: Frame) -> Iterable[Frame]:
+    """It comes two times."""
+    return frame, frame
+
+
+def only(wanted: Callable[[bytes], bool]) -> Change:
+    """Lose the frames whose data bytes are not as wanted."""
+    return lambda _, frame: [frame] if wanted(frame.data) else []
+
+
+def data(change: Callable[[bytes], bytes]) -> Change:
+    """Change a frame's data bytes."""
+    return lambda _, frame: [Frame(frame.cob_id, change(frame.data))]
+
+
+def moved(offset: int) -> Change:
+    """Send a frame under a COB-ID that is `offset` beside its own."""
+    return lambda _, frame: [Frame(frame.cob_id + offset, frame.data)]
+
+
+def foreign(message: Message) -> Change:
+    """Send a message of another node in a frame's place."""
+
+    def changed(node: Node, _frame: Frame) -> Iterable[Frame]:
+        return [_whole_protocol(node.device.dictionary.file.parent).encode(message)]
+
+    return changed
+
+
+@cache
+def _whole_protocol(folder: Path) -> Protocol:
+    return Protocol.load(folder)
+
+
+def meaning(change: Callable[[Any], Message]) -> Change:
+    """Change what a frame says: `change` gets its message and returns another one."""
+
+    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
+        protocol = node.device.protocol
+        try:
+            return [protocol.encode(change(protocol.decode(*frame)))]
+        except UNREADABLE:
+            return [frame]
+
+    return changed
+
+
+def field(name: str, change: Callable[[Any], Any]) -> Change:
+    """Change one field of a message unless it is unknown."""
+
+    def changed(message: Any) -> Message:
+        value = getattr(message, name)
+        replaced: Message = message if value is None else message._replace(**{name: change(value)})
+        return replaced
+
+    return meaning(changed)
+
+
+def exchanged(one: str, other: str) -> Change:
+    """Exchange the raw values of two fields; what grows too wide is cut."""
+
+    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
+        return [_packed(node, frame, lambda values: {one: values[other], other: values[one]})]
+
+    return changed
+
+
+def raw(**changes: Callable[[int], int]) -> Change:
+    """Change raw values of a message's fields, whatever they mean; what grows too wide is cut."""
+
+    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
+        return [_packed(node, frame, lambda values: {name: change(values[name]) for name, change in changes.items()})]
+
+    return changed
+
+
+def _packed(node: Node, frame: Frame, change: Callable[[dict[str, int]], dict[str, int]]) -> Frame:
+    binding = node.device.protocol.binding_of(frame.cob_id)
+    try:
+        values = binding.unpack(frame.data)
+    except UNREADABLE:
+        return frame
+    widths = binding.layout.widths
+    cut = {name: value & (1 << widths[name]) - 1 for name, value in change(values).items()}
+    return Frame(frame.cob_id, binding.pack(values | cut))

@@ -1,0 +1,238 @@
+"""How the robot plays: start up the nodes, drive from place to place, stop for whatever is in the way.
+
+Rule of this file: a team's program, nothing else: it awaits the core's calls, looks at the distance sensor, and knows
+neither bus nor clock. The same coroutine runs in simulated and in real time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Iterator
+from itertools import cycle
+from typing import NamedTuple
+
+from eurobot_od.errors import LocalError
+from eurobot_od.robot.field import WIDTH, Point, normalise
+from eurobot_od.robot.match.options import ENEMY_DIAMETER, Options
+from eurobot_od.robot.match.timeline import EventKind, Timeline
+from eurobot_od.robot.messages import KalmanPositionResponse
+from eurobot_od.robot.nodes.core import Core, GotoReport, Outcome
+from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Obstacle, Passage, TeamColour, barrier_number
+from eurobot_od.robot.world import World
+
+SENSE_PERIOD = 0.05
+"""How often the distance sensor is read, s."""
+
+PATIENCE = 1.2
+"""How long the robot waits after it stopped for something in its way, s."""
+
+SETTLED = 1.0
+"""After a stop the robot stands still within this time, s."""
+
+
+class Task(NamedTuple):
+    """A place to drive to, as the red team sees it: mm, degrees, percent, and how to treat the barriers."""
+
+    name: str
+    x: int
+    y: int
+    angle: int
+    speed: int
+    barriers: dict[str, Passage]
+
+    def seen_by(self, team: TeamColour) -> Task:
+        """Return the task for a team; yellow plays the mirror image."""
+        if team is TeamColour.RED:
+            return self
+        barriers = {MIRRORED[name]: passage for name, passage in self.barriers.items()}
+        return self._replace(x=int(WIDTH) - self.x, angle=int(normalise(180 - self.angle)), barriers=barriers)
+
+    def flags(self) -> Barriers:
+        """Return the barriers as Goto XY has them."""
+        return Barriers.of({barrier_number(name): passage for name, passage in self.barriers.items()})
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.x}, {self.y}) {self.angle} deg, {self.speed} %"
+
+
+MIRRORED = dict(zip(BARRIER_NAMES, ("fire 2", "fire 1", "fire 4", "fire 3", "fire 6", "fire 5", "pool 2", "pool 1")))
+"""The barrier on the other half of the field."""
+
+POOLS = {"pool 1": Passage.FORCED, "pool 2": Passage.FORCED}
+FIRES = {name: Passage.NORMAL for name in BARRIER_NAMES if name.startswith("fire")}
+
+TASKS = (
+    Task("tree", 1300, 1750, 90, 80, {}),
+    Task("fire 1", 700, 1150, 225, 60, POOLS),
+    Task("fresco", 1500, 1300, 90, 90, POOLS | FIRES),
+    Task("fire 5", 1250, 400, 180, 70, POOLS | FIRES),
+    Task("basket", 420, 1650, 180, 100, POOLS | FIRES),
+    Task("centre", 1500, 900, 0, 80, POOLS),
+)
+"""What is to be done, again and again."""
+
+
+def _count(number: int, one: str, several: str = "") -> str:
+    """Write a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
+    return f"{number or 'no'} {one if number == 1 else several or one + 's'}"
+
+
+class Player:
+    """A match being played by `core` in `world`; what happens goes into `timeline`.
+
+    Raises LocalError for an emergency that is not within the match.
+    """
+
+    def __init__(
+        self, core: Core, world: World, options: Options, timeline: Timeline, clock: Callable[[], float]
+    ) -> None:
+        self.core, self.world, self.options, self.timeline, self.clock = core, world, options, timeline, clock
+        self.errors: list[float] = []
+        """Distance between estimated and true place at each arrival, mm."""
+        self._duration = options.duration or float(core.setting("Match.Match duration"))
+        self._check_emergency()
+        self._end = 0.0
+        self._mushroom: float | None = None
+        self._stopped = False
+        self._why = ""
+
+    def _check_emergency(self) -> None:
+        at, duration = self.options.emergency_at, self._duration
+        if at is not None and at >= duration:
+            raise LocalError(f"an emergency at {at:g} s is not within the match of {duration:g} s")
+
+    async def play(self) -> None:
+        """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
+        await self._start_up()
+        await self._drive_until_end()
+
+    # Startup (document 5.1)
+
+    async def _start_up(self) -> None:
+        took = await self.core.check_nodes()
+        answers = ", ".join(f"{node} answered after {seconds * 1000:.1f} ms" for node, seconds in took.items())
+        self.timeline.tell(EventKind.CHECK, answers, seconds=took)
+        await self._configure()
+        await self._first_position()
+
+    async def _configure(self) -> None:
+        options = self.options
+        diameters = [ENEMY_DIAMETER if number < options.enemies else 0 for number in range(2)]
+        took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
+        others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
+        what = f"{options.team.name.lower()}, {others}"
+        self.timeline.tell(EventKind.CONFIGURE, f"{what}: confirmed after {took * 1000:.1f} ms", seconds=took)
+
+    async def _first_position(self) -> None:
+        """Wait until position polling has brought the robot's place."""
+        while KalmanPositionResponse not in self.core.positions:
+            await asyncio.sleep(SENSE_PERIOD)
+        seen = self.core.positions[KalmanPositionResponse].position
+        self.timeline.tell(EventKind.POSITION, f"({seen.x}, {seen.y}) {seen.angle} deg", position=seen[:3])
+
+    # Match (document 5.2)
+
+    async def _drive_until_end(self) -> None:
+        start = self.clock()
+        self._end = start + self._duration
+        if self.options.emergency_at is not None:
+            self._mushroom = start + self.options.emergency_at
+        self.timeline.tell(EventKind.MATCH, f"{self._duration:g} s begin", duration=self._duration)
+        await self._drive()
+        await self._stand_still()
+
+    async def _drive(self) -> None:
+        for task in self._tasks():
+            report = await self._drive_to(task)
+            await self._tell(report)
+            if report.outcome is not Outcome.ARRIVED:
+                await asyncio.sleep(max(min(PATIENCE, self._next_stop() - self.clock()), 0))
+            if self._over():
+                break
+        if not self._stopped:
+            self._stop_for_good()
+
+    def _tasks(self) -> Iterator[Task]:
+        return (task.seen_by(self.options.team) for task in cycle(TASKS))
+
+    async def _drive_to(self, task: Task) -> GotoReport:
+        call = self.core.goto(task.x, task.y, task.angle, task.speed, task.flags())
+        self.timeline.tell(EventKind.GOTO, str(task), goto=task._asdict() | {"barriers": str(task.flags())})
+        arriving = asyncio.wrap_future(call)
+        while not arriving.done():
+            await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._next_stop() - self.clock()), 0))
+            if not arriving.done():
+                self._look()
+        return arriving.result()
+
+    def _next_stop(self) -> float:
+        return self._end if self._mushroom is None else self._mushroom
+
+    def _over(self) -> bool:
+        return self.clock() >= self._next_stop()
+
+    def _look(self) -> None:
+        """Stop if the time has come or if something is in the way."""
+        if self._over():
+            self._stop_for_good()
+            return
+        self.world.drop_thing(self.clock())
+        obstacle = self.world.obstacle(self.clock())
+        if obstacle is not None:
+            self._stop_for(obstacle)
+
+    def _stop_for(self, obstacle: Obstacle) -> None:
+        self._why = f"{obstacle.name.lower()} ahead"
+        self.core.emergency_stop(obstacle)
+        self.timeline.tell(EventKind.STOP, f"emergency stop: {self._why}", obstacle=obstacle.name)
+
+    def _stop_for_good(self) -> None:
+        self._stopped = True
+        if self._mushroom is None:
+            self._why = "the match is over"
+            self.core.stop()
+            self.timeline.tell(EventKind.STOP, f"stop drive: {self._why}")
+        else:
+            self._why = "the mushroom was hit"
+            self.core.emergency_shutdown()
+            self.timeline.tell(EventKind.EMERGENCY, f"emergency shutdown: {self._why}")
+
+    async def _tell(self, report: GotoReport) -> None:
+        if report.outcome is Outcome.ARRIVED:
+            await self._tell_arrival(report)
+            return
+        outcome, why = report.outcome, self._why if report.outcome is Outcome.STOPPED else None
+        text = f"{outcome.value} after {report.ended:.2f} s"
+        self.timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome.value, why=why, seconds=report.ended)
+
+    async def _tell_arrival(self, report: GotoReport) -> None:
+        error = await self._position_error()
+        self.errors.append(error)
+        confirmed = f"confirmed after {(report.confirmed or 0) * 1000:.1f} ms, "
+        self.timeline.tell(
+            EventKind.ARRIVED,
+            f"after {report.ended:.2f} s ({confirmed}position error {error:.0f} mm)",
+            seconds=report.ended,
+            confirmed=report.confirmed,
+            error=round(error, 1),
+            distance=round(self.world.robot.distance(Point(report.goto.x, report.goto.y)), 1),
+        )
+
+    async def _position_error(self) -> float:
+        position = await self.core.position()
+        if position.x is None or position.y is None:
+            return float("nan")
+        return self.world.robot.distance(Point(position.x, position.y))
+
+    async def _stand_still(self) -> None:
+        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
+        await asyncio.sleep(SETTLED)
+        rest = self.world.robot
+        if self.clock() < self._end:
+            await asyncio.sleep(self._end - self.clock())
+            self._mushroom = None
+            self._stop_for_good()
+            await asyncio.sleep(SENSE_PERIOD)
+        moved = self.world.robot.distance(rest.point)
+        text = f"the robot stands at ({rest.x:.0f}, {rest.y:.0f}); since it stopped it moved {moved:.0f} mm"
+        self.timeline.tell(EventKind.END, text, x=round(rest.x, 1), y=round(rest.y, 1), moved=round(moved, 3))

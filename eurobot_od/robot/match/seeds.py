@@ -1,0 +1,99 @@
+"""Plays a match for each of many seeds, on as many processes as are wanted.
+
+Rule of this file: matches are given in the order of their seeds, and are the same on any number of processes; each
+process reads the EDS files once.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Generator, Iterator
+from contextlib import ExitStack, closing, contextmanager
+from dataclasses import replace
+from multiprocessing import Pipe, Process, parent_process
+from multiprocessing.connection import Connection, wait
+from typing import cast
+
+from eurobot_od.robot.match.options import Options
+from eurobot_od.robot.match.played import Played, play
+from eurobot_od.robot.match.stage import Performance, read
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def play_many(options: Options, seeds: range, jobs: int) -> Generator[Played, None, None]:
+    """Play a match for each seed on `jobs` processes, 1: in this one. Closing the iterator ends the processes.
+
+    Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
+    """
+    script = read(options.dialect)
+    Performance(options, lambda: 0.0, lambda _event: None, lambda _time, _frame: None, script)  # complains here, once
+    if jobs == 1 or len(seeds) == 1:
+        return (play(replace(options, seed=seed), script) for seed in seeds)
+    return _in_order(_spread(options, seeds, min(jobs, len(seeds))), seeds.start)
+
+
+def _in_order(matches: Generator[Played, None, None], seed: int) -> Generator[Played, None, None]:
+    """Hold back what comes before its turn; `seed` is the first one."""
+    early: dict[int, Played] = {}
+    with closing(matches):
+        for match in matches:
+            early[match.seed] = match
+            while seed in early:
+                yield early.pop(seed)
+                seed += 1
+
+
+# Processes
+
+
+def _spread(options: Options, seeds: range, jobs: int) -> Generator[Played, None, None]:
+    """Play on several processes; a match comes as soon as it is over."""
+    with ExitStack() as stack:
+        workers = [stack.enter_context(_worker(options)) for _ in range(jobs)]
+        try:
+            yield from _hand_out(workers, iter(seeds))
+        except (EOFError, ConnectionError):
+            raise ChildProcessError("a process that played matches has died") from None
+
+
+def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[Played]:
+    """Give each worker a seed, and another one whenever it is through; no more workers than seeds."""
+    for worker, seed in zip(workers, seeds):
+        worker.send(seed)
+    busy = list(workers)
+    while busy:
+        for worker in cast(list[Connection], wait(busy)):
+            match: Played = worker.recv()
+            if (following := next(seeds, None)) is None:
+                busy.remove(worker)
+            else:
+                worker.send(following)
+            yield match
+
+
+@contextmanager
+def _worker(options: Options) -> Iterator[Connection]:
+    """Start a process, and give the line to it: seeds go in, matches come out."""
+    ours, theirs = Pipe()
+    process = Process(target=_work, args=(theirs, options), daemon=True)
+    process.start()
+    theirs.close()  # so that the line ends when the process does
+    try:
+        yield ours
+    finally:
+        process.terminate()
+        process.join()
+        ours.close()
+
+
+def _work(line: Connection, options: Options) -> None:
+    """Play the matches whose seeds come along the line, as long as the parent lives."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
+    script, parent = read(options.dialect), parent_process()
+    while parent and line in wait([line, parent.sentinel]):
+        line.send(play(replace(options, seed=line.recv()), script))

@@ -1,0 +1,77 @@
+"""What a match's bus traffic came to: frames per message and bus load.
+
+Rule of this file: counts of what was on the bus, seen from outside; nothing is asked from a node.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from eurobot_od.errors import UnknownIdentifier
+from eurobot_od.frame import Frame
+from eurobot_od.logs.services import services
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.simulation.bits import frame_bits
+
+BOOT_UP = 0
+"""Content of a heartbeat that is the boot-up message (CiA 301, 7.2.8.3.3)."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Frames by message name in the order of the protocol, those of no message, and what they came to.
+
+    `load` is the share of the time that the bus was in use at `bitrate`; `errors` the position errors in mm at the
+    arrivals, `reports` what the gatekeepers had to say.
+    """
+
+    seconds: float
+    bitrate: int
+    frames: dict[str, int]
+    others: dict[str, int]
+    load: float
+    errors: list[float]
+    reports: list[str]
+
+    @property
+    def messages_sent(self) -> int:
+        """How many of the protocol's messages were on the bus at least once."""
+        return sum(1 for count in self.frames.values() if count)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return everything as plain data."""
+        return asdict(self) | {"messages_sent": self.messages_sent}
+
+
+class Traffic:
+    """Counts the frames on a bus."""
+
+    def __init__(self, protocol: Protocol) -> None:
+        self._protocol = protocol
+        self._counts: Counter[str] = Counter()
+        self._others: Counter[str] = Counter()
+        self._services = services(())
+        self._bits = 0
+
+    def count(self, frame: Frame) -> None:
+        """Take in one frame."""
+        self._bits += frame_bits(frame)
+        try:
+            self._counts[self._protocol.binding_of(frame.cob_id).name] += 1
+        except UnknownIdentifier:
+            self._others[self._service(frame)] += 1
+
+    def _service(self, frame: Frame) -> str:
+        """Name a frame that is none of the protocol's messages."""
+        service = self._services.get(frame.cob_id)
+        if service is None:
+            return "Other"
+        return "Boot-up" if service.name == "Heartbeat" and frame.data == bytes([BOOT_UP]) else service.name
+
+    def summary(self, seconds: float, bitrate: int, errors: list[float], reports: list[str]) -> Summary:
+        """Return what was counted in `seconds`."""
+        frames = {name: self._counts[name] for name in self._protocol.names()}
+        load = self._bits / bitrate / seconds if seconds else 0.0
+        return Summary(seconds, bitrate, frames, dict(self._others), load, errors, reports)

@@ -1,0 +1,371 @@
+"""The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
+
+Rule of this file: what takes time is a flow that asks and waits; a stop goes out at once, whatever is going on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from enum import Enum
+from typing import Any, ClassVar, NamedTuple, TypeVar
+
+from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Script
+from eurobot_od.device.node import Node
+from eurobot_od.device.store import Store
+from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    CheckNaviRequest,
+    CheckNaviResponse,
+    ConfederatePositionRequest,
+    ConfederatePositionResponse,
+    EmergencyShutdown,
+    EmergencyStop,
+    Enemy1PositionRequest,
+    Enemy1PositionResponse,
+    Enemy2PositionRequest,
+    Enemy2PositionResponse,
+    GotoConfirm,
+    GotoStateRequest,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    Message,
+    NaviPositionRequest,
+    NaviPositionResponse,
+    PositionResponse,
+    StartConfigurationConfirm,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, description, revision_in
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Route, TeamColour
+
+Result = TypeVar("Result")
+
+CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
+    ("drive", CheckDriveRequest(), CheckDriveResponse),
+    ("navigation", CheckNaviRequest(), CheckNaviResponse),
+)
+"""The nodes in the order in which they are checked (2014 robot: drive first)."""
+
+
+class Poll(NamedTuple):
+    """A position that is asked for periodically: the request, the setting with its offset, and when it is needed."""
+
+    request: Message
+    offset: str
+    needed: Callable[[StartConfigurationSet], bool]
+
+
+POLLS = (
+    Poll(NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
+    Poll(KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
+    Poll(ConfederatePositionRequest(), "Position polling.Confederate offset", lambda start: start.confederates >= 1),
+    Poll(Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1),
+    Poll(Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2),
+)
+
+
+class Outcome(Enum):
+    """How a goto ended."""
+
+    ARRIVED = "arrived"
+    NOT_POSSIBLE = "not possible"
+    BLOCKED = "blocked"
+    STOPPED = "stopped"
+    REPLACED = "replaced"
+
+
+FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
+
+
+class GotoReport(NamedTuple):
+    """What became of a goto; times in seconds from its first transmission, `confirmed` None if it never was."""
+
+    goto: GotoXY
+    outcome: Outcome
+    confirmed: float | None
+    ended: float
+
+
+class Sighting(NamedTuple):
+    """A position as it was received, and when, in seconds of the node's time."""
+
+    position: PositionResponse
+    time: float
+
+
+class _Ended(Exception):
+    """Thrown into a goto's flow to end it."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        self.outcome = outcome
+
+
+class Core(Node):
+    """The core node (document 2.1 to 2.3, 4.2.2, 5).
+
+    `positions` are the last sightings by response type; `configuration` the start configuration, None before the
+    first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration.
+    """
+
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+        super().__init__(dictionary, store=store)
+        self._flows: list[Flow[Any]] = []
+        self._forget()
+
+    def _forget(self) -> None:
+        self.configuration: StartConfigurationSet | None = None
+        self.positions: dict[type[PositionResponse], Sighting] = {}
+        self.shut_down = False
+        self._driving: Flow[GotoReport] | None = None
+        self._configuring: Flow[float] | None = None
+        self._stopped: Message | None = None
+        self._polling = 0
+
+    def reset(self) -> None:
+        """Give up what is going on and forget everything, as after power-on."""
+        for flow in list(self._flows):
+            flow.fail(StateError("the core was reset"), self.now)
+        super().reset()
+        self._forget()
+
+    # Calls
+
+    def check_nodes(self) -> Call[dict[str, float]]:
+        """Check drive, then navigation; the result is the seconds each took to answer (document 2.3).
+
+        NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
+        names a node that is loaded from the EDS of another dialect.
+        """
+        return self._run(self._check_nodes())
+
+    def configure_start(
+        self,
+        team_colour: TeamColour,
+        enemies: int = 0,
+        confederates: int = 0,
+        enemy_1_diameter: int = 0,
+        enemy_2_diameter: int = 0,
+    ) -> Call[float]:
+        """Set the start configuration; the result is the seconds until its confirm (document 2.3).
+
+        Diameters in cm, 0..50. The confirms of drive and navigation have one identifier: one of them is enough.
+        Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a newer
+        start configuration or an Emergency Shutdown comes before the confirm.
+        """
+        configuration = StartConfigurationSet(team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter)
+        self.device.transmit(configuration)
+        with self.guard:
+            self._end_configuring("replaced by a newer start configuration")
+            self._configuring = self._begin(self._configure(configuration))
+            return self._configuring.call
+
+    def goto(
+        self,
+        x: int,
+        y: int,
+        angle: int,
+        speed: int,
+        barriers: Barriers = Barriers(0),  # noqa: B008 (immutable)
+        direction: Direction = Direction.FORWARD,
+        route: Route = Route.PLANNED,
+    ) -> Call[GotoReport]:
+        """Send the drive to x, y (mm) and angle (degrees) at `speed` percent, and wait for its end (document 2.1).
+
+        A goto that is under way ends as REPLACED. Raises FieldError before anything is sent, StateError after an
+        Emergency Shutdown, NoAnswer if the drive does not confirm or does not say its state.
+        """
+        goto = GotoXY(x, y, angle, speed, barriers, direction, route)
+        self.device.transmit(goto)
+        if self.shut_down:
+            raise StateError("no goto after an emergency shutdown: configure the start first")
+        with self.guard:
+            self._end_driving(Outcome.REPLACED)
+            self._driving, self._stopped = self._begin(self._goto(goto)), None
+            return self._driving.call
+
+    def position(self) -> Call[KalmanPositionResponse]:
+        """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
+        return self._run(self._position())
+
+    def stop(self) -> None:
+        """Brake and forget the goto (document 2.1)."""
+        self._stop(StopDrive())
+
+    def emergency_stop(self, obstacle: Obstacle) -> None:
+        """Brake because of an obstacle (document 4.2.2 Obstacle)."""
+        self._stop(EmergencyStop(obstacle))
+
+    def emergency_shutdown(self) -> None:
+        """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
+        self._stop(EmergencyShutdown())
+        with self.guard:
+            self._end_configuring("emergency shutdown before the start configuration was confirmed")
+
+    def _run(self, script: Script[Result]) -> Call[Result]:
+        with self.guard:
+            return self._begin(script).call
+
+    def _begin(self, script: Script[Result]) -> Flow[Result]:
+        flow = Flow(script, self._timers, self._put, self._ended)
+        self._flows.append(flow)
+        self.soon(flow.start)
+        return flow
+
+    def _put(self, request: Message | Frame) -> None:
+        if isinstance(request, Frame):
+            self._out.append(request)
+        else:
+            self.offer(request)
+
+    def _ended(self, flow: Flow[Any]) -> None:
+        self._flows.remove(flow)
+        if flow is self._driving:
+            self._driving = None
+        if flow is self._configuring:
+            self._configuring = None
+
+    def _stop(self, stop: Message) -> None:
+        with self.guard:
+            self.send(stop)
+            self._stopped = stop
+            self.shut_down = self.shut_down or isinstance(stop, EmergencyShutdown)
+            self._end_driving(Outcome.STOPPED)
+
+    def _end_driving(self, outcome: Outcome) -> None:
+        if self._driving is not None:
+            self._driving.fail(_Ended(outcome), self.now)
+
+    def _end_configuring(self, why: str) -> None:
+        if self._configuring is not None:
+            self._configuring.fail(StateError(why), self.now)
+
+    # Flows
+
+    def _check_nodes(self) -> Script[dict[str, float]]:
+        took = {}
+        yield START
+        for node, request, answer in CHECKS:
+            asked = self.now
+            yield Ask(request, answer, self.seconds("Node check.Check wait"), self.setting("Node check.Check attempts"))
+            took[node] = self.now - asked
+        for node in took:
+            yield from self._compare(node)
+        return took
+
+    def _compare(self, node: str) -> Script[None]:
+        """Make sure that a node speaks our dialect, if it can be asked."""
+        channel = Channel.to(node, self.device)
+        if channel is None:
+            return
+        try:
+            answer = yield Ask(channel.ask(), channel.answer, self.seconds("Node check.Identity wait"), 1)
+        except NoAnswer:
+            return
+        theirs, ours = revision_in(answer), self.device.number(REVISION)
+        if theirs is not None and theirs != ours:
+            raise DialectMismatch(node, channel.node_id, description(node, theirs), description(self.name, ours))
+
+    def _configure(self, configuration: StartConfigurationSet) -> Script[float]:
+        asked: float = yield START
+        wait = self.seconds("Configuration handshake.Configuration confirm wait")
+        attempts = self.setting("Configuration handshake.Configuration transmissions")
+        yield Ask(configuration, StartConfigurationConfirm, wait, attempts)
+        self.configuration, self.shut_down = configuration, False
+        self._start_polling(self.now + self.seconds("Position polling.Start delay"))
+        return self.now - asked
+
+    def _goto(self, goto: GotoXY) -> Script[GotoReport]:
+        started, confirmed = self.now, None
+        try:
+            started = yield START
+            transmissions = self.setting("Goto handshake.Transmissions")
+            yield Ask(goto, GotoConfirm, self.seconds("Goto handshake.Confirm wait"), transmissions)
+            confirmed = self.now - started
+            outcome = yield from self._until_ended()
+        except _Ended as end:
+            outcome = end.outcome
+        return GotoReport(goto, outcome, confirmed, self.now - started)
+
+    def _until_ended(self) -> Script[Outcome]:
+        """Poll the drive's state until the goto has ended (document 2.1 State Request)."""
+        yield Pause(self.seconds("Goto handshake.First state request"))
+        wait, attempts = self.seconds("Goto handshake.State answer wait"), self.setting("Goto handshake.Transmissions")
+        while True:
+            state = yield Ask(GotoStateRequest(), GotoStateResponse, wait, attempts)
+            if state.time == 0:
+                return Outcome.ARRIVED
+            if state.time in FAULT_OUTCOME:
+                return FAULT_OUTCOME[state.time]
+            yield Pause(self.seconds("Goto handshake.State request period"))
+
+    def _position(self) -> Script[KalmanPositionResponse]:
+        yield START
+        wait, attempts = self.seconds("Goto handshake.State answer wait"), self.setting("Goto handshake.Transmissions")
+        answer: KalmanPositionResponse = yield Ask(KalmanPositionRequest(), KalmanPositionResponse, wait, attempts)
+        return answer
+
+    # Position polling
+
+    def _start_polling(self, start: float) -> None:
+        """Ask for positions from `start` on; each request keeps to its own times, however late the node runs."""
+        self._polling += 1
+        series, configuration = self._polling, self.configuration
+        for poll in POLLS:
+            if configuration is not None and poll.needed(configuration):
+                self._poll_at(poll, start + self.seconds(poll.offset), series)
+
+    def _poll_at(self, poll: Poll, time: float, series: int) -> None:
+        def ask(now: float) -> None:
+            if series == self._polling:
+                self.offer(poll.request)
+                self._poll_at(poll, now + self.seconds("Position polling.Polling period"), series)
+
+        self.at(time, ask)
+
+    # Messages
+
+    def _act(self, message: Message) -> None:
+        super()._act(message)
+        self._heard(message)
+
+    def answered(self, frame: Frame) -> None:
+        """Pass an SDO answer to the flow that waits for it."""
+        self._heard(frame)
+
+    def _heard(self, answer: Message | Frame) -> None:
+        for flow in list(self._flows):
+            flow.heard(answer, self.now)
+
+    def _confirmed(self, _: GotoConfirm) -> Message | None:
+        """Stop again if a goto is confirmed after the stop: the more urgent stop can overtake it on the bus."""
+        return self._stopped
+
+    def _configured(self, _: StartConfigurationConfirm) -> Message | None:
+        """Shut down again if a start configuration from before the shutdown is confirmed after it."""
+        return EmergencyShutdown() if self.shut_down and self._configuring is None else None
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Stop the drive: a robot with a silent node does not go on."""
+        with suppress(StateError):  # a master has taken the TPDO away
+            self._stop(StopDrive())
+
+    def _saw(self, position: PositionResponse) -> None:
+        self.positions[type(position)] = Sighting(position, self.now)
+
+    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
+        GotoConfirm: _confirmed,
+        StartConfigurationConfirm: _configured,
+        NaviPositionResponse: _saw,
+        KalmanPositionResponse: _saw,
+        Enemy1PositionResponse: _saw,
+        Enemy2PositionResponse: _saw,
+        ConfederatePositionResponse: _saw,
+    }

@@ -1,0 +1,242 @@
+"""The drive node: one goto at a time, the newest wins; it moves the robot and estimates where it is.
+
+Rule of this file: the wheels move only while there is a motion, and a stop replaces whatever motion there is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, TypeAlias
+
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.node import Node
+from eurobot_od.device.store import Store
+from eurobot_od.device.timers import Timer
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.kinds import Remaining
+from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    EmergencyShutdown,
+    EmergencyStop,
+    GotoConfirm,
+    GotoStateRequest,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    Message,
+    NaviPositionResponse,
+    StartConfigurationConfirm,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.nodes.estimate import Estimate
+from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Limits, Motion, Odometry
+from eurobot_od.robot.nodes.route import Clearances, find_route
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, OutOfRange, Passage, Route, Source
+
+Stop: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
+
+FOLLOWED = 0.1
+"""Share of what they are told that wheels do at least, unless they are blocked."""
+
+
+class Drive(Node):
+    """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
+
+    `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, whose
+    obstacle is the reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
+    """
+
+    def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None, *, store: Store | None = None) -> None:
+        super().__init__(dictionary, store=store)
+        self.chassis: Chassis = chassis or IdealChassis()
+        self._forget()
+
+    def _forget(self) -> None:
+        self.configuration: StartConfigurationSet | None = None
+        self.estimate = Estimate()
+        self.goto: GotoXY | None = None
+        self.fault: GotoFault | None = None
+        self.stopped_by: Stop | None = None
+        self.safe = False
+        self._stuck = 0.0
+        self._motion: Motion | Braking | None = None
+        self._control: Timer | None = None
+
+    def reset(self) -> None:
+        """Stop at once and forget everything, as after power-on."""
+        super().reset()
+        self.chassis.advance(AT_REST, 0.0)
+        self._forget()
+
+    @property
+    def obstacle(self) -> Obstacle | OutOfRange | None:
+        """The obstacle that the last Emergency Stop was sent for; None if the last stop was another one."""
+        return self.stopped_by.obstacle if isinstance(self.stopped_by, EmergencyStop) else None
+
+    @property
+    def moving(self) -> bool:
+        """Whether the wheels are told to move."""
+        return self._control is not None
+
+    # Goto
+
+    def _accept(self, goto: GotoXY) -> Message | None:
+        """Take over a goto; the one before is dropped (document 2.1)."""
+        if self.safe:
+            return None
+        self.goto, self.stopped_by = goto, None
+        self._forget_obstruction()
+        way = self._way(goto)
+        self.fault = None if way else GotoFault.NOT_POSSIBLE
+        if way is None:
+            self._brake()
+        else:
+            backward = goto.direction is Direction.BACKWARD
+            self._move(Motion(self._limits(), way, goto.angle, goto.speed, backward, self._rolling))
+        return GotoConfirm()
+
+    def _way(self, goto: GotoXY) -> tuple[Point, ...] | None:
+        """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
+        if self.estimate.pose is None:
+            return None
+        start, goal = self.estimate.pose.point, Point(goto.x, goto.y)
+        if goto.route is Route.PLANNED:
+            return find_route(start, goal, goto.barriers, self._clearances())
+        forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
+        direct = find_route(start, goal, Barriers.of(forced), self._clearances())
+        return direct if direct == (goal,) else None
+
+    def _limits(self) -> Limits:
+        return Limits(
+            maximum_speed=self.setting("Motion.Maximum speed"),
+            acceleration=self.setting("Motion.Acceleration"),
+            braking=self.setting("Motion.Braking"),
+            turn_rate=self.setting("Motion.Turn rate"),
+            turn_acceleration=self.setting("Motion.Turn acceleration"),
+            position_tolerance=self.setting("Arrival.Position tolerance"),
+            angle_tolerance=self.setting("Arrival.Angle tolerance"),
+        )
+
+    def _clearances(self) -> Clearances:
+        return Clearances(
+            fire=self.setting("Clearance.Fire clearance"),
+            pool=self.setting("Clearance.Pool clearance"),
+            edge=self.setting("Clearance.Edge clearance"),
+        )
+
+    def remaining(self) -> int | GotoFault | None:
+        """Return a goto's remaining time in ms: 0 arrived, None unknown or no goto, or why there is none."""
+        if self.fault is not None:
+            return self.fault
+        if not isinstance(self._motion, Motion) or self.estimate.pose is None:
+            return None
+        seconds = self._motion.remaining(self.estimate.pose)
+        if self._motion.arrived or not math.isfinite(seconds):
+            return 0 if self._motion.arrived else None
+        return min(max(round(seconds * 1000), 1), Remaining.UNKNOWN - 1)
+
+    # Stops
+
+    def _stop(self, stop: Stop) -> None:
+        """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1)."""
+        self.goto, self.fault, self.stopped_by = None, None, stop
+        self._forget_obstruction()
+        self._brake()
+
+    def _shut_down(self, shutdown: EmergencyShutdown) -> None:
+        """Stop and hold the safe state (document 4.2.2 Emergency mushroom)."""
+        self._stop(shutdown)
+        self.safe = True
+        self.raise_error(ErrorCode.EMERGENCY_SHUTDOWN, EmergencyShutdown)
+
+    def halted(self) -> None:
+        """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
+        self._stop(StopDrive())
+
+    # Motion
+
+    @property
+    def _rolling(self) -> Command:
+        return self._motion.command if self._motion else AT_REST
+
+    def _brake(self) -> None:
+        self._move(Braking(self._limits(), self._rolling))
+
+    def _move(self, motion: Motion | Braking) -> None:
+        self._motion = motion
+        if self._control is None:
+            self._control = self.at(self.now, self._step)
+
+    def _step(self, now: float) -> None:
+        """Do one control step: ask the motion, tell the wheels, follow what they did."""
+        motion, pose = self._motion, self.estimate.pose
+        dt = self.seconds("Motion.Control period")
+        command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
+        rolled = self.chassis.advance(command, dt)
+        self.estimate.moved(rolled)
+        if isinstance(motion, Motion):
+            self._watch_wheels(command, rolled, dt)
+        done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
+        self._control = None if done else self.at(now + dt, self._step)
+
+    def _watch_wheels(self, command: Command, rolled: Odometry, dt: float) -> None:
+        """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
+        self._stuck = 0.0 if _followed(command, rolled, dt) else self._stuck + dt
+        if self._stuck >= self.seconds("Motion.Blocked time"):
+            self.fault = GotoFault.BLOCKED
+            self.raise_error(ErrorCode.DRIVE_BLOCKED, GotoFault.BLOCKED)
+            self._brake()
+
+    def _forget_obstruction(self) -> None:
+        self._stuck = 0.0
+        self.clear_error(GotoFault.BLOCKED)
+
+    # Position
+
+    def _correct(self, position: NaviPositionResponse) -> None:
+        """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
+        if position.x is None or position.y is None:
+            return
+        weight = self.setting("Estimate.Navigation weight") / 100
+        outlier = self.setting("Estimate.Outlier distance")
+        self.estimate.corrected(position.x, position.y, position.angle, weight, outlier)
+
+    def _position(self) -> KalmanPositionResponse:
+        pose = self.estimate.pose
+        if pose is None:
+            return KalmanPositionResponse(None, None, None, Source.INTERNAL)
+        x, y = (round(min(max(value, 0), size)) for value, size in zip(pose.point, (WIDTH, HEIGHT)))
+        return KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
+
+    def _configure(self, configuration: StartConfigurationSet) -> Message:
+        """Start anew from the team's start place (document 2.3)."""
+        self.configuration, self.safe = configuration, False
+        self._stop(StopDrive())
+        self.stopped_by = None
+        self.estimate = Estimate(START_POSES[configuration.team_colour])
+        self.clear_error(EmergencyShutdown)
+        return StartConfigurationConfirm()
+
+    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
+        GotoXY: _accept,
+        StopDrive: _stop,
+        EmergencyStop: _stop,
+        EmergencyShutdown: _shut_down,
+        GotoStateRequest: lambda self, _: GotoStateResponse(self.remaining()),
+        KalmanPositionRequest: lambda self, _: self._position(),
+        NaviPositionResponse: _correct,
+        StartConfigurationSet: _configure,
+        CheckDriveRequest: lambda *_: CheckDriveResponse(),
+    }
+
+
+def _followed(command: Command, rolled: Odometry, dt: float) -> bool:
+    """Tell whether the wheels did something of what they were told."""
+    driven = abs(rolled.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
+    turned = abs(rolled.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
+    return driven or turned or command == AT_REST

@@ -1,0 +1,60 @@
+"""The drive's estimate of its own pose: dead reckoning from the wheels, corrected by navigation positions.
+
+Rule of this file: what is not known is None, never a guess; no clock, corrections count in the order they come.
+"""
+
+from __future__ import annotations
+
+from eurobot_od.robot.field import Point, Pose, normalise, turn
+from eurobot_od.robot.nodes.motion import Odometry
+
+PATIENCE = 5
+"""So many outliers in a row are refused; the next one is believed, so that a wrong start estimate recovers."""
+
+
+class Estimate:
+    """Where the drive believes the robot is.
+
+    Navigation positions are blended in with a fixed weight; the Kalman filter that the document names (4.2.2,
+    Navigation), which would weigh both sides by their deviations, is to take the place of that blend.
+    """
+
+    def __init__(self, pose: Pose | None = None) -> None:
+        self.pose = pose
+        """Place in mm and heading in degrees; None before the first pose or full position."""
+        self._refused = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a pose."""
+        return self.pose is not None
+
+    def moved(self, odometry: Odometry) -> None:
+        """Follow what the wheels report along an arc; without effect before the first pose."""
+        if self.pose is not None:
+            self.pose = self.pose.moved(*odometry)
+
+    def corrected(self, x: float, y: float, angle: float | None, weight: float, outlier: float) -> bool:
+        """Blend in a navigation position in mm and degrees; return False if it was refused.
+
+        `weight` 0..1 is the share of the new position, `outlier` the distance in mm from which on it is refused.
+        A position without a heading (`angle` None) leaves the heading as it is, and is refused as the first one:
+        dead reckoning needs both. A first position, and one that overrules the estimate, are taken whole.
+        """
+        if self.pose is None:
+            self.pose = None if angle is None else Pose(x, y, normalise(angle))
+            return self.known
+        outlying = self.pose.distance(Point(x, y)) > outlier
+        if outlying and self._refused < PATIENCE:
+            self._refused += 1
+            return False
+        self._refused = 0
+        new = Pose(x, y, self.pose.angle if angle is None else angle)
+        self.pose = _blend(self.pose, new, share=1.0 if outlying else weight)
+        return True
+
+
+def _blend(old: Pose, new: Pose, share: float) -> Pose:
+    """Go the `share` of the way from one pose to another; the heading goes the shorter way round."""
+    x, y = old.x + share * (new.x - old.x), old.y + share * (new.y - old.y)
+    return Pose(x, y, normalise(old.angle + share * turn(old.angle, new.angle)))

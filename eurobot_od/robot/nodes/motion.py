@@ -1,0 +1,372 @@
+"""The drive's motion: how a differential drive follows way points, brakes, and how long it still takes.
+
+Rule of this file: no clock and no true position. A control step takes the estimated pose and the length of the step,
+and returns what to tell the wheels; which phase follows which stands in one table.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from enum import Enum, auto
+from typing import NamedTuple, Protocol
+
+from eurobot_od.robot.field import Point, Pose, turn
+
+EXACTNESS = 0.25
+"""A movement ends within this share of its tolerance, so that later small corrections need no new one."""
+
+LOST = 30.0
+"""A way point this many degrees off the line of travel is not reached by steering: stop and aim again."""
+
+IN_LINE = 10.0
+"""A rolling robot whose way point is within this many degrees needs no stop to aim."""
+
+PASSED = 25.0
+"""A way point before the last counts as passed within this distance, mm."""
+
+CORRECTION = 50.0
+"""A leg shorter than this is a correction: driven nose or tail first, whichever needs less turning, mm."""
+
+STEERED = 20.0
+"""A way point nearer than this is not steered at any more: its bearing changes faster than a robot turns, mm."""
+
+
+# What the wheels are told and what they do
+
+
+class Command(NamedTuple):
+    """What the wheels are told until the next step: mm/s, negative tail first; deg/s, counter-clockwise positive."""
+
+    speed: float
+    turn: float
+
+
+AT_REST = Command(0.0, 0.0)
+
+
+class Odometry(NamedTuple):
+    """What the wheels report of a step: mm driven, negative tail first; degrees turned, counter-clockwise positive."""
+
+    distance: float
+    turn: float
+
+
+class Chassis(Protocol):
+    """The wheels, real or not."""
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        """Obey `command` for `dt` seconds and report what the wheels measured."""
+
+
+class IdealChassis:
+    """Wheels that do exactly what they are told; the default where there is no hardware."""
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        """Return the commanded movement as the measured one."""
+        return Odometry(command.speed * dt, command.turn * dt)
+
+
+# How fast a movement may be, straight or turning
+
+
+class Profile(NamedTuple):
+    """A trapezoidal movement: `top` rate, how fast it may rise and fall, and how exactly it has to end.
+
+    Units are those of the axis: mm, mm/s and mm/s2, or degrees, deg/s and deg/s2.
+    """
+
+    top: float
+    rise: float
+    fall: float
+    tolerance: float
+
+    def next_rate(self, rate: float, left: float, dt: float) -> float:
+        """Return the rate for the next `dt` seconds so that `left` is covered soonest and without overshoot."""
+        wanted = math.copysign(min(self.top, self._stoppable(abs(left), dt)), left)
+        speeding_up = rate * wanted >= 0 and abs(wanted) > abs(rate)
+        return _towards(rate, wanted, (self.rise if speeding_up else self.fall) * dt)
+
+    def _stoppable(self, left: float, dt: float) -> float:
+        """Return the highest rate for a step of `dt` after which braking still stops within `left`."""
+        return self.fall * (math.sqrt(dt * dt + 2 * left / self.fall) - dt)
+
+    def slower(self, rate: float, dt: float) -> float:
+        """Return the rate after `dt` seconds of braking."""
+        return _towards(rate, 0.0, self.fall * dt)
+
+    def over(self, rate: float, left: float, dt: float) -> bool:
+        """Tell whether the movement may end now: near enough, and slow enough to stop within a step."""
+        return abs(left) <= self.tolerance * EXACTNESS and abs(rate) <= self.fall * dt
+
+    def seconds(self, left: float, rate: float = 0.0) -> float:
+        """Return the time to cover `left` and stop, starting at `rate`; infinite if the top rate is 0."""
+        ahead, rate = abs(left), math.copysign(rate, rate * left)
+        in_time = rate > 0 and rate * rate <= 2 * self.fall * ahead
+        kept = min(rate, self.top) if in_time else 0.0  # what is too fast, or the wrong way, is braked first
+        slowing = (rate * abs(rate) - kept * kept) / (2 * self.fall)
+        return abs(rate - kept) / self.fall + self._seconds_ahead(abs(ahead - slowing), kept)
+
+    def _seconds_ahead(self, left: float, rate: float) -> float:
+        """Return the time to cover `left` from a `rate` that is within the top and can stop in time."""
+        if not left:
+            return 0.0
+        if not self.top:
+            return math.inf
+        peak = min(math.sqrt(self.fall * (2 * self.rise * left + rate * rate) / (self.rise + self.fall)), self.top)
+        ramps = (peak * peak - rate * rate) / (2 * self.rise) + peak * peak / (2 * self.fall)
+        return (peak - rate) / self.rise + peak / self.fall + (left - ramps) / peak
+
+
+def _towards(rate: float, wanted: float, change: float) -> float:
+    """Move `rate` towards `wanted` by at most `change`."""
+    return rate + min(max(wanted - rate, -change), change)
+
+
+class Limits(NamedTuple):
+    """What the robot can do and how exact it has to be; all values positive.
+
+    `maximum_speed` in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
+    deg/s2, `position_tolerance` in mm, `angle_tolerance` in degrees (document Table 1: 5 mm and 1 degree).
+    """
+
+    maximum_speed: float
+    acceleration: float
+    braking: float
+    turn_rate: float
+    turn_acceleration: float
+    position_tolerance: float
+    angle_tolerance: float
+
+    def straight(self, share: float = 1.0) -> Profile:
+        """Return how the robot drives at a `share` 0..1 of its maximum speed."""
+        return Profile(self.maximum_speed * share, self.acceleration, self.braking, self.position_tolerance)
+
+    def turning(self, share: float = 1.0) -> Profile:
+        """Return how the robot turns at a `share` 0..1 of its turn rate."""
+        return Profile(self.turn_rate * share, self.turn_acceleration, self.turn_acceleration, self.angle_tolerance)
+
+
+# A goto
+
+
+class Phase(Enum):
+    """What a motion is doing."""
+
+    AIM = auto()
+    DRIVE = auto()
+    FACE = auto()
+    ARRIVED = auto()
+
+
+class View(NamedTuple):
+    """A way point as seen from the robot, looking where it is to drive.
+
+    `sense` is 1 nose first, -1 tail first; `distance` in mm; `error` in degrees is the turn until the way point is
+    straight ahead.
+    """
+
+    sense: int
+    distance: float
+    error: float
+
+    @property
+    def ahead(self) -> float:
+        """How far the way point is along the line of travel, mm; negative behind."""
+        return self.distance * math.cos(math.radians(self.error))
+
+    @property
+    def aside(self) -> float:
+        """How far the way point is off the line of travel, mm."""
+        return self.distance * abs(math.sin(math.radians(self.error)))
+
+    @property
+    def steer(self) -> float:
+        """The turn that puts the way point on the line of travel, ahead or behind: degrees in [-90, 90)."""
+        return (self.error + 90.0) % 180.0 - 90.0 if self.distance > STEERED else 0.0
+
+
+class Motion:
+    """One goto: aim at a way point, drive there, aim at the next, at last turn to the final angle.
+
+    `way_points` in mm without the start, the last one being the goal; `final_angle` in degrees; `speed_percent`
+    0..100 of the limits' speed and turn rate, 0 does not move; `backward` drives tail first; `rolling` is what the
+    wheels were told before, so that a new goto takes over a moving robot. The pose may be corrected at any time:
+    what steering cannot remove is aimed at and driven again.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        way_points: Sequence[Point],
+        final_angle: float,
+        speed_percent: float,
+        backward: bool = False,
+        rolling: Command = AT_REST,
+    ) -> None:
+        share = speed_percent / 100.0
+        self._straight = limits.straight(share)
+        self._turning = limits.turning(share)
+        self._points = tuple(way_points)
+        self._final_angle = final_angle
+        self._backward = backward
+        self._phase = Phase.AIM
+        self.command = rolling
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot came to rest at the goal, within the tolerances."""
+        return self._phase is Phase.ARRIVED
+
+    def step(self, pose: Pose, dt: float) -> Command:
+        """Decide, from the estimated pose, what the wheels do for the next `dt` seconds."""
+        self._phase = _BEHAVIOUR[self._phase].following(self, pose, dt)
+        self.command = _BEHAVIOUR[self._phase].command(self, pose, dt)
+        return self.command
+
+    def remaining(self, pose: Pose) -> float:
+        """Estimate the seconds until arrival if nothing disturbs the robot: 0 if arrived, infinite at speed 0."""
+        return _BEHAVIOUR[self._phase].seconds(self, pose)
+
+    # What is where
+
+    def _look(self, pose: Pose, point: Point) -> View:
+        distance, error = pose.distance(point), turn(pose.angle, pose.bearing(point))
+        tail_first = abs(error) > 90.0 if distance < CORRECTION else self._backward
+        return View(-1, distance, turn(180.0, error)) if tail_first else View(1, distance, error)
+
+    def _view(self, pose: Pose) -> View:
+        return self._look(pose, self._points[0])
+
+    def _reach(self, point: Point) -> float:
+        """Return how near the robot has to come to a way point, mm."""
+        tolerance = self._straight.tolerance
+        return tolerance if point == self._points[-1] else max(tolerance, PASSED)
+
+    def _near(self, distance: float) -> bool:
+        """Tell whether a distance in mm to the present way point counts as there."""
+        return distance <= self._reach(self._points[0])
+
+    def _in_line(self, view: View) -> bool:
+        """Tell whether a rolling robot may roll on."""
+        return self.command.speed != 0.0 and abs(view.error) <= IN_LINE
+
+    def _final_turn(self, pose: Pose) -> float:
+        return turn(pose.angle, self._final_angle)
+
+    # Which phase comes next
+
+    def _after_aim(self, pose: Pose, dt: float) -> Phase:
+        view = self._view(pose)
+        if self.command.speed:
+            return Phase.DRIVE if self._in_line(view) else Phase.AIM
+        if self._near(view.distance):
+            return self._reached()
+        return Phase.DRIVE if self._turning.over(self.command.turn, view.error, dt) else Phase.AIM
+
+    def _after_drive(self, pose: Pose, dt: float) -> Phase:
+        view = self._view(pose)
+        missed = not self._near(view.aside)
+        if self._straight.over(self.command.speed, view.ahead, dt):
+            return Phase.AIM if missed else self._reached()
+        return Phase.AIM if missed and abs(view.steer) > LOST else Phase.DRIVE
+
+    def _after_face(self, pose: Pose, dt: float) -> Phase:
+        if not self._near(self._view(pose).distance):
+            return Phase.AIM
+        faced = self._turning.over(self.command.turn, self._final_turn(pose), dt)
+        return Phase.ARRIVED if faced and not self.command.speed else Phase.FACE
+
+    def _reached(self) -> Phase:
+        """Go on to the next way point; the last one stays, for corrections while turning to the final angle."""
+        if len(self._points) == 1:
+            return Phase.FACE
+        self._points = self._points[1:]
+        return Phase.AIM
+
+    # What the wheels do
+
+    def _aim(self, pose: Pose, dt: float) -> Command:
+        return self._pivot(self._view(pose).error, dt)
+
+    def _face(self, pose: Pose, dt: float) -> Command:
+        return self._pivot(self._final_turn(pose), dt)
+
+    def _pivot(self, left: float, dt: float) -> Command:
+        """Stop first, then turn on the spot."""
+        if speed := self._straight.slower(self.command.speed, dt):
+            return Command(speed, self._turning.slower(self.command.turn, dt))
+        return Command(0.0, self._turning.next_rate(self.command.turn, left, dt))
+
+    def _drive(self, pose: Pose, dt: float) -> Command:
+        view = self._view(pose)
+        speed = self._straight.next_rate(view.sense * self.command.speed, view.ahead, dt)
+        return Command(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
+
+    # How long it takes
+
+    def _seconds_to_aim(self, pose: Pose) -> float:
+        if self._in_line(self._view(pose)):
+            return self._seconds_to_drive(pose)
+        speed, rate = self.command
+        stopping = abs(speed) / self._straight.fall
+        return stopping + self._seconds_along(self._points, pose.moved(speed * stopping / 2, 0.0), rate)
+
+    def _seconds_to_drive(self, pose: Pose) -> float:
+        view = self._view(pose)
+        there = Pose(*self._points[0], pose.angle + view.steer)
+        driving = self._straight.seconds(view.ahead, view.sense * self.command.speed)
+        return driving + self._seconds_along(self._points[1:], there)
+
+    def _seconds_to_face(self, pose: Pose) -> float:
+        return self._seconds_along((), pose, self.command.turn)
+
+    def _seconds_along(self, points: Sequence[Point], pose: Pose, rate: float = 0.0) -> float:
+        """Add up the legs from a `pose` where the robot stands, turning at `rate`, and the final turn."""
+        total = 0.0
+        for point in points:
+            view = self._look(pose, point)
+            if view.distance > self._reach(point):
+                total += self._turning.seconds(view.error, rate) + self._straight.seconds(view.distance)
+                pose, rate = Pose(*point, pose.angle + view.error), 0.0
+        return total + self._turning.seconds(self._final_turn(pose), rate)
+
+
+class Behaviour(NamedTuple):
+    """What a phase does: which phase follows, what the wheels do, and the seconds until arrival."""
+
+    following: Callable[[Motion, Pose, float], Phase]
+    command: Callable[[Motion, Pose, float], Command]
+    seconds: Callable[[Motion, Pose], float]
+
+
+_BEHAVIOUR = {
+    Phase.AIM: Behaviour(Motion._after_aim, Motion._aim, Motion._seconds_to_aim),
+    Phase.DRIVE: Behaviour(Motion._after_drive, Motion._drive, Motion._seconds_to_drive),
+    Phase.FACE: Behaviour(Motion._after_face, Motion._face, Motion._seconds_to_face),
+    Phase.ARRIVED: Behaviour(lambda *_: Phase.ARRIVED, lambda *_: AT_REST, lambda *_: 0.0),
+}
+
+
+# A stop
+
+
+class Braking:
+    """The defined braking after a stop (document 2.1): from what the wheels were told to rest, going straight on."""
+
+    def __init__(self, limits: Limits, rolling: Command) -> None:
+        self._straight = limits.straight()
+        self._turning = limits.turning()
+        self.command = rolling
+
+    @property
+    def finished(self) -> bool:
+        """Whether the robot is at rest."""
+        return self.command == AT_REST
+
+    def step(self, _pose: Pose, dt: float) -> Command:
+        """Decide what the wheels do for the next `dt` seconds; the pose does not matter."""
+        self.command = Command(
+            self._straight.slower(self.command.speed, dt), self._turning.slower(self.command.turn, dt)
+        )
+        return self.command

@@ -1,0 +1,123 @@
+"""The navigation node: says where our robot, the enemies and the confederate are, when it is asked.
+
+Rule of this file: what the beacons do not see is unknown, never the last place they saw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.node import Node
+from eurobot_od.device.store import Store
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.field import HEIGHT, WIDTH
+from eurobot_od.robot.messages import (
+    CheckNaviRequest,
+    CheckNaviResponse,
+    ConfederatePositionRequest,
+    ConfederatePositionResponse,
+    EmergencyShutdown,
+    Enemy1PositionRequest,
+    Enemy1PositionResponse,
+    Enemy2PositionRequest,
+    Enemy2PositionResponse,
+    Message,
+    NaviPositionRequest,
+    NaviPositionResponse,
+    PositionResponse,
+    StartConfigurationConfirm,
+    StartConfigurationSet,
+)
+from eurobot_od.robot.values import Source
+
+AMBIGUOUS = 255
+"""x = y = 255 mm with an unknown angle reads "position unknown" (document Table 2); such a place is sent 1 mm off."""
+
+
+class Fix(NamedTuple):
+    """A measured place in mm and a heading in degrees, None if that cannot be measured."""
+
+    x: float
+    y: float
+    angle: float | None = None
+
+
+class Beacons(Protocol):
+    """The sensors of the navigation, real or not."""
+
+    def locate(self, whom: Source, now: float) -> Fix | None:
+        """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
+
+
+class NoBeacons:
+    """No sensors: everything is unknown."""
+
+    def locate(self, _whom: Source, _now: float) -> Fix | None:
+        """See nothing."""
+        return None
+
+
+class Navigation(Node):
+    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors.
+
+    `configuration` is the start configuration, None before the first. After an Emergency Shutdown `safe` is True
+    until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
+    """
+
+    def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
+        super().__init__(dictionary, store=store)
+        self.beacons: Beacons = beacons or NoBeacons()
+        self.configuration: StartConfigurationSet | None = None
+        self.safe = False
+
+    def deviations(self) -> tuple[float, float]:
+        """Return the standard deviations of simulated beacons by the Noise settings: mm and degrees."""
+        return self.setting("Noise.Position deviation"), self.setting("Noise.Angle deviation")
+
+    def reset(self) -> None:
+        """Forget the start configuration."""
+        super().reset()
+        self.configuration, self.safe = None, False
+
+    def _configure(self, configuration: StartConfigurationSet) -> Message:
+        self.configuration, self.safe = configuration, False
+        self.clear_error(EmergencyShutdown)
+        return StartConfigurationConfirm()
+
+    def _shut_down(self, _: EmergencyShutdown) -> None:
+        self.safe = True
+        self.raise_error(ErrorCode.EMERGENCY_SHUTDOWN, EmergencyShutdown)
+
+    def _present(self, whom: Source) -> bool:
+        """Whether the start configuration says that there is such a robot; before it, anyone may be there."""
+        if self.configuration is None:
+            return True
+        start = self.configuration
+        present = {
+            Source.INTERNAL: True,
+            Source.ENEMY_1: start.enemies >= 1,
+            Source.ENEMY_2: start.enemies >= 2,
+            Source.CONFEDERATE: start.confederates >= 1,
+        }
+        return present[whom]
+
+    def _position(self, response: type[PositionResponse], whom: Source) -> PositionResponse:
+        fix = self.beacons.locate(whom, self.now) if self._present(whom) else None
+        if fix is None or not (0 <= fix.x <= WIDTH and 0 <= fix.y <= HEIGHT):
+            return response(None, None, None, whom)
+        x, y = round(fix.x), round(fix.y)
+        if fix.angle is None:
+            return response(x + (x == y == AMBIGUOUS), y, None, whom)
+        return response(x, y, round(fix.angle) % 360, whom)
+
+    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
+        CheckNaviRequest: lambda *_: CheckNaviResponse(),
+        StartConfigurationSet: _configure,
+        EmergencyShutdown: _shut_down,
+        NaviPositionRequest: lambda self, _: self._position(NaviPositionResponse, Source.INTERNAL),
+        Enemy1PositionRequest: lambda self, _: self._position(Enemy1PositionResponse, Source.ENEMY_1),
+        Enemy2PositionRequest: lambda self, _: self._position(Enemy2PositionResponse, Source.ENEMY_2),
+        ConfederatePositionRequest: lambda self, _: self._position(ConfederatePositionResponse, Source.CONFEDERATE),
+    }

@@ -1,0 +1,125 @@
+"""The drive's way round barriers: from a start and a goal to the way points of a shortest way.
+
+Rule of this file: a pure function of the field. A barrier is a disc that a straight leg either misses or pays a toll
+for; one search for the cheapest way then holds for free, normal and forced barriers alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from heapq import heappop, heappush
+from typing import NamedTuple
+
+from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point
+from eurobot_od.robot.values import Barriers, Passage
+
+TOLLS = {
+    Passage.NORMAL: 100_000.0,
+    Passage.FORCED: math.inf,
+}
+"""What crossing a barrier costs, mm: more than the longest way round for a normal one, never for a forced one."""
+
+CORNERS = 8
+"""Corners of the polygon around a disc: 8 turns its flat sides to its neighbours, so that narrow gaps stay open."""
+
+SLACK = 1.0
+"""How far the polygon stays off its disc, mm, so that a leg along its side misses the disc."""
+
+ROUNDING = 1e-6
+"""How deep in mm a point must lie in a disc to count as inside."""
+
+
+class Clearances(NamedTuple):
+    """How far the robot's centre stays away, mm: from the centre of a fire and of a pool, and from the field's edge."""
+
+    fire: float
+    pool: float
+    edge: float
+
+    def around(self, kind: BarrierKind) -> float:
+        """Tell the radius of the disc to avoid around a barrier of this kind, mm."""
+        return self.fire if kind is BarrierKind.FIRE else self.pool
+
+
+class Disc(NamedTuple):
+    """A place to stay out of, mm, and what a leg through it costs, mm."""
+
+    centre: Point
+    radius: float
+    toll: float
+
+    def contains(self, point: Point) -> bool:
+        """Tell whether `point` is inside; on the edge is outside."""
+        return math.dist(self.centre, point) < self.radius - ROUNDING
+
+    def meets(self, start: Point, end: Point) -> bool:
+        """Tell whether the straight leg from `start` to `end` has a point inside."""
+        (start_x, start_y), (end_x, end_y), (x, y) = start, end, self.centre
+        dx, dy = end_x - start_x, end_y - start_y
+        along = (x - start_x) * dx + (y - start_y) * dy
+        share = min(max(along / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
+        return math.hypot(start_x + share * dx - x, start_y + share * dy - y) < self.radius - ROUNDING
+
+    def left_from(self, start: Point) -> Disc:
+        """Shrink the disc to the distance of a `start` inside it: the robot may leave, but come no nearer."""
+        return self._replace(radius=min(self.radius, math.dist(self.centre, start)))
+
+    def corners(self) -> Iterator[Point]:
+        """Yield the corners of the regular polygon around the disc."""
+        half = math.pi / CORNERS
+        reach = (self.radius + SLACK) / math.cos(half)
+        for number in range(CORNERS):
+            angle = (2 * number + 1) * half
+            yield Point(self.centre.x + reach * math.cos(angle), self.centre.y + reach * math.sin(angle))
+
+
+def find_route(start: Point, goal: Point, barriers: Barriers, clearances: Clearances) -> tuple[Point, ...] | None:
+    """Find the way points of a shortest way: without `start`, ending with `goal`; None if there is no way.
+
+    Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are
+    never crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced
+    disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge; start and
+    goal themselves may be nearer to it.
+    """
+    discs = [_disc(barrier, passage, clearances) for barrier, passage in _set_barriers(barriers)]
+    if any(disc.toll == math.inf for disc in discs if disc.contains(goal)):
+        return None
+    avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
+    corners = [corner for disc in avoided for corner in disc.corners() if _on_field(corner, clearances.edge)]
+    return _cheapest(start, goal, corners, avoided)
+
+
+def _set_barriers(barriers: Barriers) -> Iterator[tuple[Barrier, Passage]]:
+    return ((BARRIERS[number - 1], passage) for number, passage in barriers.set_barriers())
+
+
+def _disc(barrier: Barrier, passage: Passage, clearances: Clearances) -> Disc:
+    return Disc(Point(barrier.x, barrier.y), clearances.around(barrier.kind), TOLLS[passage])
+
+
+def _on_field(point: Point, edge: float) -> bool:
+    return edge <= point.x <= WIDTH - edge and edge <= point.y <= HEIGHT - edge
+
+
+def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
+    """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
+    frontier = [(math.dist(start, goal), 0.0, start, (goal,) if start == goal else ())]
+    settled = set()
+    while frontier:
+        _, cost, here, way = heappop(frontier)
+        if here == goal:
+            return way
+        if here in settled:
+            continue
+        settled.add(here)
+        for point in (goal, *corners):
+            further = cost + _price(here, point, discs)
+            if point not in settled and further < math.inf:
+                heappush(frontier, (further + math.dist(point, goal), further, point, (*way, point)))
+    return None
+
+
+def _price(start: Point, end: Point, discs: list[Disc]) -> float:
+    """Sum up a straight leg's length and the tolls of all discs it meets, mm."""
+    return math.dist(start, end) + sum(disc.toll for disc in discs if disc.meets(start, end))

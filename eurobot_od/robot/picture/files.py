@@ -1,0 +1,45 @@
+"""The picture of a match as a file: SVG, HTML or PNG by its suffix.
+
+Rule of this file: SVG and HTML need nothing but this package; PNG asks for the extra `png`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot.picture.page import page
+from eurobot_od.robot.picture.picture import PAGE, picture
+from eurobot_od.robot.picture.recording import Recording
+
+PNG_WIDTH = PAGE[0]
+"""Pixels: 360 to the inch on an A4 page."""
+
+
+def _png(recording: Recording, title: str) -> bytes:
+    try:
+        import resvg_py
+    except ImportError:
+        raise LocalError("a PNG needs the extra `png`: pip install 'eurobot-od[png]'") from None
+    return bytes(resvg_py.svg_to_bytes(svg_string=picture(recording, title), width=PNG_WIDTH))
+
+
+FORMATS: Mapping[str, Callable[[Recording, str], bytes]] = {
+    ".svg": lambda recording, title: picture(recording, title).encode(),
+    ".html": lambda recording, title: page(recording, title).encode(),
+    ".png": _png,
+}
+
+
+def form(file: Path) -> Callable[[Recording, str], bytes]:
+    """Return what makes the picture for a file's suffix; raises UnknownName for a suffix of no format."""
+    try:
+        return FORMATS[file.suffix.lower()]
+    except KeyError:
+        raise UnknownName("picture format", file.suffix or file.name, FORMATS) from None
+
+
+def save(recording: Recording, file: Path, title: str) -> None:
+    """Draw a match into a file; raises UnknownName for its suffix, LocalError for a PNG without the extra."""
+    file.write_bytes(form(file)(recording, title))

@@ -1,0 +1,228 @@
+"""The picture of a match: the field with everything that moved on it, a time line, a legend, tables.
+
+Rule of this file: it puts the parts together, each at its place on one page in landscape.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+from math import dist
+from typing import TypeVar
+
+from eurobot_od.robot.field import HEIGHT, WIDTH, Pose
+from eurobot_od.robot.messages import Message, PositionResponse
+from eurobot_od.robot.picture import style, svg
+from eurobot_od.robot.picture.ground import ground, place
+from eurobot_od.robot.picture.recording import Goto, Recording, Sighting, Stop, at, record
+from eurobot_od.robot.picture.tables import column, timeline
+
+PAGE = (4200, 2970)
+"""Width and height: the ratio of an A4 page in landscape."""
+
+FIELD, COLUMN, TIMELINE = (190, 300), (3330, 300), (190, 2470)
+"""Where the upper left corners of the three parts are."""
+
+ROBOT_RADIUS = 140
+"""Our robot as it is drawn at its last place, mm; the protocol does not say how large it is."""
+
+TICK = 10
+"""Seconds from one mark on the path to the next."""
+
+CLEAR = 120
+"""A mark on the path keeps this distance from gotos and stops, mm."""
+
+DISC, SIGN = 68, 78
+"""How far below its place the disc of a goto is, and how far above it the sign of a stop, mm."""
+
+THIN = 8
+"""Points of a path that are nearer to each other than this are drawn as one, mm."""
+
+SAME = 60
+"""Places in the same square of this size share one mark, mm."""
+
+BESIDE = 2 * style.MARK + 8
+"""Distance of discs and signs side by side, mm."""
+
+
+def field_picture(
+    events: Iterable[tuple[float, Message]], truth: Iterable[tuple[float, Pose]] = (), title: str = "Match"
+) -> str:
+    """Draw a match as SVG from its messages and their times in s.
+
+    `truth` are our robot's true poses by the same clock, if anybody knows them.
+    """
+    return picture(record(events, truth), title)
+
+
+def picture(recording: Recording, title: str) -> str:
+    """Draw a match as SVG."""
+    width, height = PAGE
+    return svg.element(
+        "svg",
+        svg.rectangle((0, 0), width, height, fill=style.PAPER),
+        *_heading(recording, title),
+        _at(FIELD, field_drawing(recording), id="field"),
+        _at(COLUMN, column(recording)),
+        _at(TIMELINE, timeline(recording)),
+        xmlns="http://www.w3.org/2000/svg",
+        viewBox=f"0 0 {width} {height}",
+        font_family=style.FONT,
+    )
+
+
+def _at(corner: svg.Point, *content: str, **attributes: object) -> str:
+    return svg.group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
+
+
+def _heading(recording: Recording, title: str) -> Iterator[str]:
+    yield style.label((FIELD[0], 130), title, size=84, anchor="start", weight="bold")
+    yield style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start")
+
+
+def _summary(recording: Recording) -> Iterator[str]:
+    start = recording.configuration
+    if recording.team is not None:
+        yield f"{recording.team.name.lower()} team"
+    if start is not None:
+        yield _several(start.enemies, "enemy", "enemies")
+        yield _several(start.confederates, "confederate", "confederates")
+    reached = sum(goto.ending.value == "arrived" for goto in recording.gotos)
+    yield f"{reached} of {_several(len(recording.gotos), 'goto', 'gotos')} reached"
+    yield _several(len(recording.stops), "stop", "stops")
+    yield f"{recording.end:.0f} s"
+
+
+def _several(number: int, one: str, many: str) -> str:
+    return f"{number} {one if number == 1 else many}"
+
+
+# The field
+
+
+def field_drawing(recording: Recording) -> str:
+    """Draw the field and what happened on it; one unit is one millimetre, the origin its upper left corner."""
+    return svg.group(
+        ground(recording.team, recording.passages),
+        *(_other(recording, whom) for whom in style.OTHERS if recording.paths.get(whom)),
+        *_path(recording.path, recording.end),
+        *_true_path(recording.truth),
+        *_robot(recording),
+        *_ticks(recording),
+        *_gotos(recording.gotos),
+        *_stops(recording.stops),
+    )
+
+
+def _points(path: Iterable[Sighting]) -> list[svg.Point]:
+    return [place(each.x, each.y) for each in path]
+
+
+def _path(path: list[Sighting], end: float) -> Iterator[str]:
+    """Draw the path in pieces, each in the colour of its time, on a light ground that sets it off."""
+    if len(path) > 1:
+        yield svg.polyline(_points(path), fill="none", stroke=style.PAPER, stroke_width=24, stroke_linejoin="round")
+    for one, two in pairwise(path):
+        colour = style.colour_at(two.time / end)
+        yield svg.line(*_points((one, two)), stroke=colour, stroke_width=13, stroke_linecap="round")
+
+
+def _true_path(path: list[Sighting]) -> Iterator[str]:
+    if path:
+        yield svg.polyline(_thinned(_points(path)), fill="none", stroke=style.TRUTH, stroke_width=3.5)
+
+
+def _thinned(points: Sequence[svg.Point]) -> Iterator[svg.Point]:
+    """Leave out points that nobody could tell from the one before."""
+    last = points[0]
+    yield last
+    for point in points:
+        if dist(last, point) >= THIN:
+            last = point
+            yield point
+
+
+def _ticks(recording: Recording) -> Iterator[str]:
+    """Mark the path every TICK seconds, but not under the marks of gotos and stops."""
+    taken = [place(each.message.x, each.message.y) for each in recording.gotos]
+    taken += [place(each.place.x, each.place.y + SIGN / 2) for each in recording.stops if each.place]
+    for time in range(TICK, int(recording.end) + 1, TICK):
+        where = at(recording.path, time)
+        if where is not None and all(dist(place(where.x, where.y), other) > CLEAR for other in taken):
+            centre = place(where.x, where.y)
+            taken.append(centre)
+            yield svg.circle(centre, 15, fill=style.PAPER, stroke=style.colour_at(time / recording.end), stroke_width=7)
+            yield style.halo((centre[0] + 28, centre[1] + 11), f"{time} s", anchor="start")
+
+
+def _other(recording: Recording, whom: type[PositionResponse]) -> str:
+    """Draw where another robot was seen, and itself where it was seen last."""
+    name, colour, dashes = style.OTHERS[whom]
+    path = recording.paths[whom]
+    last = place(path[-1].x, path[-1].y)
+    return svg.group(
+        svg.title(name),
+        svg.polyline(
+            _points(path), fill="none", stroke=colour, stroke_width=5, stroke_dasharray=dashes, stroke_opacity=0.55
+        ),
+        style.robot_mark(last, diameter(recording, whom) / 2, None, colour),
+        style.halo((last[0], last[1] + 10), name, fill=colour),
+    )
+
+
+def diameter(recording: Recording, whom: type[PositionResponse]) -> float:
+    """Return the diameter of another robot in mm: an enemy's from the start configuration, else our robot's."""
+    field = f"{style.OTHERS[whom][0].replace(' ', '_')}_diameter"
+    return 10 * getattr(recording.configuration, field, 0) or 2 * ROBOT_RADIUS
+
+
+def _gotos(gotos: Iterable[Goto]) -> Iterator[str]:
+    """Draw each place that gotos led to once, and below it a disc for each of them."""
+    for (x, y), here in _by_place((place(each.message.x, each.message.y), each) for each in gotos):
+        below = y - DISC if y > HEIGHT - CLEAR else y + DISC
+        yield style.target_mark((x, y), sorted({each.message.angle for each in here}))
+        for centre, goto in _side_by_side((x, below), here):
+            yield style.goto_mark(centre, goto.number, goto.ending, svg.title(_goto_words(goto)))
+
+
+def _goto_words(goto: Goto) -> str:
+    message = goto.message
+    where = f"{message.x}, {message.y} mm, {message.angle} deg, {message.speed} %"
+    return f"goto {goto.number} at {goto.sent:.1f} s: {where}, barriers {message.barriers}: {goto.ending.value}"
+
+
+def _stops(stops: Iterable[Stop]) -> Iterator[str]:
+    """Draw each place of stops as a dot, and above it a sign for each of them."""
+    for (x, y), here in _by_place((place(each.place.x, each.place.y), each) for each in stops if each.place):
+        above = y + SIGN if y < CLEAR else y - SIGN
+        yield svg.line((x, y), (x, above), stroke=style.STOP, stroke_width=5)
+        yield svg.circle((x, y), 13, fill=style.STOP, stroke=style.PAPER, stroke_width=4)
+        for centre, stop in _side_by_side((x, above), here):
+            words = f"{stop.letter}: {stop.name}, {stop.reason}, at {stop.time:.1f} s"
+            yield style.stop_mark(centre, stop.letter, svg.title(words))
+
+
+Placed = TypeVar("Placed")
+
+
+def _by_place(things: Iterable[tuple[svg.Point, Placed]]) -> Iterable[tuple[svg.Point, list[Placed]]]:
+    """Bring together what is at the same place; it is drawn where the first of them is."""
+    found: dict[tuple[int, int], tuple[svg.Point, list[Placed]]] = {}
+    for where, thing in things:
+        square = round(where[0] / SAME), round(where[1] / SAME)
+        found.setdefault(square, (where, []))[1].append(thing)
+    return found.values()
+
+
+def _side_by_side(middle: svg.Point, things: Sequence[Placed]) -> Iterator[tuple[svg.Point, Placed]]:
+    """Yield things with places in a row around `middle`, moved so that all are on the field."""
+    half = BESIDE * (len(things) - 1) / 2
+    x = min(max(middle[0], half + BESIDE), WIDTH - half - BESIDE)
+    for number, thing in enumerate(things):
+        yield (x - half + number * BESIDE, middle[1]), thing
+
+
+def _robot(recording: Recording) -> Iterator[str]:
+    if recording.path:
+        last = recording.path[-1]
+        yield style.robot_mark(place(last.x, last.y), ROBOT_RADIUS, last.angle, style.colour_of(recording.team))

@@ -1,0 +1,218 @@
+"""A match as its messages tell it: paths, gotos and how they ended, stops and why.
+
+Rule of this file: messages in their order, no frame and no drawing; what is out of range is not acted on here either.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Any, NamedTuple
+
+from eurobot_od.device.device import ALWAYS
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.messages import (
+    ConfederatePositionResponse,
+    EmergencyShutdown,
+    EmergencyStop,
+    Enemy1PositionResponse,
+    Enemy2PositionResponse,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    Message,
+    PositionResponse,
+    StartConfigurationSet,
+    StopDrive,
+    is_flagged,
+    kinds,
+)
+from eurobot_od.robot.values import GotoFault, Passage, TeamColour
+
+
+class Sighting(NamedTuple):
+    """A place at a time in s: x and y in mm, heading in degrees or None."""
+
+    time: float
+    x: float
+    y: float
+    angle: float | None
+
+
+class Ending(Enum):
+    """How a goto ended, as far as the messages say."""
+
+    ARRIVED = "arrived"
+    NOT_POSSIBLE = "not possible"
+    BLOCKED = "blocked"
+    STOPPED = "stopped"
+    REPLACED = "replaced"
+    OPEN = "under way"
+
+
+FAULTS = {GotoFault.NOT_POSSIBLE: Ending.NOT_POSSIBLE, GotoFault.BLOCKED: Ending.BLOCKED}
+
+
+@dataclass(frozen=True)
+class Goto:
+    """A goto with its number from 1, when it was sent first and when it ended, in s."""
+
+    number: int
+    sent: float
+    message: GotoXY
+    ended: float | None = None
+    ending: Ending = Ending.OPEN
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A stop: its letter (A, B, ...), time in s, name and reason, and where the robot was then, if that is known."""
+
+    letter: str
+    time: float
+    name: str
+    reason: str
+    urgent: bool
+    place: Sighting | None
+
+
+@dataclass
+class Recording:
+    """A match: everything with its time in s since the first message.
+
+    `paths` are the sightings by message type, `truth` the true poses of our robot, if anybody knows them.
+    """
+
+    configuration: StartConfigurationSet | None = None
+    paths: dict[type[PositionResponse], list[Sighting]] = field(default_factory=dict)
+    truth: list[Sighting] = field(default_factory=list)
+    gotos: list[Goto] = field(default_factory=list)
+    stops: list[Stop] = field(default_factory=list)
+    end: float = 0.0
+
+    @property
+    def path(self) -> list[Sighting]:
+        """The estimated path of our robot."""
+        return self.paths.get(KalmanPositionResponse, [])
+
+    @property
+    def team(self) -> TeamColour | None:
+        """Our colour, None if it was not said or makes no sense."""
+        colour = None if self.configuration is None else self.configuration.team_colour
+        return colour if isinstance(colour, TeamColour) else None
+
+    @property
+    def passages(self) -> Mapping[int, Passage]:
+        """The strongest passage that any goto asked for, by barrier number."""
+        found: dict[int, Passage] = {}
+        for goto in self.gotos:
+            for number, passage in goto.message.barriers.set_barriers():
+                found[number] = max(passage, found.get(number, Passage.FREE))
+        return found
+
+
+def record(events: Iterable[tuple[float, Message]], truth: Iterable[tuple[float, Pose]] = ()) -> Recording:
+    """Work out a match from its messages and their times in s; `truth` are true poses by the same clock."""
+    recorder = _Recorder()
+    for time, message in events:
+        recorder.take(time, message)
+    start = recorder.start or 0.0
+    recorder.recording.truth = [Sighting(time - start, *pose) for time, pose in truth]
+    return recorder.recording
+
+
+class _Recorder:
+    """Takes in one message after the other."""
+
+    def __init__(self) -> None:
+        self.recording = Recording()
+        self.start: float | None = None
+        self._running: Goto | None = None
+        self._standing: Message | None = None
+
+    def take(self, time: float, message: Message) -> None:
+        """Take in a message."""
+        self.start = time if self.start is None else self.start
+        now = self.recording.end = max(time - self.start, self.recording.end)
+        if is_flagged(message) and not isinstance(message, ALWAYS):
+            return
+        handle = HANDLERS.get(type(message))
+        if handle is not None:
+            handle(self, now, message)
+
+    def configure(self, _: float, configuration: StartConfigurationSet) -> None:
+        self.recording.configuration = configuration
+
+    def see(self, now: float, seen: PositionResponse) -> None:
+        if seen.x is not None and seen.y is not None:
+            path = self.recording.paths.setdefault(type(seen), [])
+            path.append(Sighting(now, seen.x, seen.y, seen.angle))
+
+    def goto(self, now: float, goto: GotoXY) -> None:
+        """A goto that is the one under way is a repetition: its confirm was lost."""
+        if self._running is not None and self._running.message == goto:
+            return
+        self._end(now, Ending.REPLACED)
+        self._running = Goto(len(self.recording.gotos) + 1, now, goto)
+        self._standing = None
+        self.recording.gotos.append(self._running)
+
+    def state(self, now: float, state: GotoStateResponse) -> None:
+        if state.time == 0:
+            self._end(now, Ending.ARRIVED)
+        elif isinstance(state.time, GotoFault):
+            self._end(now, FAULTS[state.time])
+
+    def stop(self, now: float, stop: EmergencyStop | StopDrive | EmergencyShutdown) -> None:
+        """The same stop once more while nothing was under way is a repetition."""
+        if stop == self._standing:
+            return
+        self._standing = stop
+        self._end(now, Ending.STOPPED)
+        place = at(self.recording.path, now)
+        self.recording.stops.append(
+            Stop(_letter(len(self.recording.stops)), now, *_named(stop), isinstance(stop, EmergencyShutdown), place)
+        )
+
+    def _end(self, now: float, ending: Ending) -> None:
+        if self._running is not None:
+            self.recording.gotos[-1] = replace(self._running, ended=now, ending=ending)
+            self._running = None
+
+
+HANDLERS: Mapping[type[Message], Callable[[_Recorder, float, Any], None]] = {
+    StartConfigurationSet: _Recorder.configure,
+    KalmanPositionResponse: _Recorder.see,
+    Enemy1PositionResponse: _Recorder.see,
+    Enemy2PositionResponse: _Recorder.see,
+    ConfederatePositionResponse: _Recorder.see,
+    GotoXY: _Recorder.goto,
+    GotoStateResponse: _Recorder.state,
+    EmergencyStop: _Recorder.stop,
+    StopDrive: _Recorder.stop,
+    EmergencyShutdown: _Recorder.stop,
+}
+
+
+def _named(stop: EmergencyStop | StopDrive | EmergencyShutdown) -> tuple[str, str]:
+    """Return name and reason of a stop."""
+    if isinstance(stop, EmergencyStop):
+        return "Emergency Stop", kinds(EmergencyStop)["obstacle"].text(stop.obstacle)
+    return ("Stop Drive", "commanded") if isinstance(stop, StopDrive) else ("Emergency Shutdown", "mushroom")
+
+
+def _letter(number: int) -> str:
+    """Return A, B, ..., Z, AA, AB, ... for 0, 1, ..."""
+    return (_letter(number // 26 - 1) if number >= 26 else "") + chr(ord("A") + number % 26)
+
+
+def at(path: list[Sighting], time: float) -> Sighting | None:
+    """Return where the robot was at a time: between two sightings on the straight line; None without any."""
+    after = bisect_right(path, time, key=lambda sighting: sighting.time)
+    if not path or after in (0, len(path)):
+        return (path[-1] if after else path[0]) if path else None
+    one, two = path[after - 1], path[after]
+    share = (time - one.time) / (two.time - one.time)
+    return Sighting(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)

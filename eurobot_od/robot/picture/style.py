@@ -1,0 +1,144 @@
+"""Colours, sizes and the marks of the picture.
+
+Rule of this file: one unit is one millimetre of the field. Everything can be told apart in print without colour, too:
+by shape, dashes or a label.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from eurobot_od.robot.messages import (
+    ConfederatePositionResponse,
+    Enemy1PositionResponse,
+    Enemy2PositionResponse,
+    PositionResponse,
+)
+from eurobot_od.robot.picture import svg
+from eurobot_od.robot.picture.recording import Ending
+from eurobot_od.robot.picture.svg import Point
+from eurobot_od.robot.values import Passage, TeamColour
+
+FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+TEXT, SMALL = 38, 31
+
+PAPER, SURFACE, GRID, INK, PALE = "#ffffff", "#fbfaf4", "#e6e3d8", "#22262b", "#6b7178"
+FIRE, POOL, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
+TEAM = {TeamColour.RED: "#d32f2f", TeamColour.YELLOW: "#f2b705"}
+
+OTHERS: Mapping[type[PositionResponse], tuple[str, str, str | None]] = {
+    Enemy1PositionResponse: ("enemy 1", "#8e24aa", None),
+    Enemy2PositionResponse: ("enemy 2", "#ad5a00", "26 12"),
+    ConfederatePositionResponse: ("confederate", "#2e7d32", "6 12"),
+}
+"""Name, colour and dashes of the other robots."""
+
+
+def colour_of(team: TeamColour | None) -> str:
+    """Return the colour of our robot."""
+    return INK if team is None else TEAM[team]
+
+
+PASSAGES = {Passage.NORMAL: ("barrier, normal", "18 14", 8), Passage.FORCED: ("barrier, forced", None, 14)}
+"""Name, dashes and width of the ring around a barrier that a goto asked for."""
+
+ENDINGS = {
+    Ending.ARRIVED: "#2e7d32",
+    Ending.STOPPED: STOP,
+    Ending.BLOCKED: STOP,
+    Ending.NOT_POSSIBLE: STOP,
+    Ending.REPLACED: "#78909c",
+    Ending.OPEN: "#78909c",
+}
+
+RAMP = ((0x7F, 0xCD, 0xEE), (0x2F, 0x8F, 0xD0), (0x34, 0x57, 0xA6), (0x2A, 0x1F, 0x6B))
+"""Colours of the time from start to end; they get darker, so that the order is seen in grey as well."""
+
+
+def colour_at(share: float) -> str:
+    """Return the colour of a moment, `share` 0..1 of the match."""
+    place = min(max(share, 0.0), 1.0) * (len(RAMP) - 1)
+    step = min(int(place), len(RAMP) - 2)
+    mixed = (round(a + (b - a) * (place - step)) for a, b in zip(RAMP[step], RAMP[step + 1]))
+    return "#" + "".join(f"{part:02x}" for part in mixed)
+
+
+# Marks
+
+MARK = 29
+"""Radius of the numbered discs and signs."""
+
+
+def around(centre: Point, radius: float, corners: int, turn: float = 0.0) -> list[Point]:
+    """Return the corners of a regular figure; `turn` in degrees, clockwise as one looks at it."""
+    steps = (math.radians(turn + 360.0 * each / corners) for each in range(corners))
+    return [(centre[0] + radius * math.cos(step), centre[1] + radius * math.sin(step)) for step in steps]
+
+
+def target_mark(centre: Point, angles: Iterable[float] = ()) -> str:
+    """Draw the place that a goto leads to, with a tip for each angle that the robot is to turn to."""
+    return svg.group(
+        *(_tip(centre, 30, angle) for angle in angles),
+        svg.circle(centre, 26, fill=PAPER, stroke=GOTO, stroke_width=7),
+        svg.circle(centre, 8, fill=GOTO),
+    )
+
+
+def _tip(centre: Point, radius: float, angle: float) -> str:
+    """Draw a tip on a circle in a direction of the unit circle."""
+    cos, sin = math.cos(math.radians(angle)), -math.sin(math.radians(angle))
+    tip = centre[0] + (radius + 38) * cos, centre[1] + (radius + 38) * sin
+    sides = [(centre[0] + radius * cos + s * 20 * sin, centre[1] + radius * sin - s * 20 * cos) for s in (1, -1)]
+    return svg.polygon([tip, *sides], fill=GOTO)
+
+
+def goto_mark(centre: Point, number: int, ending: Ending, *content: str) -> str:
+    """Draw a goto as a disc with its number, filled if it was reached."""
+    reached = ending is Ending.ARRIVED
+    return svg.group(
+        *content,
+        svg.circle(centre, MARK, fill=GOTO if reached else PAPER, stroke=GOTO, stroke_width=5),
+        label((centre[0], centre[1] + 11), str(number), fill=PAPER if reached else GOTO, size=SMALL, weight="bold"),
+    )
+
+
+def stop_mark(centre: Point, letter: str, *content: str) -> str:
+    """Draw a stop as a road sign with its letter."""
+    return svg.group(
+        *content,
+        svg.polygon(around(centre, MARK + 6, 8, 22.5), fill=STOP, stroke=PAPER, stroke_width=5),
+        label((centre[0], centre[1] + 11), letter, fill=PAPER, size=SMALL, weight="bold"),
+    )
+
+
+def robot_mark(centre: Point, radius: float, angle: float | None, colour: str, **attributes: object) -> str:
+    """Draw a robot as a disc with a line to its front."""
+    disc = svg.circle(centre, radius, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=8)
+    if angle is None:
+        return svg.group(disc, **attributes)
+    direction = math.radians(angle)
+    front = centre[0] + radius * math.cos(direction), centre[1] - radius * math.sin(direction)
+    return svg.group(disc, svg.line(centre, front, stroke=colour, stroke_width=12), **attributes)
+
+
+def label(
+    place: Point, words: str, fill: str = INK, size: float = TEXT, anchor: str = "middle", weight: str | None = None
+) -> str:
+    """Write a text, by default centred at its foot."""
+    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, font_weight=weight)
+
+
+def halo(place: Point, words: str, fill: str = INK, size: float = SMALL, anchor: str = "middle") -> str:
+    """Write a text that stays readable upon lines."""
+    return svg.text(
+        place,
+        words,
+        fill=fill,
+        font_size=size,
+        text_anchor=anchor,
+        stroke=PAPER,
+        stroke_width=10,
+        stroke_linejoin="round",
+        paint_order="stroke",
+    )

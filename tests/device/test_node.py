@@ -1,0 +1,262 @@
+"""What all nodes have in common: boot-up, NMT states, frames that are wrong, and when they want to be called."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.errors import StateError
+from eurobot_od.frame import Frame
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    CheckNaviRequest,
+    EmergencyShutdown,
+    EmergencyStop,
+    Enemy1PositionRequest,
+    GotoStateRequest,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    Message,
+    NaviPositionRequest,
+    NaviPositionResponse,
+    StartConfigurationConfirm,
+    StopDrive,
+)
+from eurobot_od.robot.nodes import ROLES, Core, Drive
+from eurobot_od.robot.values import Obstacle, Source
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
+
+CHECK = PROTOCOL.encode(CheckDriveRequest())
+ANSWER = PROTOCOL.encode(CheckDriveResponse())
+
+
+def drive() -> Drive:
+    """Return a drive that has just been switched on."""
+    node = Drive(DICTIONARIES["drive"])
+    node.start(0.0)
+    return node
+
+
+# Switching on
+
+
+@pytest.mark.parametrize(("role", "node_id"), [("core", 1), ("drive", 2), ("navigation", 3)])
+def test_a_node_boots_and_is_operational_by_itself(role: str, node_id: int) -> None:
+    node = ROLES[role](DICTIONARIES[role])
+    assert node.start(0.0) == [Frame(0x700 + node_id, b"\0")]
+    assert node.device.state is NmtState.OPERATIONAL
+
+
+def test_before_it_is_switched_on_a_node_hears_nothing() -> None:
+    assert Drive(DICTIONARIES["drive"]).receive(CHECK, 0.0) == []
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_heartbeats_come_every_second_however_late_the_node_is_called(role: str) -> None:
+    node = ROLES[role](DICTIONARIES[role])
+    node.start(0.0)
+    assert node.next_wakeup == 1.0
+    assert node.tick(0.999) == []
+    assert node.tick(1.3) == [Frame(0x700 + node.device.node_id, b"\x05")]
+    assert node.next_wakeup == 2.0
+
+
+# Being called
+
+
+def test_an_answer_is_among_the_frames_returned() -> None:
+    assert drive().receive(CHECK, 0.5) == [ANSWER]
+
+
+def test_a_frame_for_another_node_is_nothing() -> None:
+    assert drive().receive(PROTOCOL.encode(CheckNaviRequest()), 0.5) == []
+
+
+def test_what_is_sent_from_outside_wakes_whoever_runs_the_node() -> None:
+    node, woken = drive(), list[float]()
+    node.wake = lambda: woken.append(node.now)
+    node.send(CheckDriveResponse())
+    assert woken
+    assert node.next_wakeup == 0.0
+    assert node.tick(0.1) == [ANSWER]
+    assert node.next_wakeup == 1.0
+
+
+def test_what_is_to_be_done_soon_gets_the_time_of_the_next_tick() -> None:
+    node, called = drive(), list[float]()
+    node.soon(called.append)
+    assert node.next_wakeup == 0.0
+    node.tick(0.25)
+    assert called == [0.25]
+
+
+def test_a_reset_forgets_what_was_planned() -> None:
+    node, called = drive(), list[float]()
+    node.at(0.5, called.append)
+    node.soon(called.append)
+    node.reset()
+    node.tick(0.9)
+    assert called == []
+
+
+# NMT states (CiA 301, 7.3.2)
+
+STATES = {
+    NmtCommand.START: NmtState.OPERATIONAL,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+    NmtCommand.STOP: NmtState.STOPPED,
+}
+
+
+def in_state(peer: str, command: NmtCommand) -> Bench:
+    """Return a bench with a stand-in, configured, where all nodes have been commanded into an NMT state."""
+    bench = Bench(peer)
+    if peer == "core":
+        bench.say("core", RED)
+    else:
+        bench.configure()
+    bench.command(peer, command)
+    return bench
+
+
+@pytest.mark.parametrize("command", STATES)
+@pytest.mark.parametrize("stop", [EmergencyShutdown(), EmergencyStop(Obstacle.ENEMY), StopDrive()])
+def test_stops_act_in_every_nmt_state(command: NmtCommand, stop: Message) -> None:
+    bench = Bench("core")
+    bench.say("core", RED, GotoXY(1500, 1000, 0, 100), within=0.5)
+    bench.command("core", command)
+    assert bench.drive.device.state is STATES[command]
+    assert bench.drive.moving
+    bench.say("core", stop, within=1.0)
+    assert bench.drive.stopped_by == stop
+    assert not bench.drive.moving
+    shut_down = isinstance(stop, EmergencyShutdown)
+    assert (bench.drive.safe, bench.navigation.safe) == (shut_down, shut_down)
+
+
+@pytest.mark.parametrize("command", STATES)
+@pytest.mark.parametrize(
+    ("call", "stop"),
+    [
+        (Core.emergency_shutdown, EmergencyShutdown()),
+        (lambda core: core.emergency_stop(Obstacle.OBJECT), EmergencyStop(Obstacle.OBJECT)),
+        (Core.stop, StopDrive()),
+    ],
+)
+def test_the_core_sends_stops_in_every_nmt_state(
+    command: NmtCommand, call: Callable[[Core], None], stop: Message
+) -> None:
+    bench = in_state("drive", command)
+    call(bench.core)
+    bench.run(0.01)
+    assert bench.core.device.state is STATES[command]
+    assert bench.messages()[-1] == stop
+
+
+OTHERS = [
+    GotoXY(1500, 1000, 0, 100),
+    GotoStateRequest(),
+    NaviPositionRequest(),
+    NaviPositionResponse(1000, 1000, 0, Source.INTERNAL),
+    KalmanPositionRequest(),
+    Enemy1PositionRequest(),
+    RED,
+    CheckNaviRequest(),
+    CheckDriveRequest(),
+]
+
+
+@pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
+@pytest.mark.parametrize("message", OTHERS, ids=lambda message: type(message).__name__)
+def test_other_messages_act_in_operational_only(command: NmtCommand, message: Message) -> None:
+    bench = in_state("core", command)
+    before = bench.pose()
+    bench.say("core", message, within=0.2)
+    assert bench.messages() == [RED, StartConfigurationConfirm(), message]
+    assert (bench.pose(), bench.drive.goto) == (before, None)
+
+
+@pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
+def test_a_core_that_is_not_operational_polls_no_positions_and_takes_no_calls(command: NmtCommand) -> None:
+    bench = in_state("drive", command)
+    sent = len(bench.log)
+    bench.run(3.0)
+    assert len(bench.log) == sent
+    with pytest.raises(StateError):
+        bench.core.goto(1500, 1000, 0, 100)
+
+
+def test_a_core_started_again_goes_on_polling_at_its_times() -> None:
+    bench = in_state("drive", NmtCommand.ENTER_PRE_OPERATIONAL)
+    bench.run(5.0)
+    bench.command("drive", NmtCommand.START)
+    bench.run(2.0)
+    confirmed = bench.times(StartConfigurationConfirm)[0]
+    offsets = [(time - confirmed - 2.1) % 0.6 for time in bench.times(NaviPositionRequest)]
+    assert len(offsets) >= 3
+    assert offsets == pytest.approx([0.0] * len(offsets), abs=0.001)
+
+
+# Frames that are wrong
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"", "nothing"),
+        (bytes(5), "cut in the middle"),
+        (bytes(7), "half of the barriers"),
+    ],
+)
+def test_a_frame_that_is_too_short_is_refused_whole_and_reported(data: bytes, why: str) -> None:
+    bench = Bench("core")
+    bench.say("core", RED, Frame(PROTOCOL.cob_id(GotoXY), data))
+    assert bench.drive.goto is None, why
+    emergency = next(frame for _, frame in bench.others if frame.cob_id == 0x082)
+    assert emergency.data[:2] == (0x8210).to_bytes(2, "little")
+
+
+def test_a_frame_that_is_too_long_is_read_and_reported() -> None:
+    bench = Bench("core")
+    bench.say("core", Frame(PROTOCOL.cob_id(GotoStateRequest), b"\x55"))
+    assert bench.messages() == [GotoStateRequest(), GotoStateResponse(None)]
+    emergency = next(frame for _, frame in bench.others if frame.cob_id == 0x082)
+    assert emergency.data[:2] == (0x8220).to_bytes(2, "little")
+
+
+@pytest.mark.parametrize(
+    ("node", "frame", "why"),
+    [
+        ("drive", "008#FFFFFFFFFFFFFFFF", "every field of a goto outside its range"),
+        ("drive", "008#B91B4E163A320000", "only x: 3001 mm"),
+        ("drive", "2C0#0600", "three enemies"),
+        ("navigation", "2C0#0600", "three enemies"),
+        ("drive", "080#FFFFFF3F00", "a place outside the field"),
+    ],
+)
+def test_a_message_out_of_range_is_counted_and_not_acted_on(node: str, frame: str, why: str) -> None:
+    bench = Bench("core")
+    cob_id, _, data = frame.partition("#")
+    bench.say("core", Frame(int(cob_id, 16), bytes.fromhex(data)), within=0.5)
+    assert bench.nodes[node].ignored == 1, why
+    assert len(bench.log) == 1
+    assert (bench.drive.goto, bench.drive.configuration, bench.drive.estimate.pose) == (None, None, None)
+
+
+@pytest.mark.parametrize("field", [3001, 4095])
+def test_a_position_out_of_range_is_no_answer_to_the_core(field: int) -> None:
+    bench = Bench("drive", "navigation")
+    call = bench.core.position()
+    bench.run(0.01)
+    data = PROTOCOL.pack("Kalman Position Response", x=field, y=0, angle=0, source=0)
+    bench.say("drive", Frame(PROTOCOL.cob_id(KalmanPositionResponse), data))
+    assert not call.done()
+    assert bench.core.positions == {}
+    answer = KalmanPositionResponse(1, 2, 3, Source.INTERNAL)
+    bench.say("drive", answer)
+    assert call.result(0) == answer

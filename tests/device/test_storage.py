@@ -1,0 +1,94 @@
+"""Settings in a DCF file: what comes back, who else can read it, and files that are none of ours."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import canopen
+import pytest
+
+from eurobot_od.device.device import SAVE, Device
+from eurobot_od.device.storage import FileStore, write_whole
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.robot import dialects
+
+DRIVE = dialects.load("drive")
+SETTINGS: dict[Address, Value] = {(0x2101, 1): 333, (0x1017, 0): 250, (0x1403, 1): 0x8000_0123, (0x2100, 1): 9}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> FileStore:
+    return FileStore(tmp_path / "drive.dcf", DRIVE)
+
+
+def test_without_a_file_there_are_no_settings(store: FileStore) -> None:
+    assert store.load() == {}
+
+
+def test_what_was_saved_is_loaded(store: FileStore) -> None:
+    store.save(SETTINGS, 9)
+    assert store.load() == SETTINGS
+    store.save({}, 2)
+    assert store.load() == {}
+
+
+def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
+    device = Device(DRIVE, store)
+    device.objects.write((0x2101, 1), (333).to_bytes(2, "little"))
+    device.objects.write((0x2100, 1), b"\x09")
+    device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+    restarted = Device(DRIVE, store)
+    assert restarted.setting("Motion.Maximum speed") == 333
+    assert restarted.node_id == 9
+
+
+def test_other_programs_read_the_file(store: FileStore) -> None:
+    store.save(SETTINGS, 9)
+    objects: Any = canopen.import_od(str(store.file))
+    assert objects.node_id == 9
+    assert objects[0x2101][1].value == 333
+    checked = subprocess.run([Path(sys.executable).with_name("dcfchk"), store.file], capture_output=True, check=False)
+    assert (checked.returncode, checked.stdout, checked.stderr) == (0, b"", b"")
+
+
+def test_nothing_is_left_beside_the_file(store: FileStore) -> None:
+    store.save(SETTINGS, 9)
+    assert [each.name for each in store.file.parent.iterdir()] == ["drive.dcf"]
+
+
+def test_a_file_half_written_beside_is_no_matter(store: FileStore) -> None:
+    store.save(SETTINGS, 9)
+    store.file.with_name("drive.dcf.new").write_text("[FileInfo]\nFileNa")
+    assert store.load() == SETTINGS
+    store.save({}, 2)
+    assert store.load() == {}
+
+
+def test_a_folder_that_is_not_there_is_an_error_and_no_file(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        write_whole(tmp_path / "nowhere" / "drive.dcf", b"")
+
+
+def test_the_settings_of_another_device_are_refused(store: FileStore) -> None:
+    FileStore(store.file, dialects.load("core")).save({}, 1)
+    with pytest.raises(DictionaryError, match=r"drive\.dcf: 0x1018: sub 2 is 1, not 2: the configuration of another"):
+        store.load()
+
+
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.9, 0.98])
+def test_a_file_that_was_cut_off_is_refused(store: FileStore, part: float) -> None:
+    store.save(SETTINGS, 9)
+    content = store.file.read_bytes()
+    store.file.write_bytes(content[: int(len(content) * part)])
+    with pytest.raises(DictionaryError, match=r"drive\.dcf"):
+        store.load()
+
+
+def test_a_file_that_is_no_dcf_is_refused(store: FileStore) -> None:
+    store.file.write_bytes(b"\x00\xff nothing to see here")
+    with pytest.raises(DictionaryError, match="not a"):
+        store.load()

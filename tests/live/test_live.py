@@ -1,0 +1,509 @@
+"""Live operation: opening a bus, nodes on it, and drivers and listeners that do not behave."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from queue import SimpleQueue
+from threading import Event
+from typing import Any
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+
+from eurobot_od.errors import BusError, FieldError
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Event as What
+from eurobot_od.gatekeeper import Gatekeeper, Report
+from eurobot_od.live import Live, Watch, open_bus
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    CheckNaviRequest,
+    EmergencyStop,
+    GotoStateRequest,
+    GotoXY,
+    Message,
+    StopDrive,
+)
+from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.values import Obstacle
+
+PROTOCOL = Protocol.load()
+LONG = 10.0
+"""Seconds after which a test gives up; what it waits for comes at once."""
+
+
+@pytest.fixture
+def channel(request: pytest.FixtureRequest) -> str:
+    """A bus of the test's own."""
+    name: str = request.node.name
+    return name
+
+
+def virtual(channel: str) -> can.BusABC:
+    return can.Bus(channel, interface="virtual")
+
+
+# Opening a bus
+
+
+@pytest.fixture(autouse=True)
+def _no_configuration(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Keep the user's own configuration of python-can away."""
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_BITRATE", "CAN_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+
+
+# What drivers raise when they do not open, by the channel.
+FAILURES: dict[str, Exception] = {
+    "unplugged": OSError(19, "No such device"),
+    "missing": ImportError("no driver:\n  install one"),
+    "mute": RuntimeError(),
+}
+
+
+class RecordingBus(VirtualBus):
+    """A driver that keeps what it is opened with, and fails on some channels."""
+
+    def __init__(self, channel: Any = None, **options: Any) -> None:
+        self.options = {"channel": channel} | options
+        if channel in FAILURES:
+            self._is_shutdown = True
+            raise FAILURES[channel]
+        super().__init__(channel)
+
+
+@pytest.fixture
+def _recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let python-can know the driver above as `recording`."""
+    monkeypatch.setitem(can.interfaces.BACKENDS, "recording", (__name__, RecordingBus.__name__))
+    monkeypatch.setattr("can.util.VALID_INTERFACES", can.VALID_INTERFACES | {"recording"})
+
+
+# Environment, configuration file (None: there is none), what the caller names, and what the driver is opened with.
+CONFIGURED: list[tuple[dict[str, str], str | None, dict[str, Any], dict[str, Any]]] = [
+    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {}, {"channel": "a", "bitrate": 500_000}),
+    ({"CAN_INTERFACE": "recording", "CAN_BITRATE": "250000"}, None, {}, {"channel": None, "bitrate": 250_000}),
+    ({"CAN_INTERFACE": "recording", "CAN_CHANNEL": "a"}, None, {"channel": "b"}, {"channel": "b", "bitrate": 500_000}),
+    (
+        {"CAN_BITRATE": "250000"},
+        None,
+        {"interface": "recording", "bitrate": 125_000},
+        {"channel": None, "bitrate": 125_000},
+    ),
+    (
+        {"CAN_INTERFACE": "virtual", "CAN_CHANNEL": "a"},
+        None,
+        {"interface": "recording"},
+        {"channel": "a", "bitrate": 500_000},
+    ),
+    (
+        {"CAN_CONFIG": '{"interface": "recording", "channel": "a", "extra": 1}'},
+        None,
+        {},
+        {"channel": "a", "bitrate": 500_000, "extra": 1},
+    ),
+    ({}, "interface = recording\nchannel = a\nbitrate = 100000", {}, {"channel": "a", "bitrate": 100_000}),
+    ({"CAN_CHANNEL": "b"}, "interface = recording\nchannel = a", {}, {"channel": "b", "bitrate": 500_000}),
+]
+
+
+@pytest.mark.usefixtures("_recording")
+@pytest.mark.parametrize(("environment", "file", "given", "opened"), CONFIGURED)
+def test_python_cans_configuration_is_honoured(
+    environment: dict[str, str],
+    file: str | None,
+    given: dict[str, Any],
+    opened: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    if file is not None:
+        (tmp_path / "can.conf").write_text(f"[default]\n{file}\n")
+    with open_bus(**given) as bus:
+        assert isinstance(bus, RecordingBus)
+        assert bus.options == opened
+
+
+# What is left is the in-process bus: environment, what the caller names, and the channel.
+BY_DEFAULT: list[tuple[dict[str, str], dict[str, Any], str]] = [
+    ({}, {}, "eurobot"),
+    ({}, {"channel": "a"}, "a"),
+    ({}, {"bitrate": 125_000}, "eurobot"),
+    ({"CAN_CHANNEL": "a"}, {}, "a"),
+    ({"CAN_CHANNEL": "a"}, {"channel": "b"}, "b"),
+    ({"CAN_INTERFACE": "virtual"}, {"channel": "b"}, "b"),
+]
+
+
+@pytest.mark.parametrize(("environment", "given", "channel"), BY_DEFAULT)
+def test_default_is_the_in_process_bus(
+    environment: dict[str, str], given: dict[str, Any], channel: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with open_bus(**given) as bus:
+        assert bus.channel_info == f"Virtual bus channel {channel}"
+
+
+NO_BUSES: list[tuple[dict[str, Any], str]] = [
+    ({"interface": "nosuch"}, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
+    ({"interface": "nosuch", "channel": "x"}, 'cannot open the nosuch bus x: Unknown interface type "nosuch"'),
+    ({"interface": "socketcan", "channel": "nosuch0"}, "cannot open the socketcan bus nosuch0: "),
+    ({"interface": "slcan", "channel": "/dev/nosuch"}, "cannot open the slcan bus /dev/nosuch: "),
+    ({"interface": "recording", "channel": "unplugged"}, "cannot open the recording bus unplugged: [Errno 19] No such"),
+    ({"interface": "recording", "channel": "missing"}, "cannot open the recording bus missing: no driver: install one"),
+    ({"interface": "recording", "channel": "mute"}, "cannot open the recording bus mute: RuntimeError"),
+]
+
+
+@pytest.mark.usefixtures("_recording")
+@pytest.mark.parametrize(("given", "told"), NO_BUSES)
+def test_bus_that_does_not_open_is_told_in_one_line(given: dict[str, Any], told: str) -> None:
+    with pytest.raises(BusError) as error:
+        open_bus(**given)
+    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(told)
+
+
+@pytest.mark.parametrize(("name", "value"), [("CAN_CONFIG", "{"), ("CAN_INTERFACE", "nosuch")])
+def test_configuration_that_is_none_is_told_in_one_line(name: str, value: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CAN_INTERFACE", "virtual")
+    monkeypatch.setenv(name, value)
+    with pytest.raises(BusError, match=r"^cannot open the configured bus: .+$"):
+        open_bus()
+
+
+# Nodes
+
+
+def test_two_nodes_answer_a_node_check(channel: str) -> None:
+    core = Core(dialects.load("core"))
+    with (
+        Live.node(virtual(channel), Drive(dialects.load("drive"))),
+        Live.node(virtual(channel), Navigation(dialects.load("navigation"))),
+        Live.node(virtual(channel), core),
+    ):
+        took = core.check_nodes().result(LONG)
+    assert list(took) == ["drive", "navigation"]
+
+
+def test_a_gatekeeper_talks_to_a_node(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with Live.node(virtual(channel), Drive(dialects.load("drive"))), Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckDriveRequest())
+        answer = answers.get(LONG)
+    assert answer is not None
+    assert answer.message == CheckDriveResponse()
+
+
+def test_a_value_out_of_range_is_the_callers_error_and_sends_nothing(channel: str) -> None:
+    with Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
+        with pytest.raises(FieldError, match="x = 5000"):
+            live.send(GotoXY(5000, 0, 0, 0))
+        assert live.gatekeeper.statistics().transmit.submitted == 0
+
+
+def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    cob_id = PROTOCOL.cob_id(StopDrive)
+    with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
+        for options in ({"is_extended_id": True}, {"is_remote_frame": True}, {"is_error_frame": True}, {"is_fd": True}):
+            other.send(can.Message(arbitration_id=cob_id, **({"is_extended_id": False} | options)))
+        other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert live.foreign == 4
+    assert queue.delivered == 1
+
+
+def test_a_driver_that_keeps_nobody_waiting_has_the_frame_when_send_returns(channel: str) -> None:
+    with virtual(channel) as other, Live(virtual(channel), Gatekeeper(PROTOCOL)) as live:
+        live.send(GotoStateRequest())
+        message = other.recv(0)
+        assert live.gatekeeper.statistics().transmit.completed == 1
+    assert message is not None
+    assert message.arbitration_id == PROTOCOL.cob_id(GotoStateRequest)
+
+
+def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
+    with (
+        can.Bus(channel, interface="virtual", rx_queue_size=1) as other,
+        Live(virtual(channel), Gatekeeper(PROTOCOL)) as live,
+    ):
+        for message in URGENT[:3]:  # as many as there are mailboxes
+            live.send(message)
+        received = [other.recv(LONG) for _ in range(3)]
+    assert [each and each.arbitration_id for each in received] == [PROTOCOL.encode(each).cob_id for each in URGENT[:3]]
+
+
+class FilteringBus(VirtualBus):
+    """A driver with filters of its own; `error` is what it raises once it does not take them any more."""
+
+    error: Exception | None = None
+
+    def _apply_filters(self, filters: Any) -> None:
+        if self.error is not None:
+            raise self.error
+        self.applied = filters
+
+
+def test_filters_are_for_drivers_that_filter_themselves(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    gatekeeper.add_queue(StopDrive)
+    with Live(FilteringBus(channel), gatekeeper) as live:
+        assert isinstance(live.bus, FilteringBus)
+        assert live.bus.applied == live.bus.filters == gatekeeper.filters() != []
+
+
+def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    with virtual(channel) as other, Live(virtual(channel), gatekeeper) as live:
+        assert live.bus.filters is None
+        other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert gatekeeper.statistics().unheard == 1
+
+
+def test_a_driver_that_does_not_take_changed_filters_has_failed_and_is_read_on(channel: str) -> None:
+    gatekeeper, bus = Gatekeeper(PROTOCOL), FilteringBus(channel)
+    queue = gatekeeper.add_queue(StopDrive)
+    gatekeeper.add_frames(lambda: (0x602,), lambda *_: gatekeeper.reroute(PROTOCOL), "master")
+    with virtual(channel) as other, Live(bus, gatekeeper) as live:
+        assert live.failure is None
+        bus.error = OSError("no room\nfor filters")
+        for cob_id in (0x602, PROTOCOL.cob_id(StopDrive)):
+            other.send(can.Message(arbitration_id=cob_id, is_extended_id=False))
+        assert queue.get(LONG) is not None
+    assert isinstance(live.failure, BusError)
+    assert str(live.failure) == f"the bus {bus.channel_info} failed: no room for filters"
+
+
+def test_a_watch_sees_every_frame(channel: str) -> None:
+    seen: list[tuple[float, Frame]] = []
+    done = Event()
+
+    def see(time: float, frame: Frame) -> None:
+        seen.append((time, frame))
+        if len(seen) == 2:
+            done.set()
+
+    with virtual(channel) as other, Watch(virtual(channel), see, lambda: 7.0):
+        other.send(can.Message(arbitration_id=0x123, data=b"\x01", is_extended_id=False))
+        other.send(can.Message(arbitration_id=0x123, is_extended_id=True))
+        other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
+        assert done.wait(LONG)
+    assert seen == [(7.0, Frame(0x123, b"\x01")), (7.0, Frame(0x7FF))]
+
+
+# Drivers that do not behave
+
+
+class Clock:
+    """A clock that goes on only when told."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class Driver(can.BusABC):
+    """A driver without a wire: `error` is what sending raises, `broken` what reading raises once it is set.
+
+    `tries` are the frames that it was given, `attempt` is set at each of them; it returns once it `may_go_on`.
+    `reader` is the thread that reads, once `entered` is set.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(channel="nowhere")
+        self.channel_info = "nowhere"
+        self.error: Exception | None = None
+        self.broken: Exception | None = None
+        self.tries: list[Frame] = []
+        self.attempt, self.may_go_on, self.entered, self._never = Event(), Event(), Event(), Event()
+        self.may_go_on.set()
+        self.reader = threading.current_thread()
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.tries.append(Frame(msg.arbitration_id, bytes(msg.data)))
+        self.attempt.set()
+        self.may_go_on.wait(LONG)
+        if self.error is not None:
+            raise self.error
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        self.reader = threading.current_thread()
+        self.entered.set()
+        if self.broken is not None:
+            raise self.broken
+        self._never.wait(timeout)
+        return None, False
+
+    def wait_for_tries(self, count: int) -> None:
+        """Wait until it has been given `count` frames more."""
+        wanted = len(self.tries) + count
+        while len(self.tries) < wanted:
+            self.attempt.clear()
+            if len(self.tries) < wanted:
+                assert self.attempt.wait(LONG)
+
+
+class Reports:
+    """Reports as they come; on a slow machine there may be others of slow listeners."""
+
+    def __init__(self) -> None:
+        self._reports: SimpleQueue[Report] = SimpleQueue()
+
+    def __call__(self, report: Report) -> None:
+        self._reports.put(report)
+
+    def wait_for(self, event: What) -> Report:
+        """Give the next report of an event."""
+        while (report := self._reports.get(timeout=LONG)).event is not event:
+            pass
+        return report
+
+    def empty(self) -> bool:
+        return self._reports.empty()
+
+
+@pytest.fixture
+def driver() -> Iterator[Driver]:
+    bus = Driver()
+    yield bus
+    bus.shutdown()
+
+
+URGENT: list[Message] = [EmergencyStop(Obstacle.ENEMY), StopDrive(), GotoStateRequest(), CheckNaviRequest()]
+
+
+def test_a_driver_that_refuses_costs_a_frame_after_50_ms_and_says_so(driver: Driver) -> None:
+    clock, reports = Clock(), Reports()
+    driver.error = can.CanOperationError("transmit buffer full")
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
+        for message in URGENT:  # three find a mailbox, the fourth waits for one
+            live.send(message)
+        driver.wait_for_tries(3)
+        clock.now = 0.049
+        driver.wait_for_tries(3)
+        assert reports.empty()
+        clock.now = 0.050
+        report = reports.wait_for(What.FRAME_DROPPED)
+        counts = live.gatekeeper.statistics().transmit
+    assert (report.name, report.text) == ("0x340", "340# found no mailbox for 50 ms, 1 dropped so far")
+    assert (counts.submitted, counts.dropped, counts.loaded, counts.completed) == (4, 1, 3, 0)
+    assert live.failure is None  # a full buffer is no failure of the bus
+
+
+def test_a_driver_that_blocks_keeps_no_caller_waiting_and_what_waits_leaves_by_urgency(driver: Driver) -> None:
+    first, *others = reversed(URGENT)
+    driver.may_go_on.clear()
+    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+        live.send(first)
+        assert driver.attempt.wait(LONG)
+        for message in others:
+            live.send(message)  # returns although the driver has not
+        assert live.gatekeeper.statistics().transmit.submitted == len(URGENT)
+        assert len(driver.tries) == 1
+        driver.may_go_on.set()
+    assert driver.tries == [PROTOCOL.encode(first), *sorted(map(PROTOCOL.encode, others))]
+
+
+def test_a_frame_that_finds_a_mailbox_is_not_dropped_however_late_the_driver_is(driver: Driver) -> None:
+    clock, reports = Clock(), Reports()
+    driver.may_go_on.clear()
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports), clock=clock) as live:
+        live.send(StopDrive())
+        assert driver.attempt.wait(LONG)
+        live.send(CheckNaviRequest())
+        clock.now = 1.0
+        driver.may_go_on.set()
+    assert driver.tries == [PROTOCOL.encode(StopDrive()), PROTOCOL.encode(CheckNaviRequest())]
+    assert reports.empty()
+
+
+def test_a_bus_that_fails_while_reading_is_a_bus_error(driver: Driver) -> None:
+    driver.broken = OSError("adapter\nwas pulled out")
+    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+        assert driver.entered.wait(LONG)
+        driver.reader.join(LONG)
+        assert isinstance(live.failure, BusError)
+    assert str(live.failure) == "the bus nowhere failed: adapter was pulled out"
+
+
+def test_a_bus_that_fails_while_sending_is_a_bus_error(driver: Driver) -> None:
+    driver.error = OSError("write failed")
+    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+        live.send(StopDrive())
+        driver.wait_for_tries(2)  # it goes on, and ends without an exception
+    assert str(live.failure) == "the bus nowhere failed: write failed"
+
+
+def test_a_watch_tells_that_the_bus_has_failed(driver: Driver) -> None:
+    driver.broken = OSError("adapter was pulled out")
+    failures: list[BusError] = []
+    with Watch(driver, lambda *_: None, Clock(), failures.append):
+        assert driver.entered.wait(LONG)
+        driver.reader.join(LONG)
+    assert list(map(str, failures)) == ["the bus nowhere failed: adapter was pulled out"]
+
+
+def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
+    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+        for message in URGENT * 3:
+            live.send(message)
+    assert live.gatekeeper.statistics().transmit.completed == len(driver.tries) == 12
+
+
+# Listeners that do not behave
+
+
+def test_a_listener_that_never_returns_does_not_stop_the_node(channel: str) -> None:
+    entered, release, reports = Event(), Event(), Reports()
+
+    def stuck(*_: object) -> None:
+        entered.set()
+        release.wait(LONG)
+
+    drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
+    drive.gatekeeper.add_function(CheckDriveRequest, stuck)
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with drive, Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckDriveRequest())
+        assert entered.wait(LONG)
+        live.send(CheckDriveRequest())
+        heard = [answers.get(LONG), answers.get(LONG)]
+        assert not release.is_set()
+        release.set()
+    assert None not in heard
+    assert reports.wait_for(What.LISTENER_STUCK).name.endswith("stuck")
+
+
+def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
+    reports = Reports()
+
+    def broken(*_: object) -> None:
+        raise ValueError("lamp is gone")
+
+    drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
+    drive.gatekeeper.add_function(CheckDriveRequest, broken, "lamp")
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with drive, Live(virtual(channel), gatekeeper) as live:
+        live.send(CheckDriveRequest())
+        assert answers.get(LONG) is not None
+        assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"

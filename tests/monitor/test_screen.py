@@ -1,0 +1,103 @@
+"""The live table on a terminal, and the keys."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.monitor.controls import Controls
+from eurobot_od.monitor.screen import COLOURS, screen
+from eurobot_od.monitor.traffic import SORTS, Traffic
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoXY, KalmanPositionRequest
+
+DECODER = Decoder(dialects.outlines(dialects.DEFAULT))
+
+
+@pytest.fixture
+def traffic() -> Traffic:
+    traffic = Traffic(DECODER, 500_000)
+    traffic.take(1.0, DECODER.protocol.encode(GotoXY(1, 2, 3, 4)))
+    traffic.take(2.0, DECODER.protocol.encode(KalmanPositionRequest()))
+    traffic.take(2.1, Frame(0x702, b"\5"))
+    return traffic
+
+
+def shown(
+    traffic: Traffic, controls: Controls | None = None, now: float = 2.5, load: float = 0.25, height: int = 24
+) -> str:
+    console = Console(file=io.StringIO(), width=120, height=height, force_terminal=True, color_system="standard")
+    console.print(screen(traffic, controls or Controls(), now, (load, 1000.0), height))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def style_before(text: str, words: str) -> str:
+    """Return the terminal's colour codes in force at some words."""
+    return text[: text.index(words)].rpartition("\x1b[")[2].partition("m")[0]
+
+
+def test_table(traffic: Traffic) -> None:
+    text = shown(traffic)
+    for expected in ("3 frames", "1000/s", "25.0%", "of 500 kbit/s", "drive operational", "core not heard", "x=1 mm"):
+        assert expected in text
+
+
+def test_protocols_have_colours_of_their_own(traffic: Traffic) -> None:
+    text = shown(traffic)
+    assert style_before(text, "Goto XY") == "96"
+    assert style_before(text, "Kalman Position Request") == "32"
+    assert style_before(text, "Heartbeat drive") == "35"
+    assert len(set(COLOURS.values())) == len(COLOURS)
+
+
+def test_what_is_wrong_is_red(traffic: Traffic) -> None:
+    traffic.take(3.0, Frame(0x123))
+    text = shown(traffic, load=0.9, now=9.0)
+    for words in ("unknown identifier: 123#", "1 x unknown identifier", "90.0%", "● drive LOST"):
+        assert style_before(text, words) == "1;31"
+
+
+def test_what_does_not_fit_is_counted(traffic: Traffic) -> None:
+    assert "2 rows do not fit" in shown(traffic, height=9)
+    assert "do not fit" not in shown(traffic)
+
+
+def test_filter_and_pause_are_shown(traffic: Traffic) -> None:
+    text = shown(traffic, Controls(part="goto", typing=True, paused=True))
+    assert "Kalman" not in text
+    assert "filter: goto_" in text
+    assert "PAUSED" in text
+
+
+KEYS: list[tuple[str, Controls]] = [
+    ("", Controls()),
+    ("p", Controls(paused=True)),
+    (" ", Controls(paused=True)),
+    ("pp", Controls()),
+    ("s", Controls(sort="name")),
+    ("s" * len(SORTS), Controls()),
+    ("c", Controls(clear=True)),
+    ("q", Controls(running=False)),
+    ("x", Controls()),
+    ("/", Controls(typing=True)),
+    ("/goto\r", Controls(part="goto")),
+    ("/Goto XY\n", Controls(part="Goto XY")),
+    ("/gotp\x7fo\r", Controls(part="goto")),
+    ("/q", Controls(part="q", typing=True)),
+    ("/goto\x1b", Controls()),
+    ("/goto\r/", Controls(typing=True)),
+    ("/\x07\r", Controls()),
+]
+
+
+@pytest.mark.parametrize(("keys", "expected"), KEYS)
+def test_keys(keys: str, expected: Controls) -> None:
+    controls = Controls()
+    for key in keys:
+        controls.key(key)
+    assert controls == expected

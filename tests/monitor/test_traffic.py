@@ -1,0 +1,152 @@
+"""The model of the live table: counts, periods, load, nodes, faults, order and selection."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.logs.raw import Damage, Foreign
+from eurobot_od.monitor.cells import HEADINGS, health, plain_table
+from eurobot_od.monitor.traffic import SORTS, Period, Traffic, selected
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
+
+DECODER = Decoder(dialects.outlines(dialects.DEFAULT))
+REQUEST = DECODER.protocol.encode(KalmanPositionRequest())
+GOTO = DECODER.protocol.encode(GotoXY(1, 2, 3, 4))
+BEAT = Frame(0x702, b"\5")
+
+
+@pytest.fixture
+def traffic() -> Traffic:
+    return Traffic(DECODER, 500_000)
+
+
+def test_count_last_values_and_age(traffic: Traffic) -> None:
+    for time in (1.0, 2.0, 3.0):
+        traffic.take(time, DECODER.protocol.encode(GotoStateResponse(int(1000 * time))))
+    (row,) = traffic.rows.values()
+    assert (row.identifier, row.name, row.count, row.last) == (0x014, "Goto State Response", 3, 3.0)
+    assert row.meaning.message == GotoStateResponse(3000)
+
+
+@pytest.mark.parametrize(
+    ("times", "period"),
+    [
+        ([1.0], None),
+        ([1.0, 1.5], Period(0.5, 0.0)),
+        ([0.0, 0.5, 1.5, 2.0, 3.0], Period(0.75, 0.25)),
+        # only the last 32 intervals count
+        ([*(float(n) for n in range(50)), *(49 + 2.0 * n for n in range(1, 33))], Period(2.0, 0.0)),
+    ],
+)
+def test_period_and_jitter(traffic: Traffic, times: list[float], period: Period | None) -> None:
+    for time in times:
+        traffic.take(time, REQUEST)
+    assert traffic.rows[REQUEST.cob_id].period == period
+
+
+def test_load_of_a_full_bus(traffic: Traffic) -> None:
+    """A Goto XY takes 111 bit times without stuff bits."""
+    traffic.load(0.0)
+    each = 111 / 500_000
+    for n in range(1, 4505):
+        traffic.take(n * each, GOTO)
+    share, rate = traffic.load(4504 * each)
+    assert share == pytest.approx(1.0, abs=0.001)
+    assert rate == pytest.approx(4504.5, abs=1)
+
+
+def test_load_is_that_of_the_last_second(traffic: Traffic) -> None:
+    traffic.load(0.0)
+    for n in range(100):
+        traffic.take(n / 100, GOTO)
+    assert [traffic.load(second)[1] for second in (1.0, 2.0, 3.0)] == [100.0, 0.0, 0.0]
+
+
+def test_load_before_any_time_has_passed(traffic: Traffic) -> None:
+    assert traffic.load(5.0) == (0.0, 0.0)
+
+
+def test_faults_are_counted_by_row_and_in_all(traffic: Traffic) -> None:
+    traffic.take(1.0, Foreign(Damage.EXTENDED, "18FF0001#"))
+    traffic.take(2.0, Frame(0x123))
+    traffic.take(3.0, Frame(0x008, b"\0"))
+    traffic.take(4.0, GOTO)
+    assert {row.name: row.wrong for row in traffic.rows.values()} == {
+        "extended frame": 1,
+        "unknown identifier": 1,
+        "Goto XY": 1,
+    }
+    assert traffic.tally.total == 3
+    traffic.clear()
+    assert (traffic.rows, traffic.tally.total) == ({}, 0)
+
+
+def test_nodes(traffic: Traffic) -> None:
+    drive = traffic.nodes["drive"]
+    assert health("drive", drive, 0.0) == "drive not heard"
+    traffic.take(1.0, Frame(0x702, b"\0"))
+    assert health("drive", drive, 1.0) == "drive boot-up"
+    traffic.take(2.0, BEAT)
+    assert health("drive", drive, 2.5) == "drive operational"
+    assert health("drive", drive, 4.1) == "drive LOST"
+    traffic.take(5.0, Frame(0x082, bytes.fromhex("1082110800030000")))
+    assert drive.emergency.startswith("0x8210 pdo too short")
+    traffic.take(6.0, Frame(0x082, bytes(8)))
+    assert drive.emergency == ""
+
+
+def test_a_heartbeat_of_wrong_length_says_nothing_of_the_node(traffic: Traffic) -> None:
+    traffic.take(1.0, Frame(0x702, b"\5\5"))
+    assert traffic.nodes["drive"].heard is None
+
+
+@pytest.fixture
+def busy(traffic: Traffic) -> Traffic:
+    for time, frame in ((1.0, GOTO), (2.0, REQUEST), (3.0, REQUEST), (3.1, REQUEST), (4.0, Frame(0x123)), (5.0, BEAT)):
+        traffic.take(time, frame)
+    return traffic
+
+
+@pytest.mark.parametrize(
+    ("sort", "names"),
+    [
+        ("identifier", ["Goto XY", "Kalman Position Request", "unknown identifier", "Heartbeat drive"]),
+        ("name", ["Goto XY", "Heartbeat drive", "Kalman Position Request", "unknown identifier"]),
+        ("count", ["Kalman Position Request", "Goto XY", "unknown identifier", "Heartbeat drive"]),
+        ("period", ["Kalman Position Request", "Goto XY", "unknown identifier", "Heartbeat drive"]),
+        ("age", ["Heartbeat drive", "unknown identifier", "Kalman Position Request", "Goto XY"]),
+        ("wrong", ["unknown identifier", "Goto XY", "Kalman Position Request", "Heartbeat drive"]),
+    ],
+)
+def test_sort(busy: Traffic, sort: str, names: list[str]) -> None:
+    assert [row.name for row in selected(busy.rows.values(), sort, "")] == names
+
+
+def test_every_sort_has_a_case() -> None:
+    assert set(SORTS) == {"identifier", "name", "count", "period", "age", "wrong"}
+
+
+@pytest.mark.parametrize(
+    ("part", "names"),
+    [
+        ("goto", ["Goto XY"]),
+        ("ELP", ["Kalman Position Request"]),
+        ("canopen", ["Heartbeat drive"]),
+        ("drive", ["Goto XY", "Kalman Position Request", "Heartbeat drive"]),
+        ("nothing", []),
+    ],
+)
+def test_select(busy: Traffic, part: str, names: list[str]) -> None:
+    assert [row.name for row in selected(busy.rows.values(), "identifier", part)] == names
+
+
+def test_plain_table(busy: Traffic) -> None:
+    heading, goto, request, unknown, beat = plain_table(selected(busy.rows.values(), "identifier", ""), 5.0)
+    assert heading.split() == " ".join(HEADINGS).split()
+    assert goto.split()[:4] == ["008", "Goto", "XY", "1"]
+    assert "550.0 ± 450.0" in request
+    assert unknown.endswith("! unknown identifier: 123#")
+    assert beat.split() == ["702", "Heartbeat", "drive", "1", "0.0", "drive,", "operational"]

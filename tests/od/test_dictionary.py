@@ -1,0 +1,204 @@
+"""Dictionaries: what is read from an EDS file, and how a file that cannot be used is refused."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.errors import DictionaryError, MappingError
+from eurobot_od.od.dictionary import Dictionary, MappedObject, Pdo, PdoDirection
+from eurobot_od.pdo.kinds import Limits
+from eurobot_od.pdo.protocol import Protocol
+
+ROOT = Path(__file__).parents[2]
+EDS = ROOT / "eds" / "canopen"
+DRIVE = Dictionary.load(EDS / "drive.eds")
+
+Spoil = Callable[..., Path]
+
+
+def pdo(dictionary: Dictionary, index: int) -> Pdo:
+    return next(each for each in dictionary.pdos if each.index == index)
+
+
+# What is read
+
+
+@pytest.mark.parametrize(("name", "node_id"), [("core", 1), ("drive", 2), ("navigation", 3)])
+def test_has_the_files_name_and_node_id(name: str, node_id: int) -> None:
+    dictionary = Dictionary.load(EDS / f"{name}.eds")
+    assert (dictionary.name, dictionary.node_id, dictionary.file) == (name, node_id, EDS / f"{name}.eds")
+
+
+@pytest.mark.parametrize("node_id", [1, 5, 127])
+def test_another_node_id_moves_what_depends_on_it(node_id: int) -> None:
+    dictionary = Dictionary.load(EDS / "drive.eds", node_id)
+    assert dictionary.node_id == node_id
+    assert dictionary.default((0x1014, 0)) == 0x80 + node_id  # COB-ID EMCY, $NODEID+0x80 in the file
+    assert dictionary.default((0x1403, 1)) == DRIVE.default((0x1403, 1))
+
+
+def test_gives_objects_by_address_and_by_name() -> None:
+    variable = DRIVE.variable((0x2000, 1))
+    assert variable is not None
+    assert variable.name == "X position"
+    assert DRIVE.address("Transmit.Mailboxes") == (0x2110, 1)
+    assert DRIVE.address("Device type") == (0x1000, 0)
+    assert DRIVE.default((0x2110, 1)) == 3
+
+
+@pytest.mark.parametrize("address", [(0x2FFF, 0), (0x2000, 99), (0x1000, 1)])
+def test_has_nothing_where_the_file_has_nothing(address: tuple[int, int]) -> None:
+    assert DRIVE.variable(address) is None
+    assert DRIVE.default(address) is None
+
+
+@pytest.mark.parametrize("name", ["Transmit.Mailbox", "Transmission.Mailboxes", ""])
+def test_tells_a_name_that_no_object_has(name: str) -> None:
+    with pytest.raises(DictionaryError) as error:
+        DRIVE.address(name)
+    assert str(error.value) == f"{DRIVE.file}: no object is named {name!r}"
+
+
+def test_a_dcfs_value_goes_before_the_default(tmp_path: Path) -> None:
+    dcf = tmp_path / "drive.dcf"
+    eds = (EDS / "drive.eds").read_text()
+    section = eds.index("[2110sub1]")
+    value = eds.index("DefaultValue=3\n", section)
+    dcf.write_text(eds[:value] + "ParameterValue=7\n" + eds[value:] + "\n[DeviceComissioning]\nNodeID=9\n")
+    dictionary = Dictionary.load(dcf)
+    assert dictionary.default((0x2110, 1)) == 7
+    assert dictionary.node_id == 9
+    assert Dictionary.load(dcf, node_id=10).node_id == 10
+
+
+def test_reads_a_pdo_with_its_mapping() -> None:
+    goto = pdo(DRIVE, 0x1403)
+    assert (goto.name, goto.direction, goto.cob_id, goto.valid) == ("Goto XY", PdoDirection.RPDO, 0x008, True)
+    assert (goto.transmission_type, goto.mapping_index) == (254, 0x1603)
+    assert goto.mapping == (
+        MappedObject(0x2000, 1, 12, "X position", Limits(0, 3000)),
+        MappedObject(0x2000, 2, 12, "Y position", Limits(0, 2000)),
+        MappedObject(0x2000, 3, 10, "Angle", Limits(0, 359)),
+        MappedObject(0x2000, 4, 8, "Speed", Limits(0, 100)),
+        MappedObject(0x2000, 5, 16, "Barriers", Limits(0, 0xFFFF)),
+    )
+
+
+def test_reads_a_pdo_that_is_not_valid() -> None:
+    listener = pdo(Dictionary.load(EDS / "core.eds"), 0x1402)
+    assert (listener.name, listener.cob_id, listener.valid) == ("Navi Position Response", 0x080, False)
+
+
+def test_a_slice_has_the_limits_of_its_whole() -> None:
+    drive = Dictionary.load(EDS.parent / "firmware2014" / "drive.eds")
+    first = pdo(drive, 0x1403).mapping[0]
+    assert (first.name, first.bits, first.limits) == ("X position [11:4]", 8, Limits(0, 3000))
+    assert any(each.is_padding for each in pdo(drive, 0x1403).mapping)
+
+
+def test_a_dummy_is_padding(spoil_eds: Spoil) -> None:
+    drive = Dictionary.load(spoil_eds(("drive", "1603sub1", "DefaultValue", "0x00050008")) / "drive.eds")
+    assert pdo(drive, 0x1603 - 0x200).mapping[0].is_padding
+
+
+# Mappings that do not hold: entry changed in drive.eds, its new value (None: no such line), index and reason told.
+UNMAPPED = [
+    ("1603sub1", "0x2FFF010C", 0x1603, "maps 0x2FFF sub 1, which is missing"),
+    ("1603sub2", "0x2000090C", 0x1603, "maps 0x2000 sub 9, which is missing"),
+    ("1603sub3", "0x20000311", 0x1603, "maps 0x2000 sub 3 with 17 bits, its type has 16"),
+    ("1603sub3", "0x20000300", 0x1603, "maps 0x2000 sub 3 with 0 bits, its type has 16"),
+    ("1603sub4", None, 0x1603, "sub 4 is missing or has no number as its value"),
+    ("1603sub4", "speed", 0x1603, "sub 4 is missing or has no number as its value"),
+    ("1603sub0", None, 0x1603, "sub 0 is missing or has no number as its value"),
+    ("1603sub0", "6", 0x1603, "maps 0x0000 sub 0, which is missing"),
+    ("1403sub1", None, 0x1403, "sub 1 is missing or has no number as its value"),
+    ("1403sub2", None, 0x1403, "sub 2 is missing or has no number as its value"),
+    ("1403sub1", "0x20000008", 0x1403, "COB-ID 0x20000008 asks for a 29-bit identifier"),
+]
+
+
+@pytest.mark.parametrize(("section", "value", "index", "what"), UNMAPPED)
+def test_mapping_that_does_not_hold_is_told_with_file_and_index(
+    section: str, value: str | None, index: int, what: str, spoil_eds: Spoil
+) -> None:
+    file = spoil_eds(("drive", section, "DefaultValue", value)) / "drive.eds"
+    with pytest.raises(MappingError) as error:
+        Protocol.of(Dictionary.load(file))
+    assert (error.value.file, error.value.index) == (str(file), index)
+    assert str(error.value) == f"{file}: 0x{index:04X}: {what}"
+
+
+def test_pdo_without_a_mapping_record_is_told(spoil_eds: Spoil) -> None:
+    file = spoil_eds() / "drive.eds"
+    file.write_text(file.read_text().replace("[1603", "[1703"))
+    with pytest.raises(MappingError, match="0x1603: sub 0 is missing"):
+        _ = Dictionary.load(file).pdos
+
+
+# Files that are no EDS
+
+GOOD = (EDS / "drive.eds").read_bytes()
+BROKEN = [
+    ("empty", "drive.eds", b"", "not an EDS: it describes no object"),
+    ("an INI file of another kind", "drive.eds", b"[a]\nb=1\n", "not an EDS: it describes no object"),
+    ("text", "drive.eds", b"hello\n", "not a readable EDS: File contains no section headers"),
+    ("binary", "drive.eds", bytes(range(256)), "not a readable EDS: 'utf-8' codec can't decode"),
+    ("UTF-16", "drive.eds", GOOD.decode().encode("utf-16"), "not a readable EDS: 'utf-8' codec can't decode"),
+    ("cut in a line", "drive.eds", GOOD[: GOOD.index(b"DefaultValue=0x2000010C") + 7], "not a readable EDS: "),
+    ("cut in a section", "drive.eds", GOOD[: GOOD.index(b"[1603sub1]") + 60], "not a readable EDS: "),
+    ("cut before its data", "drive.eds", GOOD[: GOOD.index(b"[1800]")], "node-ID None is not in 1..127"),
+    ("section twice", "drive.eds", GOOD + b"[1000]\nParameterName=Again\n", "not a readable EDS: While reading"),
+    ("no number", "drive.eds", GOOD.replace(b"DataType=0x0005", b"DataType=byte", 1), "not a readable EDS: invalid"),
+    ("wrong suffix", "drive.txt", GOOD, "not a readable EDS: Cannot import from the 'txt' format"),
+    ("no suffix", "drive", GOOD, "not a readable EDS: Cannot import from the '' format"),
+    (
+        "node-ID 0",
+        "drive.eds",
+        GOOD.replace(b"HighLimit=127\nDefaultValue=2", b"HighLimit=127\nDefaultValue=0"),
+        "node-ID 0 is",
+    ),
+    ("node-ID 200", "drive.dcf", GOOD + b"\n[DeviceComissioning]\nNodeID=200\n", "node-ID 200 is not in 1..127"),
+    (
+        "bad $NODEID",
+        "drive.eds",
+        GOOD.replace(b"$NODEID+0x80\n", b"$NODEID+high\n"),
+        "0x1014: sub 0: '$NODEID+high' is no number with $NODEID",
+    ),
+]
+
+
+@pytest.mark.parametrize(("name", "content", "what"), [row[1:] for row in BROKEN], ids=[row[0] for row in BROKEN])
+def test_file_that_is_no_eds_is_refused_in_one_line(name: str, content: bytes, what: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    file.write_bytes(content)
+    with pytest.raises(DictionaryError) as error:
+        Dictionary.load(file)
+    assert str(error.value).startswith(f"{file}: {what}")
+    assert "\n" not in str(error.value)
+
+
+def test_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(DictionaryError) as error:
+        Dictionary.load(tmp_path / "drive.eds")
+    assert str(error.value) == f"{tmp_path / 'drive.eds'}: No such file or directory"
+
+
+@pytest.mark.parametrize("node_id", [0, 128, -1, 255])
+def test_node_id_outside_its_range_is_refused(node_id: int) -> None:
+    with pytest.raises(DictionaryError) as error:
+        Dictionary.load(EDS / "drive.eds", node_id)
+    assert str(error.value) == f"{EDS / 'drive.eds'}: node-ID {node_id} is not in 1..127"
+
+
+def test_a_broken_file_costs_the_user_one_line(spoil_eds: Spoil) -> None:
+    folder = spoil_eds()
+    (folder / "drive.eds").write_text("[a]\nb=1\n")
+    command = [sys.executable, "-m", "eurobot_od", "show", "--dialect", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"eurobot-od: {folder / 'drive.eds'}: not an EDS: it describes no object\n"

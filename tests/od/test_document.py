@@ -1,0 +1,60 @@
+"""The tolerant reader keeps places, and turns everything that is no EDS into an oddity."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.od.document import Entry, Odd, read
+
+PLACES = [
+    # (text, key, value, line, column): columns count bytes from 1 and point at the value
+    (b"[A]\nKey=1\n", "key", "1", 2, 5),
+    (b"[A]\r\nKey=1\r\n", "key", "1", 2, 5),  # CR LF
+    (b"[A]\rKey=1\r", "key", "1", 2, 5),  # CR alone
+    (b"\xef\xbb\xbf[A]\nKey=1", "key", "1", 2, 5),  # byte order mark, no line end at the end
+    (b"[A]\nKey = 1 \n", "key", "1", 2, 7),  # blanks around
+    (b"[A]\n\tKEY=1\n", "key", "1", 2, 6),  # a tab before, another case
+    (b"[A]\n;Key=0\nKey=1 ; one\n", "key", "1", 3, 5),  # comments
+    (b"[A]\nKey=a;b\n", "key", "a;b", 2, 5),  # a semicolon inside a word is no comment
+    (b"[A]\nKey=a=b\n", "key", "a=b", 2, 5),  # only the first = separates
+    (b"[A]\nKey=\n", "key", "", 2, 5),
+    (b"[ a ]\nKey=1\n", "key", "1", 2, 5),
+    (b"[A]\nKey=1\nkey=2\n", "key", "1", 2, 5),  # the first counts
+    (b"[A]\nKey=1\n[a]\nKey=2\n", "key", "1", 2, 5),
+    ("[A]\nKey=1\n".encode("utf-16"), "key", "1", 2, 5),
+    (b"[A]\nK\xe4y=\xfc\n", "k\xe4y", "\xfc", 2, 5),  # Latin-1
+]
+
+
+@pytest.mark.parametrize(("text", "key", "value", "line", "column"), PLACES)
+def test_an_entry_knows_its_place(text: bytes, key: str, value: str, line: int, column: int) -> None:
+    entry = read(text).sections["a"].entries[key]
+    assert entry[1:] == (value, line, column)
+
+
+ODDITIES = [
+    (b"[A]\nwords\n", [Odd.NOT_AN_ENTRY]),
+    (b"[A\n", [Odd.HEADER]),
+    (b"[]\n", [Odd.HEADER]),
+    (b"[A] words\n", [Odd.HEADER]),
+    (b"[A] ; words\n", []),  # a comment may follow
+    (b"Key=1\n", [Odd.NO_SECTION]),
+    (b"[A]\n=1\n", [Odd.NO_KEY]),
+    (b"[A]\n#Key=1\n", [Odd.HASH]),
+    (b"[A]\n Key=1\n", [Odd.INDENTED]),
+    (b"[A]\nKey=\0\n", [Odd.BINARY]),
+    (b"[A]\r\nKey=1\n", [Odd.LINE_ENDS]),
+    (b"", []),
+    (b"\n\n;\n  \n", []),
+]
+
+
+@pytest.mark.parametrize(("text", "kinds"), ODDITIES)
+def test_what_is_no_eds_is_an_oddity(text: bytes, kinds: list[Odd]) -> None:
+    assert [each.kind for each in read(text).oddities] == kinds
+
+
+def test_a_missing_key_points_at_its_section() -> None:
+    section = read(b"\n[A]\n").sections["a"]
+    assert (section.at("key").line, section.text("key")) == (2, "")
+    assert not isinstance(section.at("key"), Entry)

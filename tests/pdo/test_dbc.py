@@ -1,0 +1,214 @@
+"""The DBC file, judged by others: cantools, canmatrix, and C code that cantools makes of it, against our codec."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+from collections.abc import Mapping
+from functools import cache
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import canmatrix.formats
+import cantools
+import pytest
+from cantools.database.can import Database, Message
+from cantools.database.can.c_source import generate
+
+from eurobot_od import cli
+from eurobot_od.errors import MappingError
+from eurobot_od.pdo.codec import Layout, Slot
+from eurobot_od.pdo.dbc import dbc_text, identifier
+from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.robot import dialects
+
+FRAMES = 10_000
+"""Random frames for each message."""
+
+
+@cache
+def protocol(dialect: str) -> Protocol:
+    return Protocol.load(dialect)
+
+
+@cache
+def database(dialect: str) -> Database:
+    loaded = cantools.database.load_string(dbc_text(protocol(dialect)), "dbc", strict=True)
+    assert isinstance(loaded, Database)
+    return loaded
+
+
+def cases() -> list[tuple[str, str]]:
+    return [(dialect, each.name) for dialect in dialects.names() for each in protocol(dialect).bindings]
+
+
+def with_fields() -> list[tuple[str, str]]:
+    return [(dialect, name) for dialect, name in cases() if protocol(dialect).binding(name).layout.fields]
+
+
+def random_data(binding: Binding, number: int = FRAMES) -> list[bytes]:
+    chance = random.Random(binding.name)
+    return [chance.randbytes(binding.layout.length) for _ in range(number)]
+
+
+# cantools
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_cantools_reads_all_messages_with_their_identifiers_and_lengths(dialect: str) -> None:
+    found = {each.frame_id: (each.name, each.length) for each in database(dialect).messages}
+    expected = {b.cob_id: (identifier(b.name), b.layout.length) for b in protocol(dialect).bindings}
+    assert found == expected
+
+
+@pytest.mark.parametrize(("dialect", "name"), with_fields())
+def test_cantools_and_the_codec_agree_on_random_frames(dialect: str, name: str) -> None:
+    binding = protocol(dialect).binding(name)
+    message = database(dialect).get_message_by_frame_id(binding.cob_id)
+    for data in random_data(binding):
+        decoded = message.decode(data, decode_choices=False)
+        assert decoded == binding.unpack(data)
+        assert message.encode(decoded, strict=False) == binding.pack(binding.unpack(data))
+
+
+@pytest.mark.parametrize(("dialect", "name"), cases())
+def test_senders_and_receivers(dialect: str, name: str) -> None:
+    binding = protocol(dialect).binding(name)
+    message = database(dialect).get_message_by_frame_id(binding.cob_id)
+    assert set(message.senders) == set(binding.senders)
+    assert all(set(signal.receivers) == set(binding.receivers) for signal in message.signals)
+
+
+@pytest.mark.parametrize(("dialect", "name"), with_fields())
+def test_units_and_limits(dialect: str, name: str) -> None:
+    binding = protocol(dialect).binding(name)
+    for signal in database(dialect).get_message_by_frame_id(binding.cob_id).signals:
+        assert (signal.unit or "") == binding.kinds[signal.name].unit
+        assert (signal.minimum, signal.maximum) == binding.limits[signal.name]
+
+
+CHOICES = [
+    ("Emergency Stop", "obstacle", {0: "object", 1: "enemy"}),
+    ("Goto State Response", "time", {0: "arrived", 0xFFFFF: "unknown", 0xFFFFFE: "blocked", 0xFFFFFF: "not possible"}),
+    ("Navi Position Response", "source", {0: "internal", 1: "confederate", 2: "enemy 1", 3: "enemy 2"}),
+    ("Navi Position Response", "angle", {0x3FF: "unknown"}),
+    ("Start Configuration Set", "team_colour", {0: "yellow", 1: "red"}),
+    # 255 mm alone is a place
+    ("Navi Position Response", "x", {}),
+    ("Goto XY", "angle", {}),
+]
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+@pytest.mark.parametrize(("message", "field", "choices"), CHOICES)
+def test_value_tables(dialect: str, message: str, field: str, choices: Mapping[int, str]) -> None:
+    signal = database(dialect).get_message_by_name(identifier(message)).get_signal_by_name(field)
+    assert {raw: str(name) for raw, name in (signal.choices or {}).items()} == choices
+
+
+# canmatrix
+
+
+@cache
+def matrix(dialect: str) -> Any:
+    loaded: Any = canmatrix.formats.loads(dbc_text(protocol(dialect)), "dbc")
+    (found,) = loaded.values()
+    assert found.load_errors == []
+    return found
+
+
+@pytest.mark.parametrize(("dialect", "name"), with_fields())
+def test_canmatrix_and_the_codec_agree_on_random_frames(dialect: str, name: str) -> None:
+    binding = protocol(dialect).binding(name)
+    (frame,) = (each for each in matrix(dialect).frames if each.arbitration_id.id == binding.cob_id)
+    assert frame.size == binding.layout.length
+    for data in random_data(binding, FRAMES // 20):
+        assert {name: each.raw_value for name, each in frame.decode(data).items()} == binding.unpack(data)
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_canmatrix_names_the_nodes(dialect: str) -> None:
+    assert [each.name for each in matrix(dialect).ecus] == ["core", "drive", "navigation"]
+
+
+# C
+
+
+def c_program(messages: list[Message]) -> str:
+    """Write a program that reads `number hex` lines, unpacks, packs again and prints the values."""
+    cases = "\n".join(map(c_case, count(), messages))
+    return f"""
+#include <inttypes.h>
+#include <stdio.h>
+#include "bus.h"
+int main(void)
+{{
+    unsigned number, octet, length;
+    while (scanf("%u %u", &number, &length) == 2) {{
+        uint8_t data[8] = {{0}}, again[8] = {{0}};
+        for (unsigned i = 0; i < length; i++) {{
+            if (scanf("%2x", &octet) != 1) return 1;
+            data[i] = (uint8_t)octet;
+        }}
+        switch (number) {{
+{cases}
+        }}
+        for (unsigned i = 0; i < length; i++) printf("%02x", again[i]);
+        printf("\\n");
+    }}
+    return 0;
+}}
+"""
+
+
+def c_case(number: int, message: Message) -> str:
+    name = message.name.lower()
+    prints = "".join(f'printf("%" PRIu64 " ", (uint64_t)m.{signal.name});' for signal in message.signals)
+    return f"""
+        case {number}: {{
+            struct bus_{name}_t m;
+            if (bus_{name}_unpack(&m, data, length) != 0) return 2;
+            if (bus_{name}_pack(again, &m, sizeof(again)) != (int)length) return 3;
+            {prints}
+            break;
+        }}"""
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_c_code_compiles_without_warning_and_agrees_with_the_codec(dialect: str, tmp_path: Path) -> None:
+    messages = [each for each in database(dialect).messages if each.signals]
+    header, source, *_ = generate(database(dialect), "bus", "bus.h", "bus.c", "fuzzer.c")
+    (tmp_path / "bus.h").write_text(header)
+    (tmp_path / "bus.c").write_text(source)
+    (tmp_path / "main.c").write_text(c_program(messages))
+    strict = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+    subprocess.run(["gcc", *strict, "bus.c", "main.c", "-o", "judge"], cwd=tmp_path, check=True)
+    asked, expected = [], []
+    for number, message in enumerate(messages):
+        binding = protocol(dialect).binding_of(message.frame_id)
+        for data in random_data(binding):
+            values = binding.unpack(data)
+            asked.append(f"{number} {len(data)} {data.hex()}")
+            raw = " ".join(str(values[signal.name]) for signal in message.signals)
+            expected.append(f"{raw} {binding.pack(values).hex()}")
+    judge = [str(tmp_path / "judge")]
+    judged = subprocess.run(judge, input="\n".join(asked), capture_output=True, text=True, check=True)
+    assert judged.stdout.splitlines() == expected
+
+
+# What DBC cannot say, and the command
+
+
+def test_a_field_in_pieces_is_refused() -> None:
+    spoilt = Protocol.load(dialects.DEFAULT)
+    binding = spoilt.binding("Goto State Response")
+    binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
+    with pytest.raises(MappingError, match="Goto State Response: time is in 2 pieces"):
+        dbc_text(spoilt)
+
+
+def test_the_command_writes_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "robot.dbc"
+    assert cli.main(["export", "dbc", "-o", str(file)]) == 0
+    assert file.read_text() == dbc_text(protocol(dialects.DEFAULT))

@@ -1,0 +1,206 @@
+"""Kinds of fields: raw value to meaning and back, and how a person writes and reads it."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Limits, Remaining
+from eurobot_od.robot.values import Barriers, GotoFault, OutOfRange, Passage, Source, TeamColour
+
+X = Limits(0, 3000)
+ANY = Limits(0, 0xFFFFFF)
+
+PERCENT, SPARE = Kind("%"), Kind()
+ANGLE, HEADING = Angle("deg"), Heading("deg")
+MILLIMETRES, TIME = Coordinate("mm"), Remaining("ms")
+COLOUR, SOURCE, BARRIERS = Choice(TeamColour), Choice(Source), BarrierFlags()
+
+Row = tuple[Kind, Limits, int, Any]
+
+BOTH_WAYS: list[Row] = [
+    (PERCENT, Limits(0, 100), 0, 0),
+    (PERCENT, Limits(0, 100), 100, 100),
+    (PERCENT, Limits(5, 10), 5, 5),
+    (ANGLE, ANY, 359, 359),
+    (HEADING, ANY, 0, 0),
+    (HEADING, ANY, 0x3FF, None),
+    (MILLIMETRES, X, 0xFF, 255),  # a real place: unknown only together with y and the angle
+    (MILLIMETRES, X, 3000, 3000),
+    (TIME, ANY, 0, 0),
+    (TIME, ANY, 0x0FFFFE, 0x0FFFFE),
+    (TIME, ANY, 0x0FFFFF, None),
+    (TIME, ANY, 0xFFFFFE, GotoFault.BLOCKED),
+    (TIME, ANY, 0xFFFFFF, GotoFault.NOT_POSSIBLE),
+    (COLOUR, Limits(0, 1), 1, TeamColour.RED),
+    (SOURCE, Limits(0, 3), 2, Source.ENEMY_1),
+    (BARRIERS, Limits(0, 0xFFFF), 0xA5C3, Barriers(0xA5C3)),
+]
+
+OUT_OF_RANGE: list[tuple[Kind, Limits, int]] = [
+    (PERCENT, Limits(0, 100), 101),
+    (PERCENT, Limits(5, 10), 4),
+    (ANGLE, ANY, 360),
+    (ANGLE, ANY, 0x3FF),  # a goto has no unknown angle
+    (HEADING, ANY, 360),
+    (HEADING, ANY, 0x3FE),
+    (MILLIMETRES, X, 3001),
+    (TIME, ANY, 0x100000),
+    (TIME, ANY, 0xFFFFFD),
+    (COLOUR, Limits(0, 1), 2),
+    (SOURCE, Limits(0, 3), 4),  # reserved
+]
+
+WRITTEN: list[Row] = [
+    (ANGLE, ANY, 0, 360),
+    (ANGLE, ANY, 359, -1),
+    (HEADING, ANY, 270, -450),
+    (PERCENT, X, 7, 7.0),  # a whole number all the same
+    (COLOUR, X, 1, 1),
+    (TIME, ANY, 0xFFFFFE, 0xFFFFFE),
+]
+
+NOT_WRITTEN: list[tuple[Kind, Limits, Any]] = [
+    (PERCENT, Limits(0, 100), 101),
+    (PERCENT, Limits(0, 100), -1),
+    (PERCENT, Limits(0, 100), 1.5),
+    (PERCENT, Limits(0, 100), "7"),
+    (PERCENT, Limits(0, 100), None),
+    (PERCENT, Limits(0, 100), float("nan")),
+    (PERCENT, Limits(0, 100), float("inf")),
+    (ANGLE, ANY, float("-inf")),
+    (ANGLE, ANY, None),
+    (HEADING, ANY, 0.5),
+    (MILLIMETRES, X, None),  # not alone
+    (MILLIMETRES, X, OutOfRange(7)),  # what was flagged once does not go on
+    (TIME, ANY, 0x0FFFFF),  # the code of unknown, which is None
+    (TIME, ANY, -1),
+    (COLOUR, Limits(0, 1), 2),
+    (COLOUR, Limits(0, 1), "red"),
+    (SOURCE, Limits(0, 3), OutOfRange(4)),
+    (BARRIERS, Limits(0, 0xFFFF), 0x10000),
+]
+
+PARSED: list[tuple[Kind, str, Any]] = [
+    (PERCENT, "75", 75),
+    (PERCENT, "0x4B", 75),
+    (ANGLE, "-90", -90),
+    (HEADING, "unknown", None),
+    (HEADING, "90", 90),
+    (MILLIMETRES, "unknown", None),
+    (MILLIMETRES, "1500", 1500),
+    (TIME, "unknown", None),
+    (TIME, "blocked", GotoFault.BLOCKED),
+    (TIME, "not possible", GotoFault.NOT_POSSIBLE),
+    (TIME, "1500", 1500),
+    (COLOUR, "red", TeamColour.RED),
+    (COLOUR, "0", TeamColour.YELLOW),
+    (SOURCE, "enemy 1", Source.ENEMY_1),
+    (BARRIERS, "none", Barriers(0)),
+    (BARRIERS, "0xA5C3", Barriers(0xA5C3)),
+    (BARRIERS, "fire-1:forced", Barriers.of({1: Passage.FORCED})),
+    (BARRIERS, "fire-1:forced,pool 2:normal", Barriers.of({1: Passage.FORCED, 8: Passage.NORMAL})),
+    (BARRIERS, "fire-3", Barriers.of({3: Passage.NORMAL})),
+]
+
+NOT_PARSED: list[tuple[Kind, str]] = [
+    (PERCENT, "fast"),
+    (PERCENT, "unknown"),
+    (PERCENT, "1.5"),
+    (PERCENT, " "),
+    (ANGLE, "unknown"),
+    (HEADING, "north"),
+    (TIME, "soon"),
+    (COLOUR, "green"),
+    (COLOUR, "2"),
+    (BARRIERS, "0y"),
+    (BARRIERS, "fire-1:closed"),
+]
+
+SHOWN: list[tuple[Kind, Any, str]] = [
+    (PERCENT, 75, "75 %"),
+    (SPARE, 2, "2"),
+    (HEADING, None, "unknown"),
+    (MILLIMETRES, OutOfRange(4000), "4000 mm (out of range)"),
+    (TIME, 1500, "1500 ms"),
+    (TIME, None, "unknown"),
+    (TIME, GotoFault.NOT_POSSIBLE, "not possible"),
+    (SOURCE, Source.ENEMY_2, "enemy 2"),
+    (SOURCE, OutOfRange(9), "9 (out of range)"),
+    (BARRIERS, Barriers(0x0002), "fire 1:forced"),
+]
+
+ALLOWED = [
+    (PERCENT, Limits(0, 100), "0..100 %"),
+    (SPARE, Limits(0, 2), "0..2"),
+    (ANGLE, ANY, "any whole angle in degrees"),
+    (HEADING, ANY, "any whole angle in degrees, None for unknown"),
+    (MILLIMETRES, X, "0..3000 mm, or x, y and angle None for unknown"),
+    (TIME, ANY, "0..1048574 ms, None for unknown, blocked, not possible"),
+    (COLOUR, Limits(0, 1), "yellow (0), red (1)"),
+    (
+        BARRIERS,
+        Limits(0, 65535),
+        "0..65535, or fire-1..fire-6 and pool-1, pool-2 with :free or normal or forced",
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "limits", "raw", "meaning"), BOTH_WAYS)
+def test_reads_what_it_writes(kind: Kind, limits: Limits, raw: int, meaning: Any) -> None:
+    assert kind.read(raw, limits) == meaning
+    assert type(kind.read(raw, limits)) is type(meaning)
+    assert kind.write(meaning, limits) == raw
+
+
+@pytest.mark.parametrize(("kind", "limits", "raw"), OUT_OF_RANGE)
+def test_reads_a_value_outside_its_range_raw_and_flagged(kind: Kind, limits: Limits, raw: int) -> None:
+    assert kind.read(raw, limits) == raw
+    assert isinstance(kind.read(raw, limits), OutOfRange)
+
+
+@pytest.mark.parametrize(("kind", "limits", "raw", "value"), WRITTEN)
+def test_writes_what_means_the_same(kind: Kind, limits: Limits, raw: int, value: Any) -> None:
+    assert kind.write(value, limits) == raw
+
+
+@pytest.mark.parametrize(("kind", "limits", "value"), NOT_WRITTEN)
+def test_does_not_write(kind: Kind, limits: Limits, value: Any) -> None:
+    with pytest.raises(ValueError, match=re.escape(str(value))):
+        kind.write(value, limits)
+
+
+@pytest.mark.parametrize(("kind", "text", "value"), PARSED)
+def test_parses(kind: Kind, text: str, value: Any) -> None:
+    assert kind.parse(text) == value
+    assert type(kind.parse(text)) is type(value)
+
+
+@pytest.mark.parametrize(("kind", "text"), NOT_PARSED)
+def test_does_not_parse(kind: Kind, text: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(text)):
+        kind.parse(text)
+
+
+@pytest.mark.parametrize("text", ["wall:forced", "fire-9", "fire-1:forced,"])
+def test_does_not_parse_an_unknown_barrier(text: str) -> None:
+    with pytest.raises(UnknownName):
+        BARRIERS.parse(text)
+
+
+@pytest.mark.parametrize(("kind", "value", "text"), SHOWN)
+def test_writes_for_a_person(kind: Kind, value: Any, text: str) -> None:
+    assert kind.text(value) == text
+
+
+@pytest.mark.parametrize(("kind", "limits", "text"), ALLOWED)
+def test_says_what_is_allowed(kind: Kind, limits: Limits, text: str) -> None:
+    assert kind.allowed(limits) == text
+
+
+@pytest.mark.parametrize(("kind", "meaning"), [(kind, value) for kind, *_, value in BOTH_WAYS if kind is not BARRIERS])
+def test_parses_what_it_writes_for_a_person(kind: Kind, meaning: Any) -> None:
+    assert kind.parse(kind.text(meaning).removesuffix(f" {kind.unit}")) == meaning

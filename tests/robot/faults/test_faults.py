@@ -1,0 +1,216 @@
+"""Faults on demand: each hook changes what it says and nothing else, and no fault makes a node raise."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects, faults
+from eurobot_od.robot.faults import hooks
+from eurobot_od.robot.faults.hooks import Mixin
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    CheckNaviResponse,
+    GotoConfirm,
+    GotoStateRequest,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    Message,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.values import Source, TeamColour
+
+PROTOCOL = Protocol.load()
+DICTIONARIES = {name: dialects.load(name) for name in ROLES}
+START = StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)
+CHECKED = Frame(PROTOCOL.cob_id(CheckDriveResponse))
+PLACE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)
+GOTO = GotoXY(700, 1750, 90, 60)
+
+
+def answers(node: Node, *messages: Message, until: float = 0.0) -> list[Frame]:
+    """Return what a node sends in answer to messages, up to a time in seconds."""
+    frames = [frame for message in messages for frame in node.receive(PROTOCOL.encode(message), 0.0)]
+    while node.next_wakeup <= until:
+        frames += node.tick(node.next_wakeup)
+    return frames
+
+
+def drive(*mixins: Mixin) -> Drive:
+    """Return a drive with hooks in front of it, switched on, at its start place."""
+    role: type[Drive] = type("Drive", (*mixins, Drive), {})
+    node = role(DICTIONARIES["drive"])
+    node.start(0.0)
+    answers(node, START)
+    return node
+
+
+# Hooks
+
+
+LEAVING = [
+    (hooks.lost, []),
+    (hooks.twice, [CHECKED, CHECKED]),
+    (hooks.moved(1), [Frame(CHECKED.cob_id + 1)]),
+    (hooks.data(lambda data: data + b"\x07"), [Frame(CHECKED.cob_id, b"\x07")]),
+    (hooks.only(lambda data: len(data) > 0), []),
+    (hooks.foreign(CheckNaviResponse()), [Frame(PROTOCOL.cob_id(CheckNaviResponse))]),
+]
+
+
+@pytest.mark.parametrize(("change", "left"), LEAVING)
+def test_a_change_is_applied_to_what_leaves(change: hooks.Change, left: list[Frame]) -> None:
+    assert answers(drive(hooks.leaving(CheckDriveResponse, change)), CheckDriveRequest()) == left
+
+
+@pytest.mark.parametrize(("change", "_left"), LEAVING)
+def test_a_change_leaves_other_messages_alone(change: hooks.Change, _left: list[Frame]) -> None:
+    node = drive(hooks.leaving(CheckDriveResponse, change))
+    assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(PLACE)]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (hooks.field("x", lambda x: x + 1), PLACE._replace(x=201)),
+        (hooks.field("angle", lambda angle: -angle - 90), PLACE._replace(angle=270)),
+        (hooks.meaning(lambda place: place._replace(source=Source.ENEMY_1)), PLACE._replace(source=Source.ENEMY_1)),
+        (hooks.raw(y=lambda y: y // 2), PLACE._replace(y=900)),
+        (hooks.exchanged("x", "angle"), PLACE._replace(x=0, angle=200)),
+        # a value that may not be sent is not sent
+        (hooks.field("x", lambda _: 4000), PLACE),
+    ],
+)
+def test_a_change_of_the_meaning(change: hooks.Change, said: KalmanPositionResponse) -> None:
+    node = drive(hooks.leaving(KalmanPositionResponse, change))
+    assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(said)]
+
+
+@pytest.mark.parametrize("change", [hooks.field("x", lambda x: x // 2), hooks.raw(x=lambda x: x // 2)])
+def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.Change) -> None:
+    node = drive(hooks.arriving(GotoXY, change))
+    short = Frame(PROTOCOL.cob_id(GotoXY), b"\x01\x02")
+    assert [frame.cob_id for frame in node.receive(short, 0.0)] == [hooks.emcy(node)]
+
+
+@pytest.mark.parametrize(("change", "count"), [(hooks.lost, 0), (hooks.twice, 2)])
+def test_a_change_is_applied_to_what_arrives(change: hooks.Change, count: int) -> None:
+    assert answers(drive(hooks.arriving(CheckDriveRequest, change)), CheckDriveRequest()) == [CHECKED] * count
+
+
+@pytest.mark.parametrize(("until", "left"), [(0.29, []), (0.31, [CHECKED])])
+def test_late_frames_leave_later(until: float, left: list[Frame]) -> None:
+    node = drive(hooks.late(CheckDriveResponse, 0.3))
+    assert answers(node, CheckDriveRequest(), until=until) == left
+
+
+def test_a_reaction_takes_the_place_of_the_healthy_one() -> None:
+    node = drive(hooks.handling(StopDrive, lambda node, *_: node.offer(GotoConfirm())))
+    assert answers(node, StopDrive()) == [PROTOCOL.encode(GotoConfirm())]
+
+
+def test_a_reaction_may_do_the_healthy_one_too() -> None:
+    node = drive(hooks.handling(GotoXY, lambda _, goto, healthy: healthy(goto._replace(speed=10))))
+    answers(node, GOTO)
+    assert node.goto == GOTO._replace(speed=10)
+
+
+def test_a_preset_setting_takes_the_place_of_the_dictionarys() -> None:
+    node = drive(hooks.preset("Motion.Control period", 50))
+    assert (node.setting("Motion.Control period"), node.seconds("Motion.Control period")) == (50, 0.05)
+    assert node.setting("Motion.Braking") == drive().setting("Motion.Braking")
+
+
+def test_an_action_is_done_again_and_again() -> None:
+    node = drive(hooks.every(0.1, lambda node: node.offer(GotoConfirm())))
+    assert answers(node, until=0.35) == [PROTOCOL.encode(GotoConfirm())] * 3
+
+
+def test_hooks_add_up() -> None:
+    state = hooks.leaving(GotoStateResponse, hooks.lost)
+    node = drive(state, hooks.leaving(CheckDriveResponse, hooks.twice))
+    assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
+
+
+# Faults
+
+
+ALL = [(owner, fault) for owner, rows in faults.FAULTS.items() for fault in rows]
+FITTING = [(role, fault.name) for role in ROLES.values() for fault in faults.fitting(role)]
+
+
+def test_there_are_faults_for_every_node() -> None:
+    assert {owner for owner, rows in faults.FAULTS.items() if len(rows) >= 20} == {Core, Drive, Navigation, Node}
+
+
+def test_names_of_faults_are_unique() -> None:
+    assert len(set(faults.names())) == len(ALL)
+
+
+@pytest.mark.parametrize("name", faults.names())
+def test_a_fault_has_a_name_for_the_command_line_and_a_sentence(name: str) -> None:
+    _, fault = faults.find(name)
+    assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)
+    assert re.fullmatch(r"[a-z].*[^.]", fault.text)
+
+
+@pytest.mark.parametrize(
+    ("role", "name", "error"),
+    [
+        (Drive, "goto-not-confirmd", UnknownName),  # a typing error
+        (Drive, "goto-not-sent", LocalError),  # the core's
+        (Core, "goto-not-confirmed", LocalError),  # the drive's
+        (Navigation, "", UnknownName),
+    ],
+)
+def test_a_fault_that_a_node_cannot_have_is_refused(role: type[Node], name: str, error: type[LocalError]) -> None:
+    with pytest.raises(error):
+        faults.faulty(role, name)
+
+
+def test_a_near_name_is_suggested() -> None:
+    with pytest.raises(UnknownName, match="did you mean goto-not-confirmed"):
+        faults.find("goto-not-confirmd")
+
+
+def test_the_healthy_node_stays_healthy() -> None:
+    before = dict(vars(Drive))
+    faults.faulty(Drive, "goto-not-confirmed")
+    assert dict(vars(Drive)) == before
+    assert answers(drive(), GOTO)[:1] == [PROTOCOL.encode(GotoConfirm())]
+
+
+@pytest.mark.parametrize("role", ROLES.values())
+def test_every_node_can_have_the_faults_of_any_node(role: type[Node]) -> None:
+    names = {fault.name for fault in faults.fitting(role)}
+    assert names > {fault.name for fault in faults.FAULTS[Node]}
+
+
+@pytest.mark.parametrize(("role", "name"), FITTING)
+def test_a_faulty_node_survives_any_frame(role: type[Node], name: str) -> None:
+    node = faults.faulty(role, name)(DICTIONARIES[role.__name__.lower()])
+    node.start(0.0)
+    for command in (None, NmtCommand.STOP, NmtCommand.RESET_NODE):
+        if command is not None:
+            node.receive(Frame(NMT_COB_ID, bytes([command, 0])), 0.0)
+        for identifier in set(node.device.identifiers) - {NMT_COB_ID}:
+            for length in (0, 2, 7, 8):
+                node.receive(Frame(identifier, b"\xa5" * length), 0.0)
+        node.tick(0.0)
+
+
+def test_a_node_can_have_two_faults() -> None:
+    role = faults.faulty(faults.faulty(Drive, "drive-check-answered-twice"), "state-not-answered")
+    node = role(DICTIONARIES["drive"])
+    node.start(0.0)
+    assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]

@@ -1,0 +1,90 @@
+"""A live match as a CANopen engineer sees it: its nodes are found, and configured from DCF files before it begins."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from contextlib import ExitStack
+from datetime import datetime
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.client.configure import Outcome, configure
+from eurobot_od.client.description import from_file
+from eurobot_od.client.scan import scan
+from eurobot_od.frame import Frame
+from eurobot_od.live import Live, Watch
+from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import Address, PdoDirection, Value
+from eurobot_od.robot import dialects
+from eurobot_od.robot.match import Event, EventKind, Options, stage
+from eurobot_od.robot.match.play import Player
+from eurobot_od.robot.match.timeline import Timeline
+from eurobot_od.robot.nodes import Node
+from tests.client.peers import master_on, new_channel, open_bus
+
+NOW = datetime(2014, 5, 28, 12, 0)
+SHORT = Options(duration=6.0)
+MOVED = 0x018
+WIDE_X = 0x20000110
+
+
+def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
+    channel, begun = new_channel(), threading.Event()
+
+    def show(event: Event) -> None:
+        if event.kind is EventKind.MATCH:
+            begun.set()
+
+    def play() -> None:
+        stage.play_live(Options(duration=3.0), show, lambda _time, _frame: None, lambda: open_bus(channel))
+
+    match = threading.Thread(target=play)
+    match.start()
+    assert begun.wait(20)
+    with master_on(channel, 0.5) as master:
+        found = scan(master, pace=0.001)
+    match.join()
+    assert [(each.node_id, each.name) for each in found] == [
+        (1, "Eurobot 2014 core"),
+        (2, "Eurobot 2014 drive"),
+        (3, "Eurobot 2014 navigation"),
+    ]
+
+
+def goto_changes(node: Node) -> dict[Address, Value]:
+    """Say what moves Goto XY to another COB-ID and makes its x 16 bits wide, in the node that has it."""
+    [pdo] = [each for each in node.device.dictionary.pdos if each.name == "Goto XY"]
+    no_rtr = 0x40000000 if pdo.direction is PdoDirection.TPDO else 0
+    return {(pdo.index, 1): MOVED | no_rtr, (pdo.mapping_index, 1): WIDE_X}
+
+
+def configured_from_dcf(channel: str, node: Node, file: Path) -> Outcome:
+    eds = dialects.eds_folder() / dialects.DEFAULT / f"{node.name}.eds"
+    file.write_text(dcf.with_values(eds.read_text(), goto_changes(node), node.device.node_id, node.name, 500))
+    with master_on(channel) as master:
+        return configure(master.node(node.device.node_id), from_file(file), NOW)
+
+
+@pytest.mark.parametrize("changed", [("core", "drive")])
+def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, changed: tuple[str, ...]) -> None:
+    channel, begin = new_channel(), time.monotonic()
+
+    def clock() -> float:
+        return time.monotonic() - begin
+
+    cast = stage.assemble(SHORT, clock)
+    seen: list[Frame] = []
+    player = Player(cast.core, cast.world, SHORT, Timeline(clock, lambda _: None), clock)
+    with ExitStack() as stack:
+        stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
+        for node in cast.nodes:
+            stack.enter_context(Live.node(open_bus(channel), node, clock))
+        for node in cast.nodes:
+            if node.name in changed:
+                assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Outcome(2, stored=True)
+        asyncio.run(player.play())
+    assert player.errors, "no place was reached"
+    assert {frame.cob_id for frame in seen} & {0x008, MOVED} == {MOVED}

@@ -1,0 +1,80 @@
+"""Many matches: in the order of their seeds, the same on any number of processes, and no process is left over."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot.match import Options
+from eurobot_od.robot.match.played import play
+from eurobot_od.robot.match.seeds import cores, play_many
+from eurobot_od.robot.match.stage import read
+
+SHORT = Options(duration=3.0)
+
+PROGRAM = """
+import os, signal
+from multiprocessing import active_children
+from eurobot_od.robot.match import Options
+from eurobot_od.robot.match.seeds import play_many
+matches = play_many(Options(duration=3.0), range(1, {last}), 2)
+"""
+
+
+def run(program: str, last: int) -> list[str]:
+    """Run a program of its own, which has no threads while it forks, and return its lines."""
+    words = [sys.executable, "-c", PROGRAM.format(last=last) + program]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+
+
+def test_each_seed_is_played_once_and_in_order() -> None:
+    matches = list(play_many(SHORT, range(3, 6), 1))
+    assert matches == [play(Options(seed=seed, duration=3.0), read(None)) for seed in (3, 4, 5)]
+
+
+def test_several_processes_come_to_the_same() -> None:
+    assert run("for match in matches: print(match)", 6) == [str(each) for each in play_many(SHORT, range(1, 6), 1)]
+
+
+def test_closing_ends_the_processes() -> None:
+    lines = run("next(matches); print(len(active_children())); matches.close(); print(len(active_children()))", 1000)
+    assert lines == ["2", "0"]
+
+
+def test_a_process_that_dies_is_an_error_and_the_others_end() -> None:
+    program = """
+next(matches)
+os.kill(active_children()[0].pid, signal.SIGKILL)
+try:
+    list(matches)
+except ChildProcessError as error:
+    print(error, len(active_children()))
+"""
+    assert run(program, 1000) == ["a process that played matches has died 0"]
+
+
+def test_processes_end_when_their_parent_is_killed() -> None:
+    program = PROGRAM.format(last=1000) + "next(matches); print(flush=True); list(matches)"
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout
+        parent.stdout.readline()
+        parent.kill()
+        assert parent.stdout.read() == b""  # the end of the pipe comes when nobody has it open any more
+
+
+@pytest.mark.parametrize(
+    ("options", "error"), [(Options(emergency_at=95.0), LocalError), (Options(dialect="nonsense"), UnknownName)]
+)
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_what_cannot_be_played_is_an_error_before_a_process_begins(
+    options: Options, error: type[Exception], jobs: int
+) -> None:
+    with pytest.raises(error):
+        play_many(options, range(1, 4), jobs)
+
+
+def test_there_is_a_core() -> None:
+    assert cores() >= 1

@@ -1,0 +1,71 @@
+"""The summary: every frame is counted under its name, and the bus load is that of its bits."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.match.summary import Summary, Traffic
+from eurobot_od.robot.messages import GotoXY, StopDrive
+from eurobot_od.simulation.bits import frame_bits
+
+PROTOCOL = Protocol.load()
+GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
+
+
+def summary(*frames: Frame, seconds: float = 1.0) -> Summary:
+    traffic = Traffic(PROTOCOL)
+    for frame in frames:
+        traffic.count(frame)
+    return traffic.summary(seconds, 500_000, [], [])
+
+
+def test_messages_are_counted_under_their_names_in_the_order_of_their_priority() -> None:
+    frames = summary(GOTO, PROTOCOL.encode(StopDrive()), GOTO).frames
+    assert list(frames) == PROTOCOL.names()
+    assert {name: count for name, count in frames.items() if count} == {"Stop Drive": 1, "Goto XY": 2}
+
+
+@pytest.mark.parametrize(
+    ("frame", "name"),
+    [
+        (Frame(0x701, b"\x00"), "Boot-up"),
+        (Frame(0x77F, b"\x00"), "Boot-up"),
+        (Frame(0x701, b"\x05"), "Heartbeat"),
+        (Frame(0x702, b"\x7f"), "Heartbeat"),
+        (Frame(0x081, bytes(8)), "EMCY"),
+        (Frame(0x000, b"\x81\x00"), "NMT"),
+        (Frame(0x601, bytes(8)), "SDO"),
+        (Frame(0x700, b"\x05"), "Other"),  # no node has node-ID 0
+    ],
+)
+def test_frames_of_no_message_are_counted_by_their_service(frame: Frame, name: str) -> None:
+    counted = summary(frame)
+    assert counted.others == {name: 1}
+    assert counted.messages_sent == 0
+
+
+def test_the_identifier_of_an_emcy_that_is_a_messages_counts_as_the_message() -> None:
+    assert summary(Frame(0x080, bytes(5))).frames["Navi Position Response"] == 1
+
+
+def test_a_frame_of_a_message_counts_whatever_its_length() -> None:
+    assert summary(Frame(0x008, b"")).frames["Goto XY"] == 1
+
+
+def test_messages_sent_are_those_seen_at_least_once() -> None:
+    assert summary(GOTO, GOTO).messages_sent == 1
+    assert summary().messages_sent == 0
+
+
+def test_the_load_is_the_share_of_time_that_the_bits_take() -> None:
+    load = summary(GOTO, GOTO, seconds=0.5).load
+    assert load == pytest.approx(2 * frame_bits(GOTO) / 500_000 / 0.5)
+    assert summary(seconds=0.0).load == 0.0
+
+
+def test_as_data_is_plain() -> None:
+    data = summary(GOTO).as_data()
+    assert data["messages_sent"] == 1
+    assert data["frames"]["Goto XY"] == 1

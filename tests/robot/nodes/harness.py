@@ -1,0 +1,171 @@
+"""The three nodes, or stand-ins for some of them, on a simulated bus, and what went over it.
+
+Rule of this file: nothing here behaves like a node; what a stand-in sends is what the test tells it to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Coroutine
+from typing import Any, NamedTuple, TypeVar
+
+from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.device.station import Station
+from eurobot_od.errors import RemoteError
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.messages import Message, MessageT, StartConfigurationConfirm, StartConfigurationSet
+from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.nodes.navigation import Fix
+from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.simulation import loop
+from eurobot_od.simulation.network import Network
+
+Result = TypeVar("Result")
+
+PROTOCOL = Protocol.load()
+DICTIONARIES = {each.name: each for each in dialects.load_all()}
+RED = StartConfigurationSet(TeamColour.RED, 2, 1, 30, 20)
+"""A start configuration in which everyone is there."""
+
+
+class Peer(Node):
+    """Stands in for a node: it answers nothing, and says what it is told, whatever that is."""
+
+    def say(self, *what: Message | Frame) -> None:
+        """Send messages and frames at once, so that the most urgent one leaves first."""
+        self._out += [each if isinstance(each, Frame) else PROTOCOL.encode(each) for each in what]
+
+
+class Wheels:
+    """Ideal wheels that remember every command."""
+
+    def __init__(self) -> None:
+        self.commands: list[Command] = []
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        self.commands.append(command)
+        return Odometry(command.speed * dt, command.turn * dt)
+
+
+class Seen:
+    """Beacons that see everyone at one place; who is not in `fixes` is not seen."""
+
+    def __init__(self, **fixes: Fix) -> None:
+        self.fixes = {Source[name.upper()]: fix for name, fix in fixes.items()}
+
+    def locate(self, whom: Source, _now: float) -> Fix | None:
+        return self.fixes.get(whom)
+
+
+class Sent(NamedTuple):
+    """A message on the bus and when it was through, s."""
+
+    time: float
+    message: Message
+
+
+class Bench:
+    """The three nodes on a simulated bus, running; those named in `peers` are stand-ins.
+
+    `log` is every message on the bus, `others` every other frame.
+    """
+
+    def __init__(self, *peers: str) -> None:
+        self.network = Network()
+        self.network.observers.append(self._observe)
+        self.log: list[Sent] = []
+        self.others: list[tuple[float, Frame]] = []
+        self.nodes: dict[str, Node] = {}
+        self.stations: dict[str, Station] = {}
+        for name, role in ROLES.items():
+            self.nodes[name] = (Peer if name in peers else role)(DICTIONARIES[name])
+            self.stations[name] = self.network.attach(self.nodes[name])
+        self.run(0.01)
+
+    def _observe(self, time: float, frame: Frame) -> None:
+        try:
+            self.log.append(Sent(time, PROTOCOL.decode(*frame)))
+        except RemoteError:
+            self.others.append((time, frame))
+
+    # The nodes
+
+    @property
+    def core(self) -> Core:
+        core = self.nodes["core"]
+        assert isinstance(core, Core)
+        return core
+
+    @property
+    def drive(self) -> Drive:
+        drive = self.nodes["drive"]
+        assert isinstance(drive, Drive)
+        return drive
+
+    @property
+    def navigation(self) -> Navigation:
+        navigation = self.nodes["navigation"]
+        assert isinstance(navigation, Navigation)
+        return navigation
+
+    def peer(self, name: str) -> Peer:
+        """Return a stand-in."""
+        peer = self.nodes[name]
+        assert isinstance(peer, Peer)
+        return peer
+
+    @property
+    def now(self) -> float:
+        return self.network.now
+
+    def pose(self) -> Pose:
+        """Where the drive believes the robot is."""
+        assert self.drive.estimate.pose is not None
+        return self.drive.estimate.pose
+
+    # What happens
+
+    def run(self, seconds: float) -> None:
+        """Let the time pass."""
+        self.network.run(self.network.now + seconds)
+
+    def say(self, peer: str, *what: Message | Frame, within: float = 0.01) -> None:
+        """Have a stand-in send messages and frames, each when the one before got through, then let time pass."""
+        for each in what:
+            self.peer(peer).say(each)
+            self.run(0.001)
+        self.run(within)
+
+    def command(self, peer: str, command: NmtCommand, node_id: int = 0) -> None:
+        """Have a stand-in send an NMT command."""
+        self.say(peer, Frame(NMT_COB_ID, bytes([command, node_id])))
+
+    def play(self, coroutine: Coroutine[Any, Any, Result]) -> Result:
+        """Run a coroutine to its end in simulated time."""
+        return loop.run(self.network, coroutine)
+
+    def configure(self) -> None:
+        """Have the core configure the start for a red team with everyone there; stand-ins confirm it."""
+        self.core.configure_start(*RED)
+        self.run(0.005)
+        for name, node in self.nodes.items():
+            if isinstance(node, Peer):
+                self.say(name, StartConfigurationConfirm())
+        self.run(0.005)
+
+    # What was sent
+
+    def messages(self) -> list[Message]:
+        """Return all messages so far in the order they were on the bus."""
+        return [sent.message for sent in self.log]
+
+    def sent(self, message_type: type[MessageT]) -> list[MessageT]:
+        """Return the messages of a type so far."""
+        return [message for _, message in self.log if isinstance(message, message_type)]
+
+    def times(self, *message_types: type[Message]) -> list[float]:
+        """Return when messages of these types were on the bus, s."""
+        return [time for time, message in self.log if isinstance(message, message_types)]

@@ -1,0 +1,522 @@
+"""The core node: its calls, how often and when it asks, and that a stop always has the last word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.errors import FieldError, NoAnswer, StateError
+from eurobot_od.frame import Frame
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    CheckNaviRequest,
+    CheckNaviResponse,
+    ConfederatePositionRequest,
+    EmergencyShutdown,
+    EmergencyStop,
+    Enemy1PositionRequest,
+    Enemy2PositionRequest,
+    GotoConfirm,
+    GotoStateRequest,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    Message,
+    NaviPositionRequest,
+    StartConfigurationConfirm,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.nodes.core import Core, GotoReport, Outcome
+from eurobot_od.robot.values import Direction, GotoFault, Obstacle, Source, TeamColour
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
+
+GOTO = GotoXY(1500, 1000, 90, 80)
+ON_THE_WIRE = 0.0005
+"""Longer than a frame and its answer take on an idle bus, s."""
+
+
+@pytest.fixture
+def bench() -> Bench:
+    """The core, and stand-ins for the others."""
+    return Bench("drive", "navigation")
+
+
+def gaps(times: list[float]) -> list[float]:
+    """Return the times between one and the next."""
+    return [later - earlier for earlier, later in pairwise(times)]
+
+
+def goto(bench: Bench) -> Future[GotoReport]:
+    """Have the core begin with a goto."""
+    call = bench.core.goto(*GOTO)
+    bench.run(0.002)
+    return call
+
+
+# Node checks (document 2.3)
+
+
+def test_the_drive_is_checked_before_the_navigation(bench: Bench) -> None:
+    call = bench.core.check_nodes()
+    bench.run(0.1)
+    assert bench.messages() == [CheckDriveRequest()]
+    bench.say("drive", CheckDriveResponse())
+    assert bench.messages()[2:] == [CheckNaviRequest()]
+    bench.run(0.2)
+    bench.say("navigation", CheckNaviResponse())
+    took = call.result(0)
+    assert list(took) == ["drive", "navigation"]
+    assert took == pytest.approx({"drive": 0.1, "navigation": 0.21}, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("answered", "error"),
+    [
+        ([], "no CheckDriveResponse after 10 x CheckDriveRequest (1000 ms each)"),
+        ([CheckDriveResponse()], "no CheckNaviResponse after 10 x CheckNaviRequest (1000 ms each)"),
+    ],
+)
+def test_a_node_that_does_not_answer_is_named(bench: Bench, answered: list[Message], error: str) -> None:
+    call = bench.core.check_nodes()
+    bench.say("drive", *answered, within=30.0)
+    assert str(call.exception(0)) == error
+
+
+def test_a_check_waits_one_second(bench: Bench) -> None:
+    bench.core.check_nodes()
+    bench.run(30.0)
+    times = bench.times(CheckDriveRequest)
+    assert len(times) == 10
+    assert gaps(times) == pytest.approx([1.0] * 9, abs=ON_THE_WIRE)
+
+
+# Start configuration (document 2.3)
+
+
+def test_a_start_configuration_is_set_until_it_is_confirmed(bench: Bench) -> None:
+    call = bench.core.configure_start(*RED)
+    bench.run(1.2)
+    bench.say("navigation", StartConfigurationConfirm())
+    bench.run(1.0)
+    times = bench.times(StartConfigurationSet)
+    assert gaps(times) == pytest.approx([0.5, 0.5], abs=ON_THE_WIRE)
+    assert call.result(0) == pytest.approx(1.2, abs=0.002)
+    assert bench.core.configuration == RED
+
+
+def test_a_start_configuration_that_nobody_confirms_is_an_error(bench: Bench) -> None:
+    call = bench.core.configure_start(*RED)
+    bench.run(10.0)
+    assert len(bench.times(StartConfigurationSet)) == 6
+    assert isinstance(call.exception(0), NoAnswer)
+    assert bench.core.configuration is None
+    assert bench.times(NaviPositionRequest) == []
+
+
+@pytest.mark.parametrize("confirms", [1, 2])
+def test_one_confirm_of_two_is_enough_and_a_second_changes_nothing(bench: Bench, confirms: int) -> None:
+    call = bench.core.configure_start(*RED)
+    bench.run(0.01)
+    for peer in ("drive", "navigation")[:confirms]:
+        bench.say(peer, StartConfigurationConfirm())
+    assert call.done()
+    bench.run(2.2)
+    assert len(bench.times(NaviPositionRequest)) == 1
+
+
+def test_confirms_of_drive_and_navigation_merge_on_the_wire() -> None:
+    bench = Bench()
+    call = bench.core.configure_start(*RED)
+    bench.run(0.1)
+    assert bench.messages() == [RED, StartConfigurationConfirm()]
+    assert call.done()
+    assert (bench.drive.configuration, bench.navigation.configuration) == (RED, RED)
+
+
+def test_a_newer_start_configuration_replaces_one_that_is_not_confirmed(bench: Bench) -> None:
+    yellow = RED._replace(team_colour=TeamColour.YELLOW)
+    old = bench.core.configure_start(*RED)
+    bench.run(0.1)
+    new = bench.core.configure_start(*yellow)
+    bench.run(1.2)
+    assert isinstance(old.exception(0), StateError)
+    assert bench.sent(StartConfigurationSet) == [RED, yellow, yellow, yellow]
+    bench.say("drive", StartConfigurationConfirm())
+    assert new.done()
+    assert bench.core.configuration == yellow
+
+
+# Position polling (document 4.2.2, 5.2; periods and offsets of the 2014 robot)
+
+OFFSETS: dict[type[Message], float] = {
+    NaviPositionRequest: 0.1,
+    KalmanPositionRequest: 0.1,
+    ConfederatePositionRequest: 0.3,
+    Enemy1PositionRequest: 0.5,
+    Enemy2PositionRequest: 0.5,
+}
+
+
+@pytest.mark.parametrize("request_type", OFFSETS, ids=lambda each: each.__name__)
+def test_positions_are_asked_for_every_600_ms_at_their_offsets_over_a_whole_match(request_type: type[Message]) -> None:
+    bench = Bench()
+    bench.configure()
+    start = bench.times(StartConfigurationConfirm)[0] + 2.0
+    bench.run(92.0)
+    times = bench.times(request_type)
+    expected = [start + OFFSETS[request_type] + 0.6 * number for number in range(len(times))]
+    assert len(times) == 150
+    assert times == pytest.approx(expected, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("enemies", "confederates", "asked"),
+    [
+        (0, 0, {NaviPositionRequest, KalmanPositionRequest}),
+        (1, 0, {NaviPositionRequest, KalmanPositionRequest, Enemy1PositionRequest}),
+        (2, 0, {NaviPositionRequest, KalmanPositionRequest, Enemy1PositionRequest, Enemy2PositionRequest}),
+        (0, 1, {NaviPositionRequest, KalmanPositionRequest, ConfederatePositionRequest}),
+        (2, 1, set(OFFSETS)),
+    ],
+)
+def test_only_those_who_are_there_are_asked_for(
+    bench: Bench, enemies: int, confederates: int, asked: set[type[Message]]
+) -> None:
+    bench.core.configure_start(TeamColour.RED, enemies, confederates)
+    bench.run(0.01)
+    bench.say("drive", StartConfigurationConfirm(), within=4.0)
+    assert {type(message) for message in bench.messages()[2:]} == asked
+
+
+def test_a_new_start_configuration_begins_a_new_series(bench: Bench) -> None:
+    bench.configure()
+    bench.run(5.0)
+    bench.core.configure_start(TeamColour.YELLOW)
+    bench.run(0.01)
+    bench.say("drive", StartConfigurationConfirm())
+    confirmed, asked = bench.times(StartConfigurationConfirm)[-1], len(bench.times(*OFFSETS))
+    bench.run(4.0)
+    new = bench.times(*OFFSETS)[asked:]
+    assert new[0] - confirmed == pytest.approx(2.1, abs=0.001)
+    assert {type(sent.message) for sent in bench.log if sent.time >= new[0]} == {
+        NaviPositionRequest,
+        KalmanPositionRequest,
+    }
+
+
+def test_positions_are_kept_with_the_time_they_came(bench: Bench) -> None:
+    position = KalmanPositionResponse(1, 2, 3, Source.INTERNAL)
+    for each in (position, position._replace(x=5)):
+        bench.say("drive", each)
+    sighting = bench.core.positions[KalmanPositionResponse]
+    assert sighting.position == position._replace(x=5)
+    assert sighting.time == pytest.approx(bench.log[-1].time)
+
+
+# Gotos (document 2.1)
+
+
+def test_a_goto_that_is_not_confirmed_is_sent_six_times_500_ms_apart(bench: Bench) -> None:
+    call = goto(bench)
+    bench.run(10.0)
+    times = bench.times(GotoXY)
+    assert len(times) == 6
+    assert gaps(times) == pytest.approx([0.5] * 5, abs=ON_THE_WIRE)
+    assert str(call.exception(0)) == "no GotoConfirm after 6 x GotoXY (500 ms each)"
+
+
+def test_a_confirm_ends_the_transmissions(bench: Bench) -> None:
+    goto(bench)
+    bench.run(0.6)
+    bench.say("drive", GotoConfirm(), within=1.0)
+    assert len(bench.times(GotoXY)) == 2
+
+
+def test_the_state_is_asked_for_200_ms_after_the_confirm_and_then_every_100_ms(bench: Bench) -> None:
+    goto(bench)
+    bench.say("drive", GotoConfirm())
+    confirmed = bench.times(GotoConfirm)[0]
+    for _ in range(5):
+        asked = len(bench.times(GotoStateRequest))
+        while len(bench.times(GotoStateRequest)) == asked:
+            bench.run(0.001)
+        bench.say("drive", GotoStateResponse(1000), within=0.0)
+    times = bench.times(GotoStateRequest)
+    assert times[0] - confirmed == pytest.approx(0.2, abs=ON_THE_WIRE)
+    answered = bench.times(GotoStateResponse)
+    pauses = [asked - answer for answer, asked in zip(answered, times[1:])]
+    assert pauses == pytest.approx([0.1] * 4, abs=ON_THE_WIRE)
+
+
+def test_a_state_request_waits_500_ms_for_its_answer(bench: Bench) -> None:
+    call = goto(bench)
+    bench.say("drive", GotoConfirm(), within=10.0)
+    times = bench.times(GotoStateRequest)
+    assert gaps(times) == pytest.approx([0.5] * 5, abs=ON_THE_WIRE)
+    assert str(call.exception(0)) == "no GotoStateResponse after 6 x GotoStateRequest (500 ms each)"
+
+
+@pytest.mark.parametrize(
+    ("time", "outcome"),
+    [
+        (0, Outcome.ARRIVED),
+        (GotoFault.NOT_POSSIBLE, Outcome.NOT_POSSIBLE),
+        (GotoFault.BLOCKED, Outcome.BLOCKED),
+    ],
+)
+def test_a_goto_ends_when_its_state_says_so(bench: Bench, time: int | GotoFault, outcome: Outcome) -> None:
+    call = goto(bench)
+    bench.run(0.098)
+    bench.say("drive", GotoConfirm(), within=0.25)
+    bench.say("drive", GotoStateResponse(5000), within=0.11)
+    bench.say("drive", GotoStateResponse(None), within=0.11)
+    assert not call.done()
+    bench.say("drive", GotoStateResponse(time))
+    report = call.result(0)
+    assert (report.goto, report.outcome) == (GOTO, outcome)
+    assert report.confirmed == pytest.approx(0.1, abs=0.001)
+    assert report.ended == pytest.approx(bench.times(GotoStateResponse)[-1] - bench.times(GotoXY)[0], abs=0.001)
+    asked = len(bench.log)
+    bench.run(2.0)
+    assert len(bench.log) == asked
+
+
+def test_a_new_goto_ends_the_one_before(bench: Bench) -> None:
+    first = goto(bench)
+    bench.say("drive", GotoConfirm())
+    second = bench.core.goto(500, 500, 0, 50)
+    assert first.result(0).outcome is Outcome.REPLACED
+    bench.run(0.01)
+    assert bench.sent(GotoXY) == [GOTO, GotoXY(500, 500, 0, 50)]
+    bench.say("drive", GotoConfirm(), within=0.3)
+    bench.say("drive", GotoStateResponse(0))
+    assert second.result(0).outcome is Outcome.ARRIVED
+
+
+def test_two_gotos_at_once_send_the_newer_only(bench: Bench) -> None:
+    first, second = bench.core.goto(*GOTO), bench.core.goto(500, 500, 0, 50)
+    bench.run(0.1)
+    assert first.result(0).outcome is Outcome.REPLACED
+    assert bench.sent(GotoXY) == [GotoXY(500, 500, 0, 50)]
+    assert not second.done()
+
+
+@pytest.mark.parametrize(
+    ("values", "field"),
+    [
+        ((3001, 0, 0, 0), "x"),
+        ((-1, 0, 0, 0), "x"),
+        ((0, 2001, 0, 0), "y"),
+        ((0, 0, 0, 101), "speed"),
+        ((0, 0, 0, -1), "speed"),
+    ],
+)
+def test_a_goto_out_of_range_is_an_error_before_anything_is_sent(
+    bench: Bench, values: tuple[int, int, int, int], field: str
+) -> None:
+    driving = goto(bench)
+    with pytest.raises(FieldError, match=f"Goto XY: {field} = "):
+        bench.core.goto(*values)
+    bench.run(0.1)
+    assert bench.messages() == [GOTO]
+    assert not driving.done()
+
+
+def test_a_goto_that_the_dialect_cannot_carry_is_an_error(bench: Bench) -> None:
+    with pytest.raises(FieldError, match="direction = backward is not allowed"):
+        bench.core.goto(*GOTO[:5], Direction.BACKWARD)
+
+
+@pytest.mark.parametrize(
+    ("values", "field"),
+    [
+        ((TeamColour.RED, 3), "enemies"),
+        ((TeamColour.RED, 2, 2), "confederates"),
+        ((TeamColour.RED, 2, 1, 51), "enemy_1_diameter"),
+        ((TeamColour.RED, 2, 1, 50, 51), "enemy_2_diameter"),
+    ],
+)
+def test_a_start_configuration_out_of_range_is_an_error_before_anything_is_sent(
+    bench: Bench, values: tuple[Any, ...], field: str
+) -> None:
+    with pytest.raises(FieldError, match=f"Start Configuration Set: {field} = "):
+        bench.core.configure_start(*values)
+    bench.run(0.1)
+    assert bench.messages() == []
+
+
+# Stops (document 2.1, 4.2.2)
+
+STOPS: list[tuple[Callable[[Core], None], Message]] = [
+    (Core.stop, StopDrive()),
+    (lambda core: core.emergency_stop(Obstacle.OBJECT), EmergencyStop(Obstacle.OBJECT)),
+    (lambda core: core.emergency_stop(Obstacle.ENEMY), EmergencyStop(Obstacle.ENEMY)),
+    (Core.emergency_shutdown, EmergencyShutdown()),
+]
+
+
+@pytest.mark.parametrize(("call", "stop"), STOPS)
+def test_a_stop_goes_out_at_once_and_ends_the_goto(bench: Bench, call: Callable[[Core], None], stop: Message) -> None:
+    driving = goto(bench)
+    bench.say("drive", GotoConfirm(), within=0.1)
+    now, count = bench.now, len(bench.log)
+    call(bench.core)
+    report = driving.result(0)
+    assert (report.outcome, report.confirmed is None) == (Outcome.STOPPED, False)
+    bench.run(3.0)
+    assert bench.messages()[count:] == [stop]
+    assert bench.log[-1].time - now < 0.001
+
+
+@pytest.mark.parametrize(("call", "stop"), STOPS)
+def test_a_goto_that_was_not_confirmed_is_not_sent_again_after_a_stop(
+    bench: Bench, call: Callable[[Core], None], stop: Message
+) -> None:
+    driving = goto(bench)
+    call(bench.core)
+    bench.run(5.0)
+    assert bench.messages() == [GOTO, stop]
+    assert driving.result(0).confirmed is None
+
+
+@pytest.mark.parametrize(("call", "stop"), STOPS)
+def test_a_confirm_that_comes_after_a_stop_is_answered_by_that_stop(
+    bench: Bench, call: Callable[[Core], None], stop: Message
+) -> None:
+    goto(bench)
+    call(bench.core)
+    bench.run(0.05)
+    bench.say("drive", GotoConfirm())
+    assert bench.messages() == [GOTO, stop, GotoConfirm(), stop]
+
+
+@pytest.mark.parametrize(("call", "stop"), STOPS)
+def test_a_stop_that_overtakes_its_goto_on_the_bus_still_stops_the_drive(
+    call: Callable[[Core], None], stop: Message
+) -> None:
+    bench = Bench()
+    bench.configure()
+    bench.core.send(GOTO)
+    call(bench.core)  # in the same instant: the stop has the lower COB-ID and leaves first
+    bench.run(2.0)
+    driving = [message for message in bench.messages() if isinstance(message, (GotoXY, GotoConfirm, type(stop)))]
+    if isinstance(stop, EmergencyShutdown):
+        assert driving == [stop, GOTO]  # the drive is in its safe state and confirms nothing
+    else:
+        assert driving == [stop, GOTO, GotoConfirm(), stop]
+    assert (bench.drive.goto, bench.drive.moving) == (None, False)
+
+
+def test_a_confirm_after_the_next_goto_stops_nothing(bench: Bench) -> None:
+    bench.core.stop()
+    goto(bench)
+    bench.say("drive", GotoConfirm(), within=0.1)
+    assert bench.messages() == [StopDrive(), GOTO, GotoConfirm()]
+
+
+@pytest.mark.parametrize("silent", [0x702, 0x703])
+def test_a_node_that_falls_silent_stops_the_drive(silent: int) -> None:
+    core = Core(DICTIONARIES["core"])
+    core.start(0.0)
+    core.receive(Frame(silent, b"\x05"), 0.5)
+    sent: list[Frame] = []
+    while (wakeup := core.next_wakeup) < 4.0:
+        sent += core.tick(wakeup)
+    assert PROTOCOL.encode(StopDrive()) in sent
+
+
+# After an Emergency Shutdown
+
+
+def test_after_a_shutdown_there_is_no_goto_until_the_next_start_configuration(bench: Bench) -> None:
+    bench.configure()
+    bench.core.emergency_shutdown()
+    assert bench.core.shut_down
+    with pytest.raises(StateError, match="after an emergency shutdown"):
+        bench.core.goto(*GOTO)
+    bench.configure()
+    assert not bench.core.shut_down
+    call = goto(bench)
+    assert not call.done()
+
+
+def test_a_start_configuration_under_way_is_not_sent_again_after_a_shutdown(bench: Bench) -> None:
+    call = bench.core.configure_start(*RED)
+    bench.run(0.1)
+    bench.core.emergency_shutdown()
+    bench.run(5.0)
+    assert bench.messages() == [RED, EmergencyShutdown()]
+    assert isinstance(call.exception(0), StateError)
+    assert bench.core.shut_down
+
+
+def test_a_shutdown_that_overtakes_a_start_configuration_is_sent_again() -> None:
+    bench = Bench()
+    bench.core.send(RED)
+    bench.core.emergency_shutdown()  # in the same instant: it leaves first
+    bench.run(1.0)
+    assert bench.messages() == [EmergencyShutdown(), RED, StartConfigurationConfirm(), EmergencyShutdown()]
+    assert (bench.core.shut_down, bench.drive.safe, bench.navigation.safe) == (True, True, True)
+
+
+def test_positions_are_polled_on_after_a_shutdown(bench: Bench) -> None:
+    bench.configure()
+    bench.core.emergency_shutdown()
+    bench.run(4.0)
+    assert len(bench.times(NaviPositionRequest)) == 4
+
+
+# Positions on demand, cancelled calls, reset
+
+
+def test_a_position_is_asked_for_and_returned(bench: Bench) -> None:
+    call = bench.core.position()
+    bench.run(0.7)
+    answer = KalmanPositionResponse(None, None, None, Source.INTERNAL)
+    bench.say("drive", answer)
+    assert call.result(0) == answer
+    assert gaps(bench.times(KalmanPositionRequest)) == pytest.approx([0.5], abs=ON_THE_WIRE)
+
+
+def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) -> None:
+    assert goto(bench).cancel()
+    bench.run(3.0)
+    assert bench.messages() == [GOTO]
+    goto(bench)
+    assert bench.messages() == [GOTO, GOTO]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        Core.check_nodes,
+        lambda core: core.configure_start(*RED),
+        lambda core: core.goto(*GOTO),
+        Core.position,
+    ],
+)
+@pytest.mark.parametrize("running", [0.0, 0.1])
+def test_an_nmt_reset_ends_every_call(bench: Bench, call: Callable[[Core], Future[Any]], running: float) -> None:
+    future = call(bench.core)
+    bench.run(running)
+    bench.command("drive", NmtCommand.RESET_NODE, bench.core.device.node_id)
+    assert isinstance(future.exception(0), StateError)
+    sent = len(bench.log)
+    bench.run(2.0)
+    assert len(bench.log) == sent
+
+
+def test_an_nmt_reset_forgets_configuration_and_positions(bench: Bench) -> None:
+    bench.configure()
+    bench.say("drive", KalmanPositionResponse(1, 2, 3, Source.INTERNAL))
+    bench.core.emergency_shutdown()
+    bench.command("drive", NmtCommand.RESET_NODE)
+    assert (bench.core.configuration, bench.core.positions, bench.core.shut_down) == (None, {}, False)

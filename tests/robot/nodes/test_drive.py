@@ -1,0 +1,419 @@
+"""The drive node: gotos, stops, the safe state, and what it knows about its own place."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.field import START_POSES, Pose
+from eurobot_od.robot.messages import (
+    CheckDriveRequest,
+    CheckDriveResponse,
+    EmergencyShutdown,
+    EmergencyStop,
+    GotoConfirm,
+    GotoStateRequest,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionRequest,
+    KalmanPositionResponse,
+    Message,
+    MessageT,
+    NaviPositionResponse,
+    StartConfigurationConfirm,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.nodes.drive import Drive
+from eurobot_od.robot.nodes.motion import AT_REST
+from eurobot_od.robot.values import (
+    Barriers,
+    Direction,
+    GotoFault,
+    Obstacle,
+    OutOfRange,
+    Passage,
+    Route,
+    Source,
+    TeamColour,
+)
+from tests.robot.nodes.harness import DICTIONARIES, RED, Wheels
+
+YELLOW = RED._replace(team_colour=TeamColour.YELLOW)
+START = START_POSES[TeamColour.RED]
+GOTO = GotoXY(1500, 1000, 90, 100)
+FORCED_POOLS = Barriers.of({7: Passage.FORCED, 8: Passage.FORCED})
+
+
+class Seat:
+    """A drive with wheels that remember, called whenever it wants to be; every frame it sends is kept."""
+
+    def __init__(self, dialect: str | None = None) -> None:
+        dictionary = dialects.load("drive", dialect) if dialect else DICTIONARIES["drive"]
+        self.protocol = Protocol.of(dictionary)
+        self.wheels = Wheels()
+        self.drive = Drive(dictionary, self.wheels)
+        self.now = 0.0
+        self.frames = self.drive.start(0.0)
+
+    def say(self, *messages: Message | Frame) -> Seat:
+        for each in messages:
+            frame = each if isinstance(each, Frame) else self.protocol.encode(each)
+            self.frames += self.drive.receive(frame, self.now)
+        return self
+
+    def run(self, seconds: float) -> Seat:
+        end = self.now + seconds
+        while (wakeup := self.drive.next_wakeup) <= end:
+            self.now = wakeup
+            self.frames += self.drive.tick(wakeup)
+        self.now = end
+        return self
+
+    def ask(self, question: Message, answer: type[MessageT]) -> MessageT:
+        """Ask, and return the answer, which has to be the only frame that the question brings."""
+        (frame,) = self.drive.receive(self.protocol.encode(question), self.now)
+        message = self.protocol.decode(*frame)
+        assert isinstance(message, answer)
+        return message
+
+    @property
+    def remaining(self) -> int | GotoFault | None:
+        return self.ask(GotoStateRequest(), GotoStateResponse).time
+
+    @property
+    def confirms(self) -> int:
+        cob_id = self.protocol.cob_id(GotoConfirm)
+        return sum(frame.cob_id == cob_id for frame in self.frames)
+
+    @property
+    def pose(self) -> Pose:
+        assert self.drive.estimate.pose is not None
+        return self.drive.estimate.pose
+
+
+def configured(dialect: str | None = None) -> Seat:
+    """Return a drive at the red team's start place."""
+    return Seat(dialect).say(RED)
+
+
+# Gotos
+
+
+@pytest.mark.parametrize(
+    ("goto", "why"),
+    [
+        (GOTO, "nothing in the way"),
+        (GotoXY(1500, 400, 0, 80, FORCED_POOLS), "round the pools"),
+        (GotoXY(200, 1800, 180, 50), "a turn on the spot"),
+        (GotoXY(200, 1800, 0, 50), "there already"),
+        (GotoXY(1500, 900, 270, 60, Barriers(0xFFFF)), "every barrier forced"),
+    ],
+)
+def test_a_goto_is_confirmed_and_arrives_within_the_tolerances(goto: GotoXY, why: str) -> None:
+    seat = configured().say(goto)
+    assert seat.confirms == 1
+    seat.run(30.0)
+    assert seat.remaining == 0, why
+    assert seat.pose.distance(Pose(goto.x, goto.y, 0).point) <= 5
+    assert abs((seat.pose.angle - goto.angle + 180) % 360 - 180) <= 1
+    assert not seat.drive.moving
+    assert seat.wheels.commands[-1] == AT_REST
+
+
+def test_a_new_goto_replaces_the_old_one() -> None:
+    seat = configured().say(GOTO).run(0.5).say(GotoXY(600, 1800, 0, 50)).run(20.0)
+    assert seat.confirms == 2
+    assert seat.remaining == 0
+    assert seat.pose.distance(Pose(600, 1800, 0).point) <= 5
+
+
+def test_the_same_goto_again_is_confirmed_again_and_changes_nothing() -> None:
+    once, again = configured().say(GOTO).run(0.2), configured().say(GOTO).run(0.2)
+    again.say(GOTO)
+    assert again.confirms == 2
+    assert again.run(20.0).pose.distance(once.run(20.0).pose.point) < 10
+
+
+@pytest.mark.parametrize(
+    ("speed", "expected"),
+    [(100, 800.0), (50, 400.0), (1, 8.0)],
+)
+def test_speed_is_percent_of_the_maximum(speed: int, expected: float) -> None:
+    seat = configured().say(GotoXY(2800, 1800, 0, speed)).run(3.0)
+    assert max(command.speed for command in seat.wheels.commands) == pytest.approx(expected)
+
+
+def test_at_speed_0_the_robot_stays_and_the_time_is_unknown() -> None:
+    seat = configured().say(GOTO._replace(speed=0)).run(5.0)
+    assert (seat.confirms, seat.remaining) == (1, None)
+    assert seat.pose.distance(START.point) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("goto", "why"),
+    [
+        (GotoXY(900, 900, 0, 50, FORCED_POOLS), "the goal lies in a forced barrier"),
+        (GotoXY(900, 1500, 0, 50, Barriers.of({1: Passage.FORCED})), "and so does this one"),
+    ],
+)
+def test_a_goto_that_is_not_possible_is_confirmed_and_says_so(goto: GotoXY, why: str) -> None:
+    seat = configured().say(goto)
+    assert (seat.confirms, seat.remaining) == (1, GotoFault.NOT_POSSIBLE), why
+    assert seat.run(3.0).pose == START
+
+
+def test_a_goto_that_is_not_possible_stops_the_one_before() -> None:
+    seat = configured().say(GOTO).run(1.0).say(GotoXY(900, 900, 0, 50, FORCED_POOLS)).run(1.0)
+    assert not seat.drive.moving
+    assert seat.remaining is GotoFault.NOT_POSSIBLE
+
+
+def test_a_goto_is_not_possible_while_the_place_is_unknown() -> None:
+    seat = Seat().say(GOTO)
+    assert (seat.confirms, seat.remaining) == (1, GotoFault.NOT_POSSIBLE)
+    assert set(seat.run(1.0).wheels.commands) <= {AT_REST}
+
+
+def test_direction_and_route_of_the_2014_robot() -> None:
+    behind = GotoXY(600, 1800, 0, 50, direction=Direction.BACKWARD)
+    seat = configured("firmware2014").say(behind).run(10.0)
+    assert seat.remaining == 0
+    assert min(command.speed for command in seat.wheels.commands) < -100
+    in_the_way = GotoXY(1600, 900, 0, 50, FORCED_POOLS, route=Route.DIRECT)
+    seat = configured("firmware2014").say(GotoXY(300, 900, 0, 80)).run(10.0).say(in_the_way)
+    assert seat.remaining is GotoFault.NOT_POSSIBLE
+    assert isinstance(seat.say(in_the_way._replace(route=Route.PLANNED)).remaining, int)
+
+
+# The remaining time
+
+
+def test_the_remaining_time_is_told_at_once_and_comes_true() -> None:
+    seat = configured().say(GOTO)
+    times = [seat.run(0.1).remaining for _ in range(60)]
+    arrival = times.index(0)
+    numbers = [time for time in times[:arrival] if isinstance(time, int)]
+    assert len(numbers) == arrival
+    assert sorted(numbers, reverse=True) == numbers
+    assert numbers[0] == pytest.approx(arrival * 100, abs=300)
+    assert set(times[arrival:]) == {0}
+
+
+@pytest.mark.parametrize(
+    ("before", "why"),
+    [
+        ([], "no goto yet"),
+        ([GOTO, StopDrive()], "a stop forgets the goto"),
+        ([GOTO, EmergencyStop(Obstacle.ENEMY)], "and so does an emergency stop"),
+        ([GOTO, EmergencyShutdown()], "and an emergency shutdown"),
+        ([GOTO, RED], "and a new start configuration"),
+    ],
+)
+def test_without_a_goto_the_remaining_time_is_unknown(before: list[Message], why: str) -> None:
+    assert configured().say(*before).run(1.0).remaining is None, why
+
+
+# Stops
+
+
+@pytest.mark.parametrize("stop", [StopDrive(), EmergencyStop(Obstacle.OBJECT), EmergencyShutdown()])
+def test_a_stop_brakes_to_rest_and_forgets_the_goto(stop: Message) -> None:
+    seat = configured().say(GOTO).run(1.2)
+    before = len(seat.wheels.commands)
+    speed = seat.wheels.commands[-1].speed
+    assert speed > 400
+    seat.say(stop).run(1.0)
+    braking = [command.speed for command in seat.wheels.commands[before:]]
+    assert braking == sorted(braking, reverse=True)
+    assert len(braking) == pytest.approx(speed / 24, abs=2)  # 2400 mm/s2 in steps of 10 ms
+    assert seat.wheels.commands[-1] == AT_REST
+    assert (seat.drive.goto, seat.drive.moving, seat.drive.stopped_by) == (None, False, stop)
+
+
+@pytest.mark.parametrize(
+    ("stops", "reason"),
+    [
+        ([EmergencyStop(Obstacle.OBJECT)], Obstacle.OBJECT),
+        ([EmergencyStop(Obstacle.ENEMY)], Obstacle.ENEMY),
+        ([EmergencyStop(Obstacle.ENEMY), EmergencyStop(Obstacle.OBJECT)], Obstacle.OBJECT),
+        ([StopDrive()], None),
+        ([EmergencyStop(Obstacle.ENEMY), StopDrive()], None),
+        ([EmergencyStop(Obstacle.ENEMY), GOTO], None),  # it drives again
+    ],
+)
+def test_an_emergency_stop_keeps_its_reason(stops: list[Message], reason: Obstacle | None) -> None:
+    assert configured().say(GOTO, *stops).drive.obstacle is reason
+
+
+def test_an_emergency_stop_for_an_unknown_obstacle_stops_as_well() -> None:
+    seat = configured("firmware2014").say(GOTO).run(1.0).say(Frame(0x002, b"\x07")).run(1.0)
+    assert not seat.drive.moving
+    assert isinstance(seat.drive.obstacle, OutOfRange)
+
+
+def test_a_stop_at_rest_is_kept_and_moves_nothing() -> None:
+    seat = configured().say(StopDrive()).run(1.0)
+    assert seat.drive.stopped_by == StopDrive()
+    assert set(seat.wheels.commands) <= {AT_REST}
+
+
+# The safe state
+
+
+def shut_down() -> Seat:
+    """Return a drive after an emergency shutdown."""
+    return configured().say(GOTO).run(0.5).say(EmergencyShutdown()).run(1.0)
+
+
+def test_after_a_shutdown_gotos_are_not_confirmed_and_nothing_moves() -> None:
+    seat = shut_down()
+    confirms, steps = seat.confirms, len(seat.wheels.commands)
+    seat.say(GOTO).run(2.0)
+    assert (seat.confirms, len(seat.wheels.commands)) == (confirms, steps)
+    assert seat.drive.goto is None
+
+
+def test_after_a_shutdown_checks_state_and_position_are_still_answered() -> None:
+    seat = shut_down()
+    assert seat.ask(CheckDriveRequest(), CheckDriveResponse) == CheckDriveResponse()
+    assert seat.remaining is None
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse).x is not None
+
+
+@pytest.mark.parametrize(
+    ("release", "why"),
+    [
+        (YELLOW, "a new start configuration"),
+        (Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 0])), "an NMT reset of all nodes"),
+        (Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 2])), "an NMT reset of this node"),
+    ],
+)
+def test_the_safe_state_ends_with(release: Message | Frame, why: str) -> None:
+    seat = shut_down().say(release)
+    assert not seat.drive.safe, why
+    confirms = seat.confirms
+    assert seat.say(YELLOW, GOTO).confirms == confirms + 1
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        StopDrive(),
+        EmergencyStop(Obstacle.OBJECT),
+        GOTO,
+        Frame(NMT_COB_ID, bytes([NmtCommand.ENTER_PRE_OPERATIONAL, 0])),
+        Frame(NMT_COB_ID, bytes([NmtCommand.START, 0])),
+        Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 3])),  # another node
+        Frame(0x2C0, bytes.fromhex("0600")),  # a start configuration with three enemies
+    ],
+)
+def test_the_safe_state_does_not_end_with(other: Message | Frame) -> None:
+    assert shut_down().say(other).drive.safe
+
+
+def test_a_shutdown_is_reported_once_and_its_end_too() -> None:
+    seat = shut_down().say(EmergencyShutdown(), YELLOW)
+    codes = [int.from_bytes(frame.data[:2], "little") for frame in seat.frames if frame.cob_id == 0x082]
+    assert codes == [0xFF01, 0x0000]
+
+
+@pytest.mark.parametrize("reset", [NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION])
+def test_an_nmt_reset_tells_the_wheels_to_stop_and_forgets_everything(reset: NmtCommand) -> None:
+    seat = configured().say(GOTO).run(1.0).say(Frame(NMT_COB_ID, bytes([reset, 2])))
+    assert seat.wheels.commands[-1] == AT_REST
+    assert (seat.drive.goto, seat.drive.configuration, seat.drive.estimate.pose) == (None, None, None)
+    steps = len(seat.wheels.commands)
+    assert len(seat.run(1.0).wheels.commands) == steps
+
+
+@pytest.mark.parametrize("command", [NmtCommand.STOP, NmtCommand.ENTER_PRE_OPERATIONAL])
+def test_a_drive_taken_out_of_operational_brakes_and_forgets_the_goto(command: NmtCommand) -> None:
+    seat = configured().say(GOTO).run(1.0).say(Frame(NMT_COB_ID, bytes([command, 2]))).run(1.0)
+    assert (seat.drive.goto, seat.drive.moving, seat.wheels.commands[-1]) == (None, False, AT_REST)
+
+
+# The start configuration
+
+
+@pytest.mark.parametrize("colour", TeamColour)
+def test_a_start_configuration_puts_the_robot_at_its_teams_place(colour: TeamColour) -> None:
+    seat = Seat()
+    answer = seat.ask(RED._replace(team_colour=colour), StartConfigurationConfirm)
+    assert answer == StartConfigurationConfirm()
+    assert seat.pose == START_POSES[colour]
+
+
+def test_a_new_start_configuration_drops_a_goto() -> None:
+    seat = configured().say(GOTO).run(0.5).say(YELLOW).run(1.0)
+    assert (seat.drive.goto, seat.drive.stopped_by, seat.drive.moving) == (None, None, False)
+
+
+def test_a_start_configuration_set_twice_is_confirmed_twice() -> None:
+    seat = Seat()
+    again: list[StartConfigurationSet] = [RED, RED]
+    assert [seat.ask(each, StartConfigurationConfirm) for each in again] == [StartConfigurationConfirm()] * 2
+
+
+# Its own place
+
+
+def test_an_unknown_place_is_told_as_unknown() -> None:
+    assert Seat().ask(KalmanPositionRequest(), KalmanPositionResponse) == KalmanPositionResponse(
+        None, None, None, Source.INTERNAL
+    )
+
+
+@pytest.mark.parametrize(
+    ("position", "expected"),
+    [
+        ((1000, 1000, 90), (1000, 1000, 90)),  # the first position is believed
+        ((1000, 1000, None), (None, None, None)),  # but not without a heading
+        ((None, None, None), (None, None, None)),
+    ],
+)
+def test_a_first_navigation_position(
+    position: tuple[int | None, int | None, int | None], expected: tuple[int | None, int | None, int | None]
+) -> None:
+    seat = Seat().say(NaviPositionResponse(*position, Source.INTERNAL))
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == expected
+
+
+@pytest.mark.parametrize(
+    ("position", "expected"),
+    [
+        ((210, 1800, 0), (203, 1800, 0)),  # 30 % of the way
+        ((200, 1800, 10), (200, 1800, 3)),
+        ((210, 1800, None), (203, 1800, 0)),  # the heading stays
+        ((None, None, None), (200, 1800, 0)),  # not seen
+        ((1500, 1000, 0), (200, 1800, 0)),  # an outlier
+    ],
+)
+def test_navigation_positions_correct_the_estimate(
+    position: tuple[int | None, int | None, int | None], expected: tuple[int, int, int]
+) -> None:
+    seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == expected
+
+
+def test_an_angle_that_rounds_to_360_is_0() -> None:
+    seat = configured()
+    seat.drive.estimate.pose = Pose(100, 100, 359.7)
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse).angle == 0
+
+
+@pytest.mark.parametrize(
+    ("pose", "expected"),
+    [
+        (Pose(-4.0, 2003.0, 0), (0, 2000)),  # dead reckoning may leave the field, the message may not
+        (Pose(3001.0, -1.0, 0), (3000, 0)),
+        (Pose(255.0, 255.0, 10), (255, 255)),  # a real place: the angle is known
+    ],
+)
+def test_a_place_is_told_inside_the_field(pose: Pose, expected: tuple[int, int]) -> None:
+    seat = configured()
+    seat.drive.estimate.pose = pose
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:2] == expected

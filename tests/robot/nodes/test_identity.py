@@ -1,0 +1,76 @@
+"""Two dialects on one bus: the core notices it at the node check, before anything moves, and names it."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.robot import dialects
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+from eurobot_od.robot.nodes.identity import DialectMismatch, revision_in
+from eurobot_od.simulation.loop import run
+from eurobot_od.simulation.network import Network
+
+BOOTED = 0.1
+ONE, OTHER = dialects.names()[:2]
+ROLES: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
+
+
+def robot(**spoken: str) -> tuple[Network, Core]:
+    """Put the three nodes on a bus, each in the dialect given, and let them boot."""
+    network = Network()
+    nodes = {name: role(dialects.load(name, spoken.get(name, ONE))) for name, role in ROLES.items()}
+    for node in nodes.values():
+        network.attach(node)
+    network.run(BOOTED)
+    core = nodes["core"]
+    assert isinstance(core, Core)
+    return network, core
+
+
+def check(network: Network, core: Core) -> dict[str, float]:
+    async def main() -> dict[str, float]:
+        return await core.check_nodes()
+
+    return run(network, main())
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_nodes_of_one_dialect_are_fine(dialect: str) -> None:
+    assert set(check(*robot(core=dialect, drive=dialect, navigation=dialect))) == {"drive", "navigation"}
+
+
+@pytest.mark.parametrize(
+    ("spoken", "text"),
+    [
+        ({"drive": OTHER}, f"drive (node 2) speaks another dialect: it is loaded from .* ({OTHER}), .* ({ONE})"),
+        ({"navigation": OTHER}, f"navigation (node 3) speaks another dialect: .* ({OTHER}), .* ({ONE})"),
+        ({"core": OTHER}, f"drive (node 2) speaks another dialect: it is loaded from .* ({ONE}), .* ({OTHER})"),
+    ],
+)
+def test_another_dialect_is_noticed_and_named(spoken: dict[str, str], text: str) -> None:
+    pattern = text.replace("(", r"\(").replace(")", r"\)")
+    with pytest.raises(DialectMismatch, match=pattern):
+        check(*robot(**spoken))
+
+
+def test_a_node_that_speaks_no_sdo_is_believed() -> None:
+    network, core = robot()
+    core.device.objects.put((0x1280, 1), 0x67F)  # nobody answers there
+    begin = network.now
+    assert set(check(network, core)) == {"drive", "navigation"}
+    assert network.now - begin == pytest.approx(core.seconds("Node check.Identity wait"), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("data", "revision"),
+    [
+        ("4318100300000200", 0x00020000),
+        ("8018100311000906", None),  # an abort
+        ("4318100200000200", None),  # another object
+        ("4118100304000000", None),  # not expedited
+        ("431810", None),  # too short
+    ],
+)
+def test_the_revision_in_an_answer(data: str, revision: int | None) -> None:
+    assert revision_in(Frame(0x582, bytes.fromhex(data))) == revision

@@ -1,0 +1,295 @@
+"""The drive's motion: where it arrives, what the wheels are told on the way, how honest the remaining time is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from eurobot_od.robot.field import Point, Pose, normalise, turn
+from eurobot_od.robot.nodes.estimate import Estimate
+from eurobot_od.robot.nodes.motion import AT_REST, Braking, Command, IdealChassis, Limits, Motion, Odometry, Profile
+
+LIMITS = Limits(
+    maximum_speed=800.0,
+    acceleration=1200.0,
+    braking=2400.0,
+    turn_rate=240.0,
+    turn_acceleration=720.0,
+    position_tolerance=5.0,
+    angle_tolerance=1.0,
+)
+DT = 0.01
+START = Pose(1000.0, 1000.0, 0.0)
+PATIENCE = 20_000
+"""Steps, more than three minutes of driving: whoever takes longer does not arrive."""
+
+
+def undisturbed(pose: Pose) -> Pose:
+    return pose
+
+
+def drive(motion: Motion, start: Pose, disturb: Callable[[Pose], Pose] = undisturbed) -> Iterator[tuple[Pose, Command]]:
+    """Yield the pose after each step and the command that led there, until the motion has arrived."""
+    pose, chassis = start, IdealChassis()
+    for _ in range(PATIENCE):
+        command = motion.step(pose, DT)
+        pose = pose.moved(*chassis.advance(command, DT))
+        yield pose, command
+        if motion.arrived:
+            return
+        pose = disturb(pose)
+    pytest.fail(f"still at {pose}")
+
+
+def jumps(generator: random.Random, size: float, count: int) -> Callable[[Pose], Pose]:
+    """Return a disturbance: up to `count` times, now and then, the pose is corrected by up to `size` mm."""
+    pending = list(range(count))
+
+    def disturb(pose: Pose) -> Pose:
+        if generator.random() > 0.05 or not pending:
+            return pose
+        pending.pop()
+        direction, distance = generator.uniform(0.0, math.tau), generator.uniform(0.0, size)
+        x, y = pose.x + distance * math.cos(direction), pose.y + distance * math.sin(direction)
+        return Pose(x, y, normalise(pose.angle + generator.uniform(-2.0, 2.0)))
+
+    return disturb
+
+
+# Arrival
+
+GOTOS = [
+    ([Point(2000.0, 1000.0)], 0.0, 100),  # straight on
+    ([Point(0.0, 1000.0)], 0.0, 100),  # behind
+    ([Point(1000.0, 1900.0)], 180.0, 60),
+    ([Point(2000.0, 1000.0), Point(2000.0, 1500.0), Point(500.0, 1500.0)], 270.0, 80),  # round two corners
+    ([Point(1030.0, 1010.0)], 90.0, 100),  # near
+    ([Point(1000.0, 1006.0)], 0.0, 100),  # just outside the tolerance, and aside
+    ([START.point], 123.0, 100),  # only a turn
+    ([START.point], 0.0, 100),  # nothing to do
+    ([Point(1010.0, 1010.0), Point(1060.0, 1000.0), Point(1040.0, 990.0)], 45.0, 100),  # way points close together
+    ([Point(1100.0, 1000.0)], 359.0, 1),  # slowly
+]
+
+
+@pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.parametrize(("way_points", "angle", "speed"), GOTOS)
+def test_arrives_within_the_tolerances(way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
+    motion = Motion(LIMITS, way_points, angle, speed, backward)
+    pose, command = list(drive(motion, START))[-1]
+    assert pose.distance(way_points[-1]) <= LIMITS.position_tolerance
+    assert abs(turn(pose.angle, angle)) <= LIMITS.angle_tolerance
+    assert command == motion.command == AT_REST
+    assert motion.remaining(pose) == 0.0
+
+
+def test_after_arrival_nothing_moves_any_more() -> None:
+    motion = Motion(LIMITS, [START.point], 0.0, 100)
+    list(drive(motion, START))
+    assert motion.step(Pose(0.0, 0.0, 90.0), DT) == AT_REST
+    assert motion.arrived
+
+
+@pytest.mark.parametrize(("backward", "sign"), [(False, 1), (True, -1)])
+def test_drives_nose_or_tail_first_as_told(backward: bool, sign: int) -> None:
+    motion = Motion(LIMITS, [Point(2000.0, 1300.0)], 0.0, 100, backward)
+    assert all(command.speed * sign >= 0.0 for _, command in drive(motion, START))
+
+
+@pytest.mark.parametrize(("x", "sign"), [(1030.0, 1), (970.0, -1)])
+def test_a_correction_is_driven_without_turning_round(x: float, sign: int) -> None:
+    motion = Motion(LIMITS, [Point(x, 1000.0)], 0.0, 100)
+    commands = [command for _, command in drive(motion, START)]
+    assert all(command.speed * sign >= 0.0 for command in commands)
+    assert all(command.turn == pytest.approx(0.0, abs=1e-6) for command in commands)
+
+
+def test_way_points_are_driven_straight_and_not_cut() -> None:
+    corner = Point(2000.0, 1000.0)
+    motion = Motion(LIMITS, [corner, Point(2000.0, 1800.0)], 90.0, 100)
+    poses = [pose for pose, _ in drive(motion, START)]
+    assert min(pose.distance(corner) for pose in poses) < 1.0
+    assert all(abs(pose.y - 1000.0) < 1.0 or abs(pose.x - 2000.0) < 1.0 for pose in poses)
+
+
+# Limits
+
+
+@pytest.mark.parametrize("speed", [10, 50, 100])
+def test_rates_and_accelerations_stay_within_the_limits(speed: int) -> None:
+    motion = Motion(LIMITS, [Point(2000.0, 1300.0), Point(300.0, 300.0)], 45.0, speed)
+    before = AT_REST
+    for _, command in drive(motion, START):
+        faster = abs(command.speed) - abs(before.speed)
+        assert abs(command.speed) <= LIMITS.maximum_speed * speed / 100 + 1e-6
+        assert abs(command.turn) <= LIMITS.turn_rate * speed / 100 + 1e-6
+        assert -LIMITS.braking * DT - 1e-6 <= faster <= LIMITS.acceleration * DT + 1e-6
+        assert abs(command.turn - before.turn) <= LIMITS.turn_acceleration * DT + 1e-6
+        before = command
+
+
+def test_speed_zero_does_not_move_and_never_arrives() -> None:
+    motion = Motion(LIMITS, [Point(2000.0, 1300.0)], 45.0, 0)
+    assert {motion.step(START, DT) for _ in range(100)} == {AT_REST}
+    assert motion.remaining(START) == math.inf
+    assert not motion.arrived
+
+
+# A moving robot is taken over by a new goto
+
+TAKEOVERS = [
+    ([Point(2000.0, 1000.0)], False, Command(800.0, 0.0)),  # straight on
+    ([Point(2000.0, 1000.0)], False, Command(-800.0, 0.0)),  # comes back
+    ([Point(0.0, 1000.0)], False, Command(800.0, 0.0)),  # has to turn round
+    ([Point(0.0, 1000.0)], True, Command(800.0, 0.0)),  # changes over to tail first
+    ([Point(1020.0, 1000.0)], False, Command(800.0, 0.0)),  # cannot stop in time
+    ([Point(1500.0, 1500.0)], False, Command(0.0, -240.0)),  # is turning the other way
+    ([Point(1500.0, 1500.0)], False, Command(400.0, 120.0)),  # is in a curve
+]
+
+
+@pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
+def test_a_new_goto_takes_over_without_a_jerk(way_points: list[Point], backward: bool, rolling: Command) -> None:
+    motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
+    steps = list(drive(motion, START))
+    first = steps[0][1]
+    assert abs(first.speed - rolling.speed) <= LIMITS.braking * DT + 1e-6
+    assert abs(first.turn - rolling.turn) <= LIMITS.turn_acceleration * DT + 1e-6
+    assert steps[-1][0].distance(way_points[-1]) <= LIMITS.position_tolerance
+
+
+def test_a_goto_repeated_on_the_way_does_not_stop_the_robot() -> None:
+    motion = Motion(LIMITS, [Point(2000.0, 1020.0)], 0.0, 100, rolling=Command(800.0, 0.0))
+    poses_and_commands = list(drive(motion, START))
+    fast = [command.speed for pose, command in poses_and_commands if pose.x < 1800.0]
+    assert min(fast) == pytest.approx(800.0)
+
+
+# Corrections of the pose on the way
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_arrives_although_the_pose_jumps(seed: int) -> None:
+    generator = random.Random(seed)
+    goal = Point(generator.uniform(100.0, 2900.0), generator.uniform(100.0, 1900.0))
+    motion = Motion(LIMITS, [Point(1500.0, 200.0), goal], 30.0, 100, backward=seed % 2 == 0)
+    pose, _ = list(drive(motion, START, jumps(generator, size=30.0, count=20)))[-1]
+    assert pose.distance(goal) <= LIMITS.position_tolerance
+    assert abs(turn(pose.angle, 30.0)) <= LIMITS.angle_tolerance
+
+
+@pytest.mark.parametrize("aside", [-30.0, -8.0, 8.0, 30.0])
+@pytest.mark.parametrize("left", [20.0, 100.0, 400.0])
+def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, aside: float) -> None:
+    goal = Point(2000.0, 1000.0)
+    pending = [Pose(0.0, aside, 0.0)]
+
+    def once(pose: Pose) -> Pose:
+        if goal.x - pose.x > left or not pending:
+            return pose
+        return pose._replace(y=pose.y + pending.pop().y)
+
+    pose, _ = list(drive(Motion(LIMITS, [goal], 0.0, 100), START, once))[-1]
+    assert not pending
+    assert pose.distance(goal) <= LIMITS.position_tolerance
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_arrives_with_slipping_wheels_and_noisy_navigation(seed: int) -> None:
+    """Wheels 2 % short, navigation off by 5 mm and 1 degree as in document Table 2, blended in every 100 ms."""
+    generator = random.Random(seed)
+    estimate, truth, goal = Estimate(START), START, Point(2500.0, 400.0)
+    motion = Motion(LIMITS, [goal], 180.0, 100)
+    for number in range(PATIENCE):
+        assert estimate.pose is not None
+        speed, rate = motion.step(estimate.pose, DT)
+        truth = truth.moved(0.98 * speed * DT, 0.98 * rate * DT)
+        estimate.moved(Odometry(speed * DT, rate * DT))
+        if motion.arrived:
+            break
+        if number % 10 == 0:
+            x, y, angle = (generator.gauss(value, sigma) for value, sigma in zip(truth, (5.0, 5.0, 1.0)))
+            estimate.corrected(x, y, angle, weight=0.3, outlier=300.0)
+    assert motion.arrived
+    assert truth.distance(goal) <= 25.0
+
+
+# Remaining time
+
+
+@pytest.mark.parametrize("backward", [False, True])
+@pytest.mark.parametrize(("way_points", "angle", "speed"), GOTOS)
+def test_remaining_time_is_honest_and_falls(way_points: list[Point], angle: float, speed: int, backward: bool) -> None:
+    motion = Motion(LIMITS, way_points, angle, speed, backward)
+    estimates = [motion.remaining(START)]
+    estimates += [motion.remaining(pose) for pose, _ in drive(motion, START)]
+    actual = DT * (len(estimates) - 1)
+    assert estimates[0] == pytest.approx(actual, rel=0.05, abs=0.1)
+    assert all(later <= earlier for earlier, later in itertools.pairwise(estimates))
+    assert estimates[-1] == 0.0
+
+
+@pytest.mark.parametrize(("way_points", "backward", "rolling"), TAKEOVERS)
+def test_remaining_time_counts_what_is_rolling(way_points: list[Point], backward: bool, rolling: Command) -> None:
+    motion = Motion(LIMITS, way_points, 90.0, 100, backward, rolling)
+    expected = motion.remaining(START)
+    assert expected == pytest.approx(DT * len(list(drive(motion, START))), rel=0.15, abs=0.3)
+
+
+def test_remaining_time_rises_when_the_robot_is_set_back() -> None:
+    motion = Motion(LIMITS, [Point(2000.0, 1000.0)], 0.0, 100)
+    steps = drive(motion, START)
+    pose = next(pose for pose, _ in steps if pose.x > 1800.0)
+    assert motion.remaining(pose._replace(x=1000.0)) > motion.remaining(pose) + 0.5
+
+
+PROFILE = Profile(top=800.0, rise=1200.0, fall=2400.0, tolerance=5.0)
+SECONDS = [
+    (0.0, 0.0, 0.0),  # there
+    (100.0, 0.0, 0.5),  # up to 400 in 1/3 s, down in 1/6 s
+    (-100.0, 0.0, 0.5),  # the same to the other side
+    (800.0, 0.0, 1.5),  # 400 mm of ramps in 1 s, 400 mm at 800
+    (400.0 / 3.0, 800.0, 1.0 / 3.0),  # just enough to stop
+    (0.0, 400.0, 1.0 / 6.0 + 0.5 / math.sqrt(3.0)),  # stop 33 mm too late, come back
+    (400.0 / 3.0, -800.0, 1.0 / 3.0 + math.sqrt(2.0 / 3.0)),  # stop, then 267 mm
+    (1700.0 / 3.0, 1200.0, 1.0 / 6.0 + (1700.0 / 3.0 - 500.0 / 3.0 - 400.0 / 3.0) / 800.0 + 1.0 / 3.0),  # too fast
+]
+
+
+@pytest.mark.parametrize(("left", "rate", "expected"), SECONDS)
+def test_seconds_of_a_trapezoidal_movement(left: float, rate: float, expected: float) -> None:
+    assert PROFILE.seconds(left, rate) == pytest.approx(expected)
+
+
+# Braking
+
+ROLLING = [
+    (AT_REST, 0),
+    (Command(800.0, 0.0), 34),  # 1/3 s
+    (Command(-800.0, 0.0), 34),
+    (Command(0.0, 240.0), 34),  # 1/3 s
+    (Command(240.0, -7.2), 10),
+]
+
+
+@pytest.mark.parametrize(("rolling", "steps"), ROLLING)
+def test_braking_ends_at_rest_after_the_shortest_time(rolling: Command, steps: int) -> None:
+    braking = Braking(LIMITS, rolling)
+    commands = [rolling]
+    while not braking.finished:
+        commands.append(braking.step(START, DT))
+    assert len(commands) - 1 == pytest.approx(steps, abs=1)
+    assert commands[-1] == AT_REST
+    for before, after in itertools.pairwise(commands):
+        assert abs(before.speed) - LIMITS.braking * DT - 1e-6 <= abs(after.speed) <= abs(before.speed)
+
+
+def test_braking_starts_from_what_a_motion_told_last() -> None:
+    motion = Motion(LIMITS, [Point(2500.0, 1000.0)], 0.0, 100)
+    pose = next(pose for pose, command in drive(motion, START) if command.speed == LIMITS.maximum_speed)
+    command = Braking(LIMITS, motion.command).step(pose, DT)
+    assert command.speed == pytest.approx(LIMITS.maximum_speed - LIMITS.braking * DT)

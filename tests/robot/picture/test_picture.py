@@ -1,0 +1,218 @@
+"""The picture: to scale, on the page, with everything that happened, and good XML whatever the title."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Pose
+from eurobot_od.robot.messages import (
+    EmergencyStop,
+    Enemy1PositionResponse,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    Message,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.picture import style
+from eurobot_od.robot.picture.files import save
+from eurobot_od.robot.picture.page import page
+from eurobot_od.robot.picture.picture import PAGE, field_picture
+from eurobot_od.robot.picture.recording import record
+from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
+
+SVG = "{http://www.w3.org/2000/svg}"
+BARRIER_FLAGS = Barriers.of({1: Passage.NORMAL, 8: Passage.FORCED})
+EVENTS: list[tuple[float, Message]] = [
+    (0.0, StartConfigurationSet(TeamColour.RED, 1, 0, 40, 0)),
+    (1.0, KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)),
+    (2.0, GotoXY(1000, 500, 90, 80, BARRIER_FLAGS)),
+    (4.0, Enemy1PositionResponse(2000, 1500, None, Source.ENEMY_1)),
+    (5.0, KalmanPositionResponse(600, 1100, 300, Source.INTERNAL)),
+    (6.0, EmergencyStop(Obstacle.ENEMY)),
+    (12.0, GotoXY(1000, 500, 90, 80)),
+    (15.0, KalmanPositionResponse(1000, 500, 90, Source.INTERNAL)),
+    (16.0, GotoStateResponse(0)),
+]
+
+
+def drawn(events: list[tuple[float, Message]] = EVENTS, title: str = "Match") -> ElementTree.Element:
+    return ElementTree.fromstring(field_picture(events, title=title))
+
+
+def field_of(picture: ElementTree.Element) -> ElementTree.Element:
+    found = picture.find(f".//{SVG}g[@id='field']")
+    assert found is not None
+    return found
+
+
+def words(picture: ElementTree.Element) -> list[str]:
+    return [each.text or "" for each in picture.iter(f"{SVG}text")]
+
+
+def titles(picture: ElementTree.Element) -> list[str]:
+    return [each.text or "" for each in picture.iter(f"{SVG}title")]
+
+
+def circles(picture: ElementTree.Element, **attributes: str) -> list[tuple[float, float, float]]:
+    return [
+        (float(each.attrib["cx"]), float(each.attrib["cy"]), float(each.attrib["r"]))
+        for each in picture.iter(f"{SVG}circle")
+        if attributes.items() <= each.attrib.items()
+    ]
+
+
+def numbers(picture: ElementTree.Element) -> Iterator[tuple[float, float]]:
+    """Yield all places of a drawing, by the coordinates of its elements."""
+    for each in picture.iter():
+        for x, y in (("x", "y"), ("cx", "cy"), ("x1", "y1"), ("x2", "y2")):
+            if x in each.attrib:
+                yield float(each.attrib[x]), float(each.attrib[y])
+        for pair in each.attrib.get("points", "").split():
+            x_text, y_text = pair.split(",")
+            yield float(x_text), float(y_text)
+
+
+def test_the_field_is_to_scale() -> None:
+    borders = (each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("stroke") == style.INK)
+    (border,) = (each for each in borders if each.get("x") == "0")
+    assert (float(border.attrib["width"]), float(border.attrib["height"])) == (WIDTH, HEIGHT)
+
+
+def test_pools_stand_where_they_stand() -> None:
+    pools = [each for each in BARRIERS if each.kind is BarrierKind.POOL]
+    expected = [(pool.x, HEIGHT - pool.y, RADII[BarrierKind.POOL]) for pool in pools]
+    assert circles(field_of(drawn()), fill=style.POOL) == expected
+
+
+def test_asked_barriers_are_ringed_by_their_passage() -> None:
+    rings = [
+        (float(each.attrib["cx"]), float(each.attrib["cy"]), each.get("stroke-dasharray"))
+        for each in field_of(drawn()).iter(f"{SVG}circle")
+        if each.get("fill") == "none"
+    ]
+    first, last = BARRIERS[0], BARRIERS[7]
+    assert rings == [(first.x, HEIGHT - first.y, "18 14"), (last.x, HEIGHT - last.y, None)]
+
+
+def test_gotos_to_one_place_share_its_mark_and_have_their_own_discs() -> None:
+    field = field_of(drawn())
+    assert len(circles(field, r="26")) == 1
+    assert [(x, HEIGHT - y, r) for x, y, r in circles(field, r="26")] == [(1000, 500, 26)]
+    assert [fill for fill in (style.PAPER, style.GOTO) for _ in circles(field, r=str(style.MARK), fill=fill)] == [
+        style.PAPER,
+        style.GOTO,
+    ]
+
+
+def test_stops_and_gotos_say_everything_under_the_pointer() -> None:
+    assert titles(drawn()) == [
+        "enemy 1",
+        "goto 1 at 2.0 s: 1000, 500 mm, 90 deg, 80 %, barriers fire 1:normal, pool 2:forced: stopped",
+        "goto 2 at 12.0 s: 1000, 500 mm, 90 deg, 80 %, barriers none: arrived",
+        "A: Emergency Stop, enemy, at 6.0 s",
+    ]
+
+
+def test_an_enemy_has_the_size_of_the_start_configuration() -> None:
+    assert circles(field_of(drawn()), fill=style.OTHERS[Enemy1PositionResponse][1]) == [(2000, HEIGHT - 1500, 200)]
+
+
+def test_summary_and_tables() -> None:
+    found = words(drawn())
+    assert "red team, 1 enemy, 0 confederates, 1 of 2 gotos reached, 1 stop, 16 s" in found
+    assert "stopped 4.0 s" in found
+    assert "Emergency Stop: enemy" in found
+
+
+@pytest.mark.parametrize("title", ["<b>&\"' Größe", "]]>", "-->"])
+def test_any_title_is_good_xml(title: str) -> None:
+    assert title in words(drawn(title=title))
+    recording = record(EVENTS)
+    assert "<b>" not in page(recording, title)
+
+
+EMPTY: list[tuple[float, Message]] = []
+MANY: list[tuple[float, Message]] = [
+    each
+    for n in range(300)
+    for each in (
+        (n * 1.0, GotoXY(n * 10, n % 20 * 100, n, 50)),
+        (n + 0.4, KalmanPositionResponse(n * 10, n % 20 * 100, n, Source.INTERNAL)),
+        (n + 0.5, StopDrive()),
+    )
+]
+
+
+@pytest.mark.parametrize("events", [EMPTY, EVENTS, MANY], ids=["nothing", "little", "a lot"])
+def test_everything_is_on_the_page(events: list[tuple[float, Message]]) -> None:
+    picture = drawn(events)
+    width, height = PAGE
+    for part in picture.findall(f"{SVG}g"):
+        match = re.fullmatch(r"translate\((\S+) (\S+)\)", part.attrib["transform"])
+        assert match
+        left, top = float(match[1]), float(match[2])
+        rows = [*part.findall(f"{SVG}g/{SVG}g[@transform]")]
+        assert all(-100 <= x + left <= width and -100 <= y + top <= height for x, y in numbers(part))
+        for row in rows:
+            down = float(row.attrib["transform"].removesuffix(")").split()[1])
+            assert all(y + top + down <= height for _, y in numbers(row))
+
+
+def test_what_does_not_fit_in_a_table_is_counted() -> None:
+    assert sum(bool(re.fullmatch(r"and \d+ more", each)) for each in words(drawn(MANY))) == 2
+
+
+def test_the_true_path_is_drawn_without_points_nobody_could_tell_apart() -> None:
+    truth = [(n / 100, Pose(200 + n, 1800, 0)) for n in range(1001)]
+    picture = ElementTree.fromstring(field_picture(EVENTS, truth))
+    (line,) = (each for each in picture.iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
+    points = line.attrib["points"].split()
+    assert (points[0], len(points)) == ("200,200", 126)
+
+
+def test_time_has_ever_darker_colours() -> None:
+    def brightness(colour: str) -> int:
+        return sum(bytes.fromhex(colour[1:]))
+
+    shades = [brightness(style.colour_at(share / 20)) for share in range(21)]
+    assert shades == sorted(shades, reverse=True)
+    assert (style.colour_at(-1), style.colour_at(2)) == (style.colour_at(0), style.colour_at(1))
+
+
+# Files
+
+
+def test_a_page_needs_nothing_else() -> None:
+    text = page(record(EVENTS), "Match")
+    assert re.findall(r"""(?:src|href)=|url\(|@import""", text) == []
+    assert text.count("<svg") == text.count("</svg>") == 1
+
+
+@pytest.mark.parametrize(
+    ("suffix", "start"), [("svg", b"<svg "), ("html", b"<!DOCTYPE html>"), ("png", b"\x89PNG"), ("SVG", b"<svg ")]
+)
+def test_the_suffix_says_the_format(tmp_path: Path, suffix: str, start: bytes) -> None:
+    file = tmp_path / f"match.{suffix}"
+    save(record(EVENTS), file, "Match")
+    assert file.read_bytes().startswith(start)
+
+
+def test_another_suffix_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnknownName, match=r"unknown picture format '.gif'; known: .svg, .html, .png"):
+        save(record(EVENTS), tmp_path / "match.gif", "Match")
+
+
+def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "resvg_py", None)
+    with pytest.raises(LocalError, match=r"needs the extra `png`"):
+        save(record(EVENTS), tmp_path / "match.png", "Match")
+    assert not (tmp_path / "match.png").exists()

@@ -1,0 +1,137 @@
+"""What a match's messages tell: paths, gotos and how they ended, stops and why."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.messages import (
+    EmergencyShutdown,
+    EmergencyStop,
+    Enemy1PositionResponse,
+    GotoConfirm,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    Message,
+    NaviPositionResponse,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.picture.recording import Ending, Recording, Sighting, at, record
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, OutOfRange, Passage, Source, TeamColour
+
+ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)
+
+
+def here(x: int | None, y: int | None, angle: int | None = 0) -> KalmanPositionResponse:
+    return KalmanPositionResponse(x, y, angle, Source.INTERNAL)
+
+
+def recorded(*messages: Message) -> Recording:
+    """Record messages, one second apart."""
+    return record((100.0 + second, message) for second, message in enumerate(messages))
+
+
+def endings(recording: Recording) -> list[tuple[Ending, float, float | None]]:
+    return [(goto.ending, goto.sent, goto.ended) for goto in recording.gotos]
+
+
+GOTOS: list[tuple[str, list[Message], list[tuple[Ending, float, float | None]]]] = [
+    ("arrived", [ONE, GotoStateResponse(500), GotoStateResponse(0)], [(Ending.ARRIVED, 0, 2)]),
+    ("not possible", [ONE, GotoStateResponse(GotoFault.NOT_POSSIBLE)], [(Ending.NOT_POSSIBLE, 0, 1)]),
+    ("blocked", [ONE, GotoStateResponse(GotoFault.BLOCKED)], [(Ending.BLOCKED, 0, 1)]),
+    ("stopped", [ONE, StopDrive()], [(Ending.STOPPED, 0, 1)]),
+    ("replaced", [ONE, TWO, GotoStateResponse(0)], [(Ending.REPLACED, 0, 1), (Ending.ARRIVED, 1, 2)]),
+    ("under way at the end", [ONE, GotoStateResponse(None)], [(Ending.OPEN, 0, None)]),
+    ("sent again, as its confirm was lost", [ONE, ONE, GotoConfirm(), GotoStateResponse(0)], [(Ending.ARRIVED, 0, 3)]),
+    (
+        "driven again after it was reached",
+        [ONE, GotoStateResponse(0), ONE, GotoStateResponse(0), GotoStateResponse(0)],
+        [(Ending.ARRIVED, 0, 1), (Ending.ARRIVED, 2, 3)],
+    ),
+    ("not acted on", [ONE._replace(speed=OutOfRange(101))], []),
+]
+
+
+@pytest.mark.parametrize(("messages", "expected"), [row[1:] for row in GOTOS], ids=[row[0] for row in GOTOS])
+def test_gotos(messages: list[Message], expected: list[tuple[Ending, float, float | None]]) -> None:
+    assert endings(recorded(*messages)) == expected
+
+
+STOPS: list[tuple[str, list[Message], list[tuple[str, float, str, str]]]] = [
+    ("an enemy", [EmergencyStop(Obstacle.ENEMY)], [("A", 0, "Emergency Stop", "enemy")]),
+    ("an object", [EmergencyStop(Obstacle.OBJECT)], [("A", 0, "Emergency Stop", "object")]),
+    ("no known obstacle", [EmergencyStop(OutOfRange(7))], [("A", 0, "Emergency Stop", "7 (out of range)")]),
+    ("shutdown", [EmergencyShutdown()], [("A", 0, "Emergency Shutdown", "mushroom")]),
+    (
+        "again after a late confirm",
+        [ONE, StopDrive(), GotoConfirm(), StopDrive()],
+        [("A", 1, "Stop Drive", "commanded")],
+    ),
+    (
+        "two in a row that differ",
+        [EmergencyStop(Obstacle.ENEMY), EmergencyShutdown()],
+        [("A", 0, "Emergency Stop", "enemy"), ("B", 1, "Emergency Shutdown", "mushroom")],
+    ),
+    (
+        "the same for the next goto",
+        [ONE, StopDrive(), TWO, StopDrive()],
+        [("A", 1, "Stop Drive", "commanded"), ("B", 3, "Stop Drive", "commanded")],
+    ),
+]
+
+
+@pytest.mark.parametrize(("messages", "expected"), [row[1:] for row in STOPS], ids=[row[0] for row in STOPS])
+def test_stops(messages: list[Message], expected: list[tuple[str, float, str, str]]) -> None:
+    assert [(s.letter, s.time, s.name, s.reason) for s in recorded(*messages).stops] == expected
+
+
+def test_letters_go_on_after_z() -> None:
+    stops = recorded(*(each for _ in range(14) for each in (ONE, StopDrive(), TWO, EmergencyShutdown()))).stops
+    assert [stop.letter for stop in stops][25:] == ["Z", "AA", "AB"]
+
+
+def test_a_stop_is_where_the_robot_was_seen_last() -> None:
+    assert recorded(here(100, 200), StopDrive()).stops[0].place == Sighting(0, 100, 200, 0)
+    assert recorded(StopDrive(), here(100, 200)).stops[0].place is None
+
+
+def test_paths_hold_known_places_by_who_was_seen() -> None:
+    enemy = Enemy1PositionResponse(1500, 1000, None, Source.ENEMY_1)
+    raw = NaviPositionResponse(1, 2, 3, Source.INTERNAL)
+    recording = recorded(here(100, 200, 90), here(None, None, None), enemy, raw, here(OutOfRange(4000), 5))
+    assert recording.paths == {
+        KalmanPositionResponse: [Sighting(0, 100, 200, 90)],
+        Enemy1PositionResponse: [Sighting(2, 1500, 1000, None)],
+    }
+    assert recording.end == 4
+
+
+def test_the_strongest_passage_of_all_gotos_counts() -> None:
+    normal, forced = Barriers.of({2: Passage.NORMAL, 7: Passage.FORCED}), Barriers.of({2: Passage.FORCED})
+    recording = recorded(ONE._replace(barriers=normal), TWO._replace(barriers=forced))
+    assert recording.passages == {2: Passage.FORCED, 7: Passage.FORCED}
+
+
+def test_team() -> None:
+    start = StartConfigurationSet(TeamColour.RED, 1, 0, 30, 0)
+    assert recorded(start).team is TeamColour.RED
+    assert recorded(start, start._replace(team_colour=TeamColour.YELLOW)).team is TeamColour.YELLOW
+    assert recorded(ONE).team is None
+
+
+def test_the_truth_has_the_clock_of_the_messages() -> None:
+    recording = record([(100.0, ONE)], [(100.5, Pose(1, 2, 3))])
+    assert recording.truth == [Sighting(0.5, 1, 2, 3)]
+
+
+PATH = [Sighting(1, 0, 0, 0), Sighting(2, 100, 200, 90)]
+
+
+@pytest.mark.parametrize(
+    ("time", "expected"), [(0, PATH[0]), (1, PATH[0]), (1.5, Sighting(1.5, 50, 100, 0)), (2, PATH[1]), (9, PATH[1])]
+)
+def test_where_the_robot_was_at_a_time(time: float, expected: Sighting) -> None:
+    assert at(PATH, time) == expected
+    assert at([], time) is None

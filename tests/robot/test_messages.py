@@ -1,0 +1,179 @@
+"""The 23 message types: their names, fields, kinds, equality and words."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.robot.messages import (
+    SERVICES,
+    TYPES,
+    CheckDriveRequest,
+    CheckDriveResponse,
+    EmergencyStop,
+    GotoConfirm,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    Message,
+    NaviPositionResponse,
+    StartConfigurationSet,
+    StopDrive,
+    describe,
+    field_name,
+    flagged_fields,
+    kinds,
+    service,
+    type_named,
+)
+from eurobot_od.robot.values import (
+    Barriers,
+    Direction,
+    GotoFault,
+    Obstacle,
+    OutOfRange,
+    Passage,
+    Route,
+    Source,
+    TeamColour,
+)
+
+# Document Table 5: name and protocol, in its order.
+TABLE_5 = {
+    "Emergency Shutdown": "GTP",
+    "Emergency Stop": "GTP",
+    "Stop Drive": "GTP",
+    "Goto XY": "GTP",
+    "Goto Confirm": "GTP",
+    "Goto State Request": "GTP",
+    "Goto State Response": "GTP",
+    "Navi Position Request": "ELP",
+    "Navi Position Response": "ELP",
+    "Kalman Position Request": "ELP",
+    "Kalman Position Response": "ELP",
+    "Enemy 1 Position Request": "ELP",
+    "Enemy 1 Position Response": "ELP",
+    "Enemy 2 Position Request": "ELP",
+    "Enemy 2 Position Response": "ELP",
+    "Confederate Position Request": "ELP",
+    "Confederate Position Response": "ELP",
+    "Start Configuration Set": "GIP",
+    "Start Configuration Confirm": "GIP",
+    "Check Navi Request": "GIP",
+    "Check Navi Response": "GIP",
+    "Check Drive Request": "GIP",
+    "Check Drive Response": "GIP",
+}
+POSITION = ("x", "y", "angle", "source")
+FIELDS = {
+    "Emergency Stop": ("obstacle",),
+    "Goto XY": ("x", "y", "angle", "speed", "barriers", "direction", "route"),
+    "Goto State Response": ("time",),
+    "Start Configuration Set": ("team_colour", "enemies", "confederates", "enemy_1_diameter", "enemy_2_diameter"),
+} | {name: POSITION for name in TABLE_5 if name.endswith("Position Response")}
+
+GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
+START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
+
+
+def test_there_is_one_type_for_each_row_of_table_5() -> None:
+    assert {each.__name__ for each in TYPES} == {name.replace(" ", "") for name in TABLE_5}
+    assert len(TYPES) == len(TABLE_5) == 23
+
+
+@pytest.mark.parametrize("name", TABLE_5)
+def test_type_has_the_fields_and_the_protocol_of_the_tables(name: str) -> None:
+    message_type = type_named(name)
+    assert message_type.__name__ == name.replace(" ", "")
+    assert tuple(kinds(message_type)) == message_type._fields == FIELDS.get(name, ())
+    assert service(message_type) == TABLE_5[name]
+
+
+def test_every_message_belongs_to_one_protocol() -> None:
+    assert sorted(each.__name__ for types in SERVICES.values() for each in types) == sorted(t.__name__ for t in TYPES)
+
+
+@pytest.mark.parametrize("name", ["Goto XY", "goto xy", "GotoXY", "goto-xy", "GOTO_XY"])
+def test_type_is_found_however_its_name_is_written(name: str) -> None:
+    assert type_named(name) is GotoXY
+
+
+@pytest.mark.parametrize("name", ["Goto", "", "Goto X", "Message", "Kalmann Position Request"])
+def test_type_of_an_unknown_name_is_an_error(name: str) -> None:
+    with pytest.raises(UnknownName, match="unknown message"):
+        type_named(name)
+
+
+PARAMETERS = [
+    ("X position", "x"),
+    ("Y position", "y"),
+    ("Angle", "angle"),
+    ("Team colour", "team_colour"),
+    ("Enemy 1 diameter", "enemy_1_diameter"),
+]
+
+
+@pytest.mark.parametrize(("parameter", "field"), PARAMETERS)
+def test_field_of_a_parameter_name(parameter: str, field: str) -> None:
+    assert field_name(parameter) == field
+
+
+# Optional fields, and what they are when left out: no barriers, nose first, round the barriers (document 2.1).
+def test_goto_needs_place_angle_and_speed_only() -> None:
+    assert GOTO[4:] == (Barriers(0), Direction.FORWARD, Route.PLANNED)
+
+
+def test_messages_are_equal_by_type_and_fields() -> None:
+    empty: list[Message] = [each() for each in TYPES if not each._fields]
+    assert all(one != other for one, other in combinations(empty, 2))
+    assert GotoXY(1234, 567, 89, 75) == GOTO
+    assert GOTO._replace(speed=74) != GOTO
+    assert tuple(GOTO) != GOTO
+    here: list[Message] = [each(1, 2, 3, Source.INTERNAL) for each in (NaviPositionResponse, KalmanPositionResponse)]
+    assert here[0] != here[1]
+
+
+def test_messages_can_be_told_apart_in_sets() -> None:
+    assert len({StopDrive(), GotoConfirm(), CheckDriveRequest(), CheckDriveResponse(), StopDrive()}) == 4
+    assert (StopDrive() != StopDrive()) is False
+
+
+FLAGGED: list[tuple[Message, list[str]]] = [
+    (GOTO, []),
+    (StopDrive(), []),
+    (GOTO._replace(x=OutOfRange(4000)), ["x"]),
+    (GOTO._replace(y=OutOfRange(3000), angle=OutOfRange(400)), ["y", "angle"]),
+    (EmergencyStop(OutOfRange(254)), ["obstacle"]),
+    (NaviPositionResponse(None, None, None, Source.INTERNAL), []),
+]
+
+
+@pytest.mark.parametrize(("message", "fields"), FLAGGED)
+def test_flagged_fields_are_those_out_of_range(message: Message, fields: list[str]) -> None:
+    assert flagged_fields(message) == fields
+
+
+DESCRIBED: list[tuple[Message, str]] = [
+    (StopDrive(), ""),
+    (GOTO, "x=1234 mm, y=567 mm, angle=89 deg, speed=75 %"),  # what has its default is left out
+    (
+        GOTO._replace(barriers=Barriers.of({1: Passage.FORCED}), direction=Direction.BACKWARD, route=Route.DIRECT),
+        "x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, barriers=fire 1:forced, direction=backward, route=direct",
+    ),
+    (EmergencyStop(Obstacle.ENEMY), "obstacle=enemy"),
+    (EmergencyStop(OutOfRange(254)), "obstacle=254 (out of range)"),
+    (GotoStateResponse(None), "time=unknown"),
+    (GotoStateResponse(GotoFault.NOT_POSSIBLE), "time=not possible"),
+    (NaviPositionResponse(None, None, None, Source.ENEMY_1), "x=unknown, y=unknown, angle=unknown, source=enemy 1"),
+    (
+        START,
+        "team_colour=red, enemies=2, confederates=1, enemy_1_diameter=45 cm, enemy_2_diameter=33 cm",
+    ),
+]
+
+
+@pytest.mark.parametrize(("message", "text"), DESCRIBED)
+def test_is_described_for_a_person(message: Message, text: str) -> None:
+    assert describe(message) == text
