@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
     from eurobot_od.live import Live as Live
     from eurobot_od.live import open_bus as open_bus
-    from eurobot_od.pdo.protocol import Protocol as Protocol
     from eurobot_od.robot import messages as messages
     from eurobot_od.robot.facade import Robot as Robot
     from eurobot_od.robot.match import rehearse as rehearse
     from eurobot_od.robot.nodes import Core as Core
     from eurobot_od.robot.nodes import Drive as Drive
     from eurobot_od.robot.nodes import Navigation as Navigation
+    from eurobot_od.robot.protocol import EurobotProtocol as Protocol
 
 _HOMES = {
     "Core": "robot.nodes",
@@ -27,7 +27,7 @@ _HOMES = {
     "Gatekeeper": "gatekeeper",
     "Live": "live",
     "Navigation": "robot.nodes",
-    "Protocol": "pdo.protocol",
+    "Protocol": "robot.protocol",
     "Robot": "robot.facade",
     "messages": "robot.messages",
     "open_bus": "live",
@@ -57,4 +57,4 @@ def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     home = import_module(f"{__name__}.{_HOMES[name]}")
-    return home if name == "messages" else getattr(home, name)
+    return home if name == "messages" else getattr(home, {"Protocol": "EurobotProtocol"}.get(name, name))

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "eurobot_od"
@@ -42,7 +42,7 @@ CIA_NUMBERS = {0x001, *range(0x080, 0x580, 0x080)}
 # Other numbers in the form of an identifier: where they stand, and what they are.
 NO_IDENTIFIERS = {("live.live", 0x004): "a class bit of Linux's error frames"}
 IDENTIFIER_FORM = re.compile(r"0[xX][0-7][0-9a-fA-F]{2}")
-IDENTIFIERS = {each.cob_id for each in Protocol.load(dialects.DEFAULT).bindings} - CIA_NUMBERS
+IDENTIFIERS = {each.cob_id for each in EurobotProtocol.load(dialects.DEFAULT).bindings} - CIA_NUMBERS
 
 FILES = sorted(PACKAGE.rglob("*.py"))
 TOOLS = sorted((ROOT / "tools").rglob("*.py"))

@@ -19,11 +19,11 @@ from eurobot_od.logs.output import Text
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import screen
 from eurobot_od.monitor.traffic import Traffic
-from eurobot_od.robot import dialects
 from eurobot_od.robot.match.options import Options
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.picture.picture import picture
 from eurobot_od.robot.picture.recording import record
+from eurobot_od.robot.protocol import decoder as robot_decoder
 
 DOCS = Path(__file__).parents[1] / "docs"
 OPTIONS = Options(seed=1)
@@ -51,7 +51,7 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
     """Play the match; return its frames, the picture of the field, and the decoder of its dialect."""
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
-    decoder = Decoder(dialects.outlines(OPTIONS.dialect))
+    decoder = robot_decoder(OPTIONS.dialect)
     messages = ((now, message) for now, frame in frames if (message := decoder(frame).message) is not None)
     return frames, picture(record(messages, world.path), f"Match, seed {OPTIONS.seed}"), decoder
 

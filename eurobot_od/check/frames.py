@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import yaml
 
@@ -21,10 +21,9 @@ from eurobot_od.check.values import Scale, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.kinds import BarrierFlags, Kind
+from eurobot_od.pdo.catalogue import field_name, plain_name
+from eurobot_od.pdo.kinds import KeyedForm, Kind
 from eurobot_od.pdo.protocol import Binding
-from eurobot_od.robot.messages import TYPES, field_name, kinds
-from eurobot_od.robot.values import BARRIER_NAMES, Passage, barrier_number
 from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, refuse
 
 T = TypeVar("T")
@@ -33,10 +32,6 @@ RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f]{2}){0,
 RAW_PATTERN = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f?]{2}){0,8})")
 ORDERS = {"any": Order.ANY, "all": Order.ALL}
 VALUE: Schema = {"type": ["string", "number"]}
-BARRIERS = shapes.mapping(
-    converted(SCALAR, barrier_number, {"enum": list(BARRIER_NAMES)}),
-    shapes.named({each.name.lower(): each.name for each in Passage}, "passage"),
-)
 
 
 class Frames:
@@ -115,7 +110,7 @@ class Frames:
 
     def definitions(self) -> dict[str, Schema]:
         """Return the schemas that others refer to."""
-        names = {self._words.protocol.name(each): kinds(each) for each in TYPES}
+        names = {each.name: each.kinds for each in self._words.protocol.bindings}
         others = {name: shape.schema for name, shape in self._others.items()}
         return {
             "sent": _message_schema(names, {"raw": _pattern_schema(RAW)}, needs_fields=True),
@@ -174,10 +169,10 @@ def _field(binding: Binding, name: str) -> str:
 
 
 def _read_value(node: yaml.Node, scale: Scale, problems: Problems, read: Callable[[str, Scale], T]) -> T:
-    """Read a field's value; barriers may also be a mapping from names to passages."""
-    if isinstance(scale.kind, BarrierFlags) and isinstance(node, yaml.MappingNode):
-        passages = BARRIERS.read(node, problems)
-        text = ",".join(f"{name}:{passage}" for name, passage in passages.items()) or "none"
+    """Read a field's value; that of a kind with a keyed form may also be a mapping."""
+    if scale.kind.keyed_form is not None and isinstance(node, yaml.MappingNode):
+        words = _keyed(scale.kind.keyed_form).read(node, problems)
+        text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))
     try:
@@ -221,4 +216,19 @@ def _spellings(field: str) -> str:
 
 
 def _value_schema(kind: Kind) -> Schema:
-    return {"anyOf": [VALUE, BARRIERS.schema]} if isinstance(kind, BarrierFlags) else VALUE
+    return VALUE if kind.keyed_form is None else {"anyOf": [VALUE, _keyed(kind.keyed_form).schema]}
+
+
+def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:
+    """Return the shape of a mapping from keys, in any of their spellings, to words."""
+    keys = {plain_name(key): key for key in form.keys}
+
+    def known(text: Text) -> str:
+        if plain_name(text) not in keys:
+            raise UnknownName(form.key, str(text), form.keys)
+        return keys[plain_name(text)]
+
+    return shapes.mapping(
+        converted(SCALAR, known, {"enum": list(form.keys)}),
+        shapes.named({word: word for word in form.words}, form.word),
+    )

@@ -14,8 +14,8 @@ from typing import ClassVar, NamedTuple, TypeAlias
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import flagged_fields
 from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.messages import flagged_fields
 
 STATE_NAMES = {
     NmtState.INITIALISING: "boot-up",
@@ -54,7 +54,7 @@ class SentMessage:
     def frame(self, variables: Variables) -> Frame:
         """Return the frame; raises FieldError, NotSaved."""
         values = {field: operand.resolve(variables) for field, operand in self.fields.items()}
-        return self.protocol.encode(self.binding.type(**values))
+        return self.protocol.encode(self.binding.message(**values))
 
     @property
     def is_constant(self) -> bool:

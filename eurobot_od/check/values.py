@@ -13,8 +13,7 @@ from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.kinds import Angle, Kind, Limits
-from eurobot_od.robot.values import OutOfRange
+from eurobot_od.pdo.kinds import Kind, Limits, OutOfRange
 
 Variables: TypeAlias = Mapping[str, Any]
 
@@ -64,7 +63,7 @@ class Scale(NamedTuple):
             raw = self.kind.write(value, self.limits)
         except (ValueError, KeyError, TypeError):
             raise ValueProblem(f"{text!r} is not allowed; allowed: {self._allowed}") from None
-        return raw if isinstance(self.kind, Angle) else value
+        return raw if self.kind.modulus is not None else value
 
     @property
     def _allowed(self) -> str:
@@ -112,15 +111,15 @@ def _equal(_: Kind, value: Any, wanted: Any) -> bool:
 
 
 def _near(kind: Kind, value: Any, middle: Any, tolerance: Any) -> bool:
-    """Compare with a tolerance; angles go round."""
+    """Compare with a tolerance; a value with a modulus goes round."""
     distance = abs(value - middle)
-    return bool(min(distance, kind.FULL - distance) <= tolerance if isinstance(kind, Angle) else distance <= tolerance)
+    return bool((distance if kind.modulus is None else min(distance, kind.modulus - distance)) <= tolerance)
 
 
 def _between(kind: Kind, value: Any, low: Any, high: Any) -> bool:
-    """Compare with a range, both ends included; one of angles may go through 0."""
-    if isinstance(kind, Angle):
-        return bool((value - low) % kind.FULL <= (high - low) % kind.FULL)
+    """Compare with a range, both ends included; one of a value with a modulus may go through 0."""
+    if kind.modulus is not None:
+        return bool((value - low) % kind.modulus <= (high - low) % kind.modulus)
     return bool(low <= value <= high)
 
 

@@ -19,6 +19,7 @@ from eurobot_od.od.outline import Outline
 from eurobot_od.pdo.kinds import Kind, Limits
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CATALOGUE
 
 
 class Dictionaries(Mapping[str, Dictionary]):
@@ -79,7 +80,7 @@ class Vocabulary:
 def load_dialect(dialect: str | Path | None) -> Dialect:
     """Load a dialect's EDS files; raises UnknownName, DictionaryError."""
     outlines = dialects.outlines(dialect)
-    return Dialect(Decoder(outlines), Dictionaries(outlines))
+    return Dialect(Decoder(outlines, CATALOGUE), Dictionaries(outlines))
 
 
 def texts_at(root: yaml.Node, key: str) -> dict[str, str]:

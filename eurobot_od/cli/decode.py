@@ -79,10 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Decode all logs; report what is wrong in them."""
     from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
-    from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.robot import dialects
+    from eurobot_od.robot.protocol import decoder as robot_decoder
 
-    decoder, output = Decoder(dialects.outlines(arguments.dialect)), _output(arguments)
+    decoder = robot_decoder(arguments.dialect)
+    output = _output(arguments, decoder)
     window = Window(arguments.since, arguments.until, arguments.relative)
     decoding = Decoding(decoder, output, filters(arguments, decoder), window)
     sys.stdout.write(output.header)
@@ -94,13 +94,14 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if arguments.strict and decoding.tally.total else 0
 
 
-def _output(arguments: argparse.Namespace) -> Output:
+def _output(arguments: argparse.Namespace, decoder: Decoder) -> Output:
     from eurobot_od.logs.output import Text, TextOfSeveral
 
     if arguments.json or arguments.csv:
         from eurobot_od.logs.records import Csv, JsonLines
 
-        return JsonLines() if arguments.json else Csv()
+        fields = (field for each in decoder.protocol.bindings for field in each.kinds)
+        return JsonLines() if arguments.json else Csv(fields)
     return TextOfSeveral() if len(arguments.logs) > 1 else Text()
 
 

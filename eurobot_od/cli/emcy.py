@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import remote
 
 if TYPE_CHECKING:
-    from eurobot_od.client.history import History
+    from eurobot_od.client.history import Entry, History
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -36,12 +36,19 @@ def run(arguments: argparse.Namespace) -> int:
 
 def as_data(found: History) -> dict[str, Any]:
     """Return a history as plain data."""
-    return {"register": found.register, "history": [each._asdict() | {"text": each.text} for each in found.entries]}
+    return {"register": found.register, "history": [each._asdict() | {"text": _words(each)} for each in found.entries]}
 
 
 def text(found: History, node_id: int) -> str:
     """Return a history for a person."""
     register = ", ".join(found.register_bits) or "no error"
     head = f"node {node_id}: {register} (error register 0x{found.register:02X})"
-    rows = [(f"0x{each.code:04X}", each.text, f"0x{each.info:04X}" if each.info else "") for each in found.entries]
+    rows = [(f"0x{each.code:04X}", _words(each), f"0x{each.info:04X}" if each.info else "") for each in found.entries]
     return f"{head}\n{remote.columns(rows)}" if rows else f"{head}\nno error remembered"
+
+
+def _words(entry: Entry) -> str:
+    from eurobot_od.device.emergency import error_words
+    from eurobot_od.robot.messages import CATALOGUE
+
+    return error_words(entry.code, CATALOGUE.errors)

@@ -21,9 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write the file."""
     from eurobot_od.pdo.dbc import dbc_text
-    from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.protocol import EurobotProtocol
 
-    text = dbc_text(Protocol.load(arguments.dialect))
+    text = dbc_text(EurobotProtocol.load(arguments.dialect))
     if arguments.output is None:
         sys.stdout.write(text)
     else:

@@ -19,7 +19,7 @@ from eurobot_od.errors import RemoteError
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.logs.statistics import Tally
-    from eurobot_od.robot.messages import Message
+    from eurobot_od.pdo.message import Message
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,14 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw the match; say what was wrong in the log."""
-    from eurobot_od.logs.meaning import Decoder
     from eurobot_od.logs.statistics import Tally
-    from eurobot_od.robot import dialects
     from eurobot_od.robot.picture.files import form, save
     from eurobot_od.robot.picture.recording import record
+    from eurobot_od.robot.protocol import decoder as robot_decoder
 
     form(arguments.output)
-    decoder, tally = Decoder(dialects.outlines(arguments.dialect)), Tally()
+    decoder, tally = robot_decoder(arguments.dialect), Tally()
     recording = record(
         event for log in arguments.logs for event in _messages(log, form_of(log, arguments.format), decoder, tally)
     )

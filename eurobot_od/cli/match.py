@@ -22,9 +22,9 @@ from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
+    from eurobot_od.pdo.message import Message
     from eurobot_od.robot.match import Event, Options, Summary
     from eurobot_od.robot.match.played import Played
-    from eurobot_od.robot.messages import Message
     from eurobot_od.robot.world import World
 
     Show = Callable[[Event], None]
@@ -167,9 +167,9 @@ class Picture:
         save(record(self._messages(), world.path), self._file, title)
 
     def _messages(self) -> Iterator[tuple[float, Message]]:
-        from eurobot_od.pdo.protocol import Protocol
+        from eurobot_od.robot.protocol import EurobotProtocol
 
-        protocol = Protocol.load(self._dialect)
+        protocol = EurobotProtocol.load(self._dialect)
         for time, frame in self._frames:
             with suppress(RemoteError):  # the services of CANopen are none of the picture's business
                 yield time, protocol.decode(*frame)

@@ -56,13 +56,12 @@ def _speed(text: str) -> float:
 def run(arguments: argparse.Namespace) -> int:
     """Watch until the logs end or the watcher has enough; print the table once more."""
     from eurobot_od import live as runtime
-    from eurobot_od.logs.meaning import Decoder
     from eurobot_od.monitor.cells import plain_table
     from eurobot_od.monitor.controls import Controls
     from eurobot_od.monitor.traffic import Traffic, selected
-    from eurobot_od.robot import dialects
+    from eurobot_od.robot.protocol import decoder
 
-    traffic = Traffic(Decoder(dialects.outlines(arguments.dialect)), arguments.bitrate or runtime.BITRATE)
+    traffic = Traffic(decoder(arguments.dialect), arguments.bitrate or runtime.BITRATE)
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:

@@ -88,7 +88,7 @@ def _see(node: Node, live: Live) -> None:
 
 def _line(node: Node, frame: Frame, now: float) -> str:
     from eurobot_od.errors import RemoteError
-    from eurobot_od.robot.messages import describe
+    from eurobot_od.pdo.message import describe
 
     try:
         message = node.device.protocol.decode(*frame)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.gatekeeper import Received
     from eurobot_od.live import Live
+    from eurobot_od.pdo.message import Message
     from eurobot_od.pdo.protocol import Binding, Protocol
-    from eurobot_od.robot.messages import Message
 
 PATIENCE = 1.0
 """Seconds that the driver has to take a frame."""
@@ -40,10 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send the message; 1 if the expected answer does not come in time."""
-    from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.protocol import EurobotProtocol
 
     within = durations.seconds(arguments.within)
-    protocol = Protocol.load(arguments.dialect)
+    protocol = EurobotProtocol.load(arguments.dialect)
     message = parse(protocol.binding(arguments.message), arguments.fields)
     frame = protocol.encode(message)
     expected = protocol.binding(arguments.expect) if arguments.expect else None
@@ -62,7 +62,7 @@ def parse(binding: Binding, fields: Sequence[str]) -> Message:
     missing = [field for field in binding.kinds if field not in values and field not in binding.defaults]
     if missing:
         raise LocalError(f"{binding.name}: {', '.join(missing)} missing")
-    return binding.type(**values)
+    return binding.message(**values)
 
 
 def _value(binding: Binding, text: str) -> tuple[str, Any]:
@@ -79,7 +79,7 @@ def _value(binding: Binding, text: str) -> tuple[str, Any]:
 
 
 def _words(protocol: Protocol, message: Message) -> str:
-    from eurobot_od.robot.messages import describe
+    from eurobot_od.pdo.message import describe
 
     return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
 

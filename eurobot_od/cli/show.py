@@ -27,9 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the table of all messages, or one message."""
-    from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.protocol import EurobotProtocol
 
-    protocol = Protocol.load(arguments.dialect)
+    protocol = EurobotProtocol.load(arguments.dialect)
     chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
     if arguments.json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))

@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.od.dictionary import Address
 
 REGISTER: Address = (0x1001, 0)
@@ -20,29 +19,12 @@ REGISTER_BITS = (
 )  # fmt: skip
 """Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
 
-CLASSES = {
-    0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
-    0x22: "current inside the device", 0x23: "current, device output side", 0x30: "voltage", 0x31: "mains voltage",
-    0x32: "voltage inside the device", 0x33: "output voltage", 0x40: "temperature", 0x41: "ambient temperature",
-    0x42: "device temperature", 0x50: "device hardware", 0x60: "device software", 0x61: "internal software",
-    0x62: "user software", 0x63: "data set", 0x70: "additional modules", 0x80: "monitoring", 0x81: "communication",
-    0x82: "protocol error", 0x90: "external error", 0xF0: "additional functions", 0xFF: "device specific",
-}  # fmt: skip
-"""Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
-
 
 class Entry(NamedTuple):
     """One remembered error: its emergency error `code` and the manufacturer's `info`, 16 bits each."""
 
     code: int
     info: int
-
-    @property
-    def text(self) -> str:
-        """The error for a person."""
-        if self.code in set(ErrorCode):
-            return ErrorCode(self.code).name.lower().replace("_", " ")
-        return CLASSES.get(self.code >> 8, CLASSES.get(self.code >> 8 & 0xF0, "reserved"))
 
 
 class History(NamedTuple):

@@ -25,15 +25,15 @@ from eurobot_od.device.nmt import (
     error_control,
 )
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
-from eurobot_od.device.pdo import ALWAYS as ALWAYS
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.store import Memory, Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.messages import Message
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -85,16 +85,17 @@ Ear = Callable[[Frame], Reaction]
 
 
 class Device:
-    """The CANopen side of a node, made from its `dictionary`; `store` keeps what 0x1010 saves.
+    """The CANopen side of a node, made from its `dictionary`.
 
-    `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they
-    are mapped now, `identifiers` the COB-IDs of all frames it listens to. Both are replaced as a whole when a master
-    changes them. `sdo_answers` is the COB-ID on which it answers as an SDO server, None if it is none; no master
-    changes that (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything.
+    `store` keeps what 0x1010 saves, `catalogue` has its message types. `operational` tells whether its NMT `state`
+    allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the COB-IDs of
+    all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_answers` is the COB-ID on
+    which it answers as an SDO server, None without one; no master changes that (CiA 301, 7.5.2.33: ro). `plan` has
+    what frames have made it plan, and `next_wakeup` everything.
     """
 
-    def __init__(self, dictionary: Dictionary, store: Store | None = None) -> None:
-        self._file = dictionary
+    def __init__(self, dictionary: Dictionary, store: Store | None = None, catalogue: Catalogue = NOTHING) -> None:
+        self._file, self._catalogue = dictionary, catalogue
         self._store: Store = store or Memory()
         self.plan = Plan()
         self._stored = self._store.load()
@@ -121,7 +122,7 @@ class Device:
         self._writers: dict[int, Writer] = {}
         self.objects = Objects(self.dictionary, self._readers(), self._writers)
         self.objects.values = values
-        self._pdos = Pdos(self.objects)
+        self._pdos = Pdos(self.objects, self._catalogue)
         self._writers |= self._own_writers() | self._pdo_writers()
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
@@ -323,7 +324,7 @@ class Device:
         if command is not None and self.operational:
             self._enter(TARGET[command])
 
-    def bus_error(self, code: ErrorCode, now: float) -> None:
+    def bus_error(self, code: int, now: float) -> None:
         """Note what the CAN controller reports; `tick` sends the EMCY."""
         self.emergencies.happened(code, now)
 
@@ -375,7 +376,7 @@ class Device:
 
     def _receive_pdo(self, frame: Frame) -> Reaction:
         binding = self._pdos.received[frame.cob_id]
-        if not self.operational and binding.type not in ALWAYS:
+        if not self.operational and not binding.always:
             return Reaction([])
         try:
             message = binding.decode(frame.data)
@@ -405,7 +406,7 @@ class Device:
         binding = self._pdos.sent.get(type(message))
         if binding is None:
             raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}")
-        if not self.operational and not isinstance(message, ALWAYS):
+        if not self.operational and not binding.always:
             raise StateError(f"{self.dictionary.name} is {self.state.name}: only stops may be sent")
         return binding
 

@@ -7,7 +7,7 @@ wait until the inhibit time lets them go, the newest ones if there are too many.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from enum import IntEnum
 from math import inf
 
@@ -31,7 +31,7 @@ MANUFACTURER = 1 << 7
 
 
 class ErrorCode(IntEnum):
-    """Emergency error codes of our nodes (CiA 301, Table 26; 0xFF.. are the device's own)."""
+    """Emergency error codes that any device of ours reports (CiA 301, Table 26)."""
 
     NO_ERROR = 0x0000
     OVERRUN = 0x8110
@@ -40,8 +40,26 @@ class ErrorCode(IntEnum):
     RECOVERED_FROM_BUS_OFF = 0x8140
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
-    EMERGENCY_SHUTDOWN = 0xFF01
-    DRIVE_BLOCKED = 0xFF02
+
+
+CLASSES = {
+    0x00: "no error", 0x10: "generic error", 0x20: "current", 0x21: "current, device input side",
+    0x22: "current inside the device", 0x23: "current, device output side", 0x30: "voltage", 0x31: "mains voltage",
+    0x32: "voltage inside the device", 0x33: "output voltage", 0x40: "temperature", 0x41: "ambient temperature",
+    0x42: "device temperature", 0x50: "device hardware", 0x60: "device software", 0x61: "internal software",
+    0x62: "user software", 0x63: "data set", 0x70: "additional modules", 0x80: "monitoring", 0x81: "communication",
+    0x82: "protocol error", 0x90: "external error", 0xF0: "additional functions", 0xFF: "device specific",
+}  # fmt: skip
+"""Classes of emergency error codes by their upper byte (CiA 301, Table 26)."""
+
+
+def error_words(code: int, own: Mapping[int, str]) -> str:
+    """Return an emergency error code in words: the device's `own`, ours, or the class that CiA 301 gives it."""
+    if code in own:
+        return own[code]
+    if code in set(ErrorCode):
+        return ErrorCode(code).name.lower().replace("_", " ")
+    return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))
 
 
 REGISTER_BIT = {0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
@@ -57,15 +75,15 @@ class Emergencies:
 
     def __init__(self, cob_id: Callable[[], int | None], inhibit: Callable[[], float]) -> None:
         self._cob_id, self._inhibit = cob_id, inhibit
-        self.errors: dict[Hashable, ErrorCode] = {}
-        self._passing: dict[ErrorCode, float] = {}
+        self.errors: dict[Hashable, int] = {}
+        self._passing: dict[int, float] = {}
         self._waiting: deque[bytes] = deque(maxlen=WAITING)
         self._free = float("-inf")
         self.quiet = True
         self.history: list[int] = []
 
     @property
-    def active(self) -> tuple[ErrorCode, ...]:
+    def active(self) -> tuple[int, ...]:
         """The errors that are there now, oldest first."""
         return tuple(self.errors.values())
 
@@ -79,7 +97,7 @@ class Emergencies:
 
     # What happens
 
-    def raised(self, code: ErrorCode, what: Hashable, info: bytes = b"") -> None:
+    def raised(self, code: int, what: Hashable, info: bytes = b"") -> None:
         """Note an error of `what` with up to 5 bytes of manufacturer `info`; a known one is not reported again."""
         if self.errors.get(what) != code:
             self.errors[what] = code
@@ -91,13 +109,13 @@ class Emergencies:
         if self.errors.pop(what, None) is not None:
             self._report(ErrorCode.NO_ERROR, b"")
 
-    def happened(self, code: ErrorCode, now: float) -> None:
+    def happened(self, code: int, now: float) -> None:
         """Note an error of a moment: it is gone when it has not happened again for a while."""
         self._passing[code] = now + PASSING
         self.quiet = False
         self.raised(code, code)
 
-    def _report(self, code: ErrorCode, info: bytes) -> None:
+    def _report(self, code: int, info: bytes) -> None:
         self.quiet = False
         self._waiting.append(code.to_bytes(2, "little") + bytes([self.register]) + info[:5].ljust(5, b"\0"))
 

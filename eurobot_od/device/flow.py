@@ -17,7 +17,7 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 from eurobot_od.device.timers import Timer, Timers
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
-from eurobot_od.robot.messages import Message
+from eurobot_od.pdo.message import Message
 
 Result = TypeVar("Result")
 

@@ -11,30 +11,33 @@ from contextlib import AbstractContextManager, nullcontext
 from math import inf
 from typing import Any, ClassVar
 
-from eurobot_od.device.device import ALWAYS, Device, Reaction
+from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.store import Store
 from eurobot_od.device.timers import Action, Timer, Timers
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot.messages import Message, is_flagged
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.message import Message, is_flagged
 
 
 class Node:
     """A node of the robot, made from its EDS; `store` keeps its settings over a restart, None while it runs only.
 
-    `HANDLERS` says for each message type what is done; a handler returns the message to answer with, or None.
+    `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
+    answer with, or None.
     `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
     sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
     `guard` to their lock, and `wake` to what makes them call `tick` soon; it is called with the guard held, and not
     while `receive` or `tick` is under way: whoever has called those sees to what the node wants.
     """
 
+    CATALOGUE: ClassVar[Catalogue] = NOTHING
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
-        self.device = Device(dictionary, store)
+        self.device = Device(dictionary, store, self.CATALOGUE)
         self.name = dictionary.name
         self.now = 0.0
         self.ignored = self.withheld = 0
@@ -160,7 +163,7 @@ class Node:
         """Have `action` called when the time comes."""
         return self._timers.at(time, action)
 
-    def raise_error(self, code: ErrorCode, what: Hashable) -> None:
+    def raise_error(self, code: int, what: Hashable) -> None:
         """Report an error by EMCY, once."""
         self.device.emergencies.raised(code, what)
 
@@ -169,7 +172,7 @@ class Node:
         self.device.emergencies.cleared(what)
 
     def _handle(self, message: Message) -> None:
-        if message and is_flagged(message) and not isinstance(message, ALWAYS):
+        if message and is_flagged(message) and type(message) not in self.CATALOGUE.always:
             self.ignored += 1
         else:
             self._act(message)

@@ -24,13 +24,11 @@ from eurobot_od.od.dictionary import (
     PdoDirection,
     Value,
 )
-from eurobot_od.pdo.codec import MAX_BITS
+from eurobot_od.pdo.catalogue import Catalogue
+from eurobot_od.pdo.layout import MAX_BITS
+from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, Message, StopDrive
 from eurobot_od.sdo.wire import Abort, AbortCode
-
-ALWAYS: tuple[type[Message], ...] = (EmergencyShutdown, EmergencyStop, StopDrive)
-"""Messages that are sent and acted on in every NMT state: a robot must stop whatever a master did to its nodes."""
 
 NO_RTR = 1 << 30
 """Bit of a TPDO's COB-ID: it is not sent on request (CiA 301, Table 71); no TPDO of ours is."""
@@ -62,8 +60,8 @@ class Pdos:
     received: dict[int, Binding]
     sent: dict[type[Message], Binding]
 
-    def __init__(self, objects: Objects) -> None:
-        self._objects = objects
+    def __init__(self, objects: Objects, catalogue: Catalogue) -> None:
+        self._objects, self._catalogue = objects, catalogue
         self.load()
 
     def load(self) -> None:
@@ -72,7 +70,7 @@ class Pdos:
 
     def _built(self, value: Callable[[Address], Value]) -> Protocol:
         dictionary = self._objects.dictionary
-        return Protocol([(dictionary, dictionary.read_pdos(value))])
+        return Protocol([(dictionary, dictionary.read_pdos(value))], self._catalogue)
 
     def _apply(self, protocol: Protocol) -> None:
         ours = self._objects.dictionary.name
@@ -81,8 +79,8 @@ class Pdos:
         self.protocol = protocol
 
     def inhibit_time(self, binding: Binding) -> float:
-        """Return how many seconds a TPDO has to wait after the one before, 0.0 for none; a stop never waits."""
-        return 0.0 if binding.type in ALWAYS else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
+        """Return the seconds from a TPDO to the next one, 0.0 for no inhibit time; what acts always never waits."""
+        return 0.0 if binding.always else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
         """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not."""

@@ -19,7 +19,7 @@ from eurobot_od.gatekeeper import Gatekeeper, Running
 from eurobot_od.live.buses import RETRY, Driver, failure
 from eurobot_od.live.reader import POLL, Reader, Receive
 from eurobot_od.live.sender import Sender
-from eurobot_od.robot.messages import Message
+from eurobot_od.pdo.message import Message
 
 if TYPE_CHECKING:
     import can

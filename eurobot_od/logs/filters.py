@@ -12,14 +12,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.logs.meaning import CANOPEN, Meaning
+from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.messages import SERVICES, Message
 
 Wanted: TypeAlias = Callable[[Meaning], bool]
 """Tells whether a frame with this meaning is wanted."""
 
 SERVICE_NAMES = ("NMT", "EMCY", "SDO", "Heartbeat")
-GROUPS = (*SERVICES, CANOPEN)
 
 OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     "=": operator.eq,
@@ -39,11 +38,11 @@ def _plain(name: str) -> str:
 
 
 def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
-    """Want messages and services of these names, and those of the groups GTP, ELP, GIP, CANopen.
+    """Want messages and services of these names, and those of a group of the catalogue or of the group CANopen.
 
     Raises UnknownName.
     """
-    known = {_plain(name): name for name in (*protocol.names(), *SERVICE_NAMES, *GROUPS)}
+    known = {_plain(name): name for name in (*protocol.names(), *SERVICE_NAMES, *protocol.catalogue.groups, CANOPEN)}
     wanted = {_known(name, known, "message") for name in names}
     return lambda meaning: meaning.name in wanted or meaning.group in wanted
 

@@ -13,16 +13,16 @@ from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.logs.raw import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.outline import Outline
-from eurobot_od.pdo.kinds import Kind
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.kinds import Kind, OutOfRange
+from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.messages import Message, flagged_fields, service
-from eurobot_od.robot.values import OutOfRange
 
 if TYPE_CHECKING:
     from eurobot_od.logs.services import Service
 
 CANOPEN = "CANopen"
-"""What the services belong to, as messages belong to GTP, ELP and GIP."""
+"""The group of the services, as messages have theirs in the catalogue."""
 
 NO_GROUP = ""
 
@@ -50,11 +50,11 @@ class Meaning(NamedTuple):
 
 
 class Decoder:
-    """Tells what frames mean, by the EDS files of the nodes on the bus."""
+    """Tells what frames mean, by the EDS files of the nodes on the bus and the catalogue of their messages."""
 
-    def __init__(self, outlines: Iterable[Outline]) -> None:
+    def __init__(self, outlines: Iterable[Outline], catalogue: Catalogue = NOTHING) -> None:
         self.outlines = tuple(outlines)
-        self.protocol = Protocol((each, each.pdos) for each in self.outlines)
+        self.protocol = Protocol(((each, each.pdos) for each in self.outlines), catalogue)
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int, Callable[[Frame], Meaning]] = {}
 
@@ -63,7 +63,7 @@ class Decoder:
         """The services by identifier; many a log has none of them."""
         from eurobot_od.logs.services import services
 
-        return services(self.outlines)
+        return services(self.outlines, self.protocol.catalogue.errors)
 
     def __call__(self, raw: Raw) -> Meaning:
         """Tell what a frame means."""
@@ -93,7 +93,7 @@ class Decoder:
 
 def _reader(binding: Binding, protocol: Protocol) -> Callable[[Frame], Meaning]:
     """Return the function that tells the meaning of one message's frames."""
-    name, group = binding.name, service(binding.type)
+    name, group = binding.name, binding.group
     nodes = (*binding.senders, *binding.receivers)
     length, decode, new = binding.layout.length, protocol.decode, tuple.__new__
     texts = [_field_text(field, kind) if field in binding.limits else None for field, kind in binding.kinds.items()]

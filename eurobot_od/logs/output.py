@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, TypeAlias
 from eurobot_od.logs.meaning import Finding, Meaning
 from eurobot_od.logs.raw import REMEMBERED, Entries, Raw
 from eurobot_od.logs.statistics import Tally
-from eurobot_od.robot.messages import TYPES
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
 
-NAME_WIDTH = max(len(each.__name__) for each in TYPES) + 2
-"""Width of the column with the messages' names: longer than the type names by their spaces."""
+NAME_WIDTH = 29
+"""Width of the column with the messages' names; a longer name pushes its fields to the right."""
 
 TIME_WIDTH, GAP = 13, "  "
 """Width of the column with the times, and what stands between the columns."""

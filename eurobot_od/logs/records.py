@@ -8,16 +8,14 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
-from enum import IntEnum
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.logs.output import Output
-from eurobot_od.robot.messages import TYPES, kinds
-from eurobot_od.robot.values import Barriers
+from eurobot_od.pdo.message import kinds
 
 
 class JsonLines(Output):
@@ -53,10 +51,7 @@ def _identification(meaning: Meaning) -> dict[str, Any]:
 def _fields(meaning: Meaning) -> dict[str, Any]:
     assert meaning.message is not None
     written = kinds(type(meaning.message))
-    return {
-        field: written[field].text(value) if isinstance(value, (IntEnum, Barriers)) else value
-        for field, value in meaning.message._asdict().items()
-    }
+    return {field: written[field].plain(value) for field, value in meaning.message._asdict().items()}
 
 
 @lru_cache
@@ -64,25 +59,23 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-FIELDS = tuple(dict.fromkeys(field for each in TYPES for field in kinds(each)))
-"""The columns for fields: each field of any message once."""
-
-
 PLACE = ("log", "line", "timestamp", "channel")
 FRAME = ("id", "data", "message", "protocol")
 
 
 class Csv(Output):
-    """Comma-separated values, one column for every field of any message; unknown is empty."""
+    """Comma-separated values, one column for each of the `fields` that any message has; unknown is empty."""
 
-    header = ",".join((*PLACE, *FRAME, "text", "damage", *FIELDS)) + "\n"
+    def __init__(self, fields: Iterable[str]) -> None:
+        self._fields = tuple(dict.fromkeys(fields))
+        self.header = ",".join((*PLACE, *FRAME, "text", "damage", *self._fields)) + "\n"
 
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)
         fields = _fields(meaning) if meaning.message is not None else {}
         damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.findings)
         head = [known.get(key, "") for key in FRAME]
-        return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in FIELDS)])
+        return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
 
     def line(self, log: str, number: int, time: float, channel: str, row: str) -> str:
         return f"{_joined((log,))},{number},{time:.6f},{_joined((channel,))},{row}\n"

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.emergency import error_words
 from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
 from eurobot_od.od.dictionary import NOT_VALID, Address
 from eurobot_od.od.outline import Described, Outline
@@ -40,34 +41,37 @@ class Known(NamedTuple):
     outline: Outline | None = None
 
 
-def services(outlines: Iterable[Outline]) -> dict[int, Service]:
-    """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say."""
+def services(outlines: Iterable[Outline], errors: Mapping[int, str] = MappingProxyType({})) -> dict[int, Service]:
+    """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
+
+    `errors` are words for the error codes that are the devices' own.
+    """
     known = {each.node_id: Known(each.name, each) for each in outlines}
     found = {NMT_COB_ID: Service("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
     for node_id in NODE_IDS:
-        found |= dict(_predefined(node_id, known.get(node_id, Known(f"node {node_id}"))))
+        found |= dict(_predefined(node_id, known.get(node_id, Known(f"node {node_id}")), errors))
     for each in known.values():
-        found |= dict(_configured(each))
+        found |= dict(_configured(each, errors))
     return found
 
 
-def _predefined(node_id: int, node: Known) -> Iterator[tuple[int, Service]]:
-    yield EMCY_BASE + node_id, _emcy(node)
+def _predefined(node_id: int, node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, Service]]:
+    yield EMCY_BASE + node_id, _emcy(node, errors)
     yield SDO_REQUEST_BASE + node_id, _sdo(node, REQUESTS)
     yield SDO_ANSWER_BASE + node_id, _sdo(node, ANSWERS)
     yield ERROR_CONTROL_BASE + node_id, Service("Heartbeat", node.name, 1, heartbeat_text)
 
 
-def _configured(node: Known) -> Iterator[tuple[int, Service]]:
-    services = _emcy(node), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
+def _configured(node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, Service]]:
+    services = _emcy(node, errors), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
     for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
         value = node.outline.default(address) if node.outline else None
         if value is not None and not value & NOT_VALID:
             yield value, service
 
 
-def _emcy(node: Known) -> Service:
-    return Service("EMCY", node.name, 8, emcy_text)
+def _emcy(node: Known, errors: Mapping[int, str]) -> Service:
+    return Service("EMCY", node.name, 8, partial(emcy_text, errors))
 
 
 def _sdo(node: Known, table: Commands) -> Service:
@@ -91,21 +95,13 @@ def heartbeat_text(data: bytes) -> str:
     return _plain(NmtState(data[0])) if data[0] in set(NmtState) else f"state {data[0]}"
 
 
-def emcy_text(data: bytes) -> str:
+def emcy_text(errors: Mapping[int, str], data: bytes) -> str:
     """Say error code, error register and the manufacturer's bytes (CiA 301, 7.2.7.3.1)."""
     code, register, info = int.from_bytes(data[:2], "little"), data[2], data[3:].hex(" ")
-    return f"0x{code:04X} {_error(code)}, register 0x{register:02X}, {info}"
+    return f"0x{code:04X} {error_words(code, errors)}, register 0x{register:02X}, {info}"
 
 
-def _error(code: int) -> str:
-    if code in set(ErrorCode):
-        return _plain(ErrorCode(code))
-    from canopen.emcy import EmcyError
-
-    return EmcyError(code, 0, b"", 0.0).get_desc().lower() or "of the device"
-
-
-def _plain(member: NmtCommand | NmtState | ErrorCode) -> str:
+def _plain(member: NmtCommand | NmtState) -> str:
     return member.name.lower().replace("_", " ")
 
 

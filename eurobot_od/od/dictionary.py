@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.pdo.codec import SLICE
 from eurobot_od.pdo.kinds import Limits
+from eurobot_od.pdo.layout import SLICE
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
@@ -93,6 +93,11 @@ class Pdo(NamedTuple):
     def mapping_index(self) -> int:
         """Index of the mapping record."""
         return self.index + MAPPING_OFFSET
+
+    @property
+    def number(self) -> int:
+        """Number of the PDO in its direction, from 1 (CiA 301: TPDO 1 has its records at 0x1800 and 0x1A00)."""
+        return self.index - self.direction.value + 1
 
 
 class Part(NamedTuple):

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from eurobot_od.errors import MappingError
-from eurobot_od.pdo.codec import Layout, Run
-from eurobot_od.pdo.kinds import Choice, Heading, Kind, Remaining
+from eurobot_od.pdo.layout import Layout, Run
 from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.messages import service
 
 HEAD = """VERSION ""
 
@@ -105,24 +103,12 @@ def _attributes(protocol: Protocol) -> Iterator[str]:
     yield from (definition for definition, _ in ATTRIBUTES)
     yield from (default for _, default in ATTRIBUTES)
     for each in protocol.bindings:
-        yield f'BA_ "Protocol" BO_ {each.cob_id} "{service(each.type)}";'
+        yield f'BA_ "Protocol" BO_ {each.cob_id} "{each.group}";'
 
 
 def _value_tables(protocol: Protocol) -> Iterator[str]:
     for each in protocol.bindings:
         for field in each.layout.fields:
-            if values := named_values(each.kinds[field]):
+            if values := each.kinds[field].named_values():
                 table = " ".join(f'{raw} "{name}"' for raw, name in sorted(values.items()))
                 yield f"VAL_ {each.cob_id} {field} {table} ;"
-
-
-def named_values(kind: Kind) -> Mapping[int, str]:
-    """Return the raw values that have a name of their own.
-
-    The unknown coordinate has none: 255 mm alone is a place, only x, y and angle together are unknown (Table 2).
-    """
-    if isinstance(kind, Choice):
-        return {member.value: kind.text(member) for member in kind.enum}
-    if isinstance(kind, Remaining):
-        return {0: "arrived"} | {raw: kind.text(meaning) for raw, meaning in kind.MEANING.items()}
-    return {kind.UNKNOWN: kind.text(None)} if isinstance(kind, Heading) else {}

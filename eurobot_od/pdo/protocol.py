@@ -1,13 +1,14 @@
-"""Binds the message types to the PDOs of loaded dictionaries: frames in, typed messages out, and back.
+"""Binds message types to the PDOs of loaded dictionaries: frames in, typed messages out, and back.
 
-Rule of this file: identifiers and bits come from the dictionaries, meanings from the kinds; here they are only put
-together, and whatever does not fit together stops the load with file and index.
+Identifiers and bits come from the dictionaries, meanings from the kinds of the catalogue's message types; here they
+are put together, and whatever does not fit together stops the load with file and index.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,48 +17,40 @@ from eurobot_od.frame import Data, Frame
 from eurobot_od.od.dictionary import Dictionary, MappedObject, Pdo, PdoDirection
 from eurobot_od.od.outline import Outline
 from eurobot_od.pdo import codec
-from eurobot_od.pdo.codec import Column, Layout, LayoutError, Unknown
-from eurobot_od.pdo.kinds import Coordinate, Heading, Kind, Limits
-from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import Message, field_name, kinds, type_named
-from eurobot_od.robot.values import OutOfRange
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Entry, field_name, first_free, made_type, plain_name
+from eurobot_od.pdo.codec import Column, Unknown
+from eurobot_od.pdo.kinds import Kind, Limits, OutOfRange
+from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
+from eurobot_od.pdo.message import Message, kinds
 
-TABLE_BITS = 12
-"""Fields up to this wide are written by a complete table, of wider ones the codec learns what is sent."""
+NAMES_NOTHING = re.compile(r"PDO|parameter|^\s*$", re.IGNORECASE)
+"""Names of communication records that any PDO could have."""
 
 
 class Binding:
     """One message as a dictionary maps it: `name`, message `type`, `cob_id`, `layout`, and who has it.
 
-    `senders` and `receivers` are the names of the dictionaries that have it as a TPDO and as an RPDO.
-    Raises MappingError if the mapping and the message type's fields do not fit.
+    `group` and `always` are what the catalogue says of it. `senders` and `receivers` are the names of the dictionaries
+    that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields do not fit.
     """
 
-    def __init__(self, file: Path, pdo: Pdo) -> None:
-        self.file, self.pdo, self.name, self.cob_id = file, pdo, pdo.name, pdo.cob_id
+    def __init__(self, file: Path, pdo: Pdo, name: str, entry: Entry | None) -> None:
+        self.file, self.pdo, self.name, self.cob_id = file, pdo, name, pdo.cob_id
         self.senders: list[str] = []
         self.receivers: list[str] = []
-        self.type = self._message_type()
+        try:
+            self._slots = _slots(pdo.mapping)
+            self.layout = Layout(self._slots)
+        except LayoutError as error:
+            raise self._error(pdo.mapping_index, f"{name}: {error}") from None
+        self.type, self.group, self.always = entry or Entry(made_type(name, self.layout.fields))
         self.kinds = kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
-        self.layout = self._layout()
         self._check_fields()
         self.limits = dict(self._field_limits())
 
     def _error(self, index: int, what: str) -> MappingError:
         return MappingError(self.file, index, what)
-
-    def _message_type(self) -> type[Message]:
-        try:
-            return type_named(self.name)
-        except UnknownName:
-            raise self._error(self.pdo.index, f"{self.name!r} is no message of the protocol") from None
-
-    def _layout(self) -> Layout:
-        try:
-            return Layout(map(_slot, self.pdo.mapping))
-        except LayoutError as error:
-            raise self._error(self.pdo.mapping_index, f"{self.name}: {error}") from None
 
     def _check_fields(self) -> None:
         mapped, known = set(self.layout.fields), set(self.kinds)
@@ -66,10 +59,14 @@ class Binding:
             raise self._error(self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
 
     def _field_limits(self) -> Iterator[tuple[str, Limits]]:
-        for entry in self.pdo.mapping:
-            field = _slot(entry).field
+        for entry, (field, *_) in zip(self.pdo.mapping, self._slots):
             if field is not None:
                 yield field, Limits(entry.limits.low, min(entry.limits.high, (1 << self.layout.widths[field]) - 1))
+
+    def message(self, **values: Any) -> Message:
+        """Return the message with these meanings of its fields, unchecked; raises TypeError for a field too many."""
+        make: Callable[..., Message] = self.type
+        return make(**values)
 
     @property
     def optional(self) -> list[str]:
@@ -167,26 +164,27 @@ class Binding:
         return [self._column(field, kind) for field, kind in self.kinds.items()]
 
     def _column(self, field: str, kind: Kind) -> Column:
+        write: Callable[[Any], int] = partial(self.raw, field)
         if field not in self.limits:
-            return Column(field, None, {}, self.defaults[field])
+            return Column(field, None, write, self.defaults[field])
         limits, width = self.limits[field], self.layout.widths[field]
         read = partial(kind.read, limits=limits)
-        if width > TABLE_BITS:
-            numbers = kind.numbers(limits)[: 1 << width]
-            return Column(field, read, lambda value: self.layout.place(field, self.raw(field, value)), numbers=numbers)
-        return Column(field, read, _placed(kind, limits, width, self.layout.runs[field]))
+        if width <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values, and few are numbers
+            meanings = {read(raw): raw for raw in range(1 << width)}
+            write = {m: raw for m, raw in meanings.items() if not isinstance(m, OutOfRange)}.__getitem__
+        return Column(field, read, write, numbers=kind.numbers(limits)[: 1 << width])
 
     @cached_property
     def unknown(self) -> Unknown | None:
-        """The bits that mean "position unknown": the codes of x, y and angle together (document Table 2)."""
-        codes = {f: kind.UNKNOWN for f, kind in self.kinds.items() if isinstance(kind, (Coordinate, Heading))}
-        if not any(isinstance(self.kinds[field], Coordinate) for field in codes):
+        """The bits that mean "unknown" as a whole, such as those of x, y and angle; None if no field can be so."""
+        codes = {f: kind.unknown_as_a_whole for f, kind in self.kinds.items() if kind.unknown_as_a_whole is not None}
+        if not codes:
             return None
         mask = sum(self.layout.place(field, -1) for field in codes)
         return Unknown(mask, sum(self.layout.place(field, code) for field, code in codes.items()), codes)
 
     def _write_carefully(self, message: Message) -> Frame:
-        """Encode what the tables do not hold: angles to be normalised, an unknown position; or say what is wrong."""
+        """Encode an unknown position, or say in an error what is wrong."""
         values = message._asdict()
         unknown = self.unknown
         word = 0
@@ -203,17 +201,17 @@ class Binding:
         return Frame(self.cob_id, self._to_bytes(word))
 
 
-def _slot(entry: MappedObject) -> codec.Slot:
-    if entry.is_padding:
-        return codec.Slot(None, 0, entry.bits)
-    return codec.slot(entry.name, entry.bits, field_name)
-
-
-@cache
-def _placed(kind: Kind, limits: Limits, width: int, runs: tuple[codec.Run, ...]) -> Mapping[Any, int]:
-    """Return the bits of every meaning that may be sent, at their places; messages and nodes share what is alike."""
-    read = ((kind.read(raw, limits), raw) for raw in range(1 << width))
-    return {meaning: codec.place(runs, raw) for meaning, raw in read if not isinstance(meaning, OutOfRange)}
+def _slots(mapping: Iterable[MappedObject]) -> list[Slot]:
+    """Return the mapping's slots; objects of one name are told apart, while the slices of one value keep theirs."""
+    slots: list[Slot] = []
+    taken: set[str | None] = {None}
+    for entry in mapping:
+        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, field_name)
+        if each.field == field_name(entry.name):
+            each = each._replace(field=first_free(each.field, taken))
+        slots.append(each)
+        taken.add(each.field)
+    return slots
 
 
 Loaded: TypeAlias = Dictionary | Outline
@@ -225,17 +223,20 @@ Source: TypeAlias = tuple[Loaded, Iterable[Pdo]]
 class Protocol:
     """The messages of one or more dictionaries, encoded and decoded as those map them.
 
-    Raises MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two
-    dictionaries disagree about a message.
+    `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. Raises
+    MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two dictionaries
+    disagree about a message.
     """
 
-    def __init__(self, sources: Iterable[Source]) -> None:
+    def __init__(self, sources: Iterable[Source], catalogue: Catalogue = NOTHING) -> None:
+        self.catalogue = catalogue
         self._bindings: dict[str, Binding] = {}
         for dictionary, pdos in sources:
             for pdo in pdos:
                 if pdo.valid:
                     self._bind(dictionary, pdo)
         self._by_type = {binding.type: binding for binding in self._bindings.values()}
+        self._by_name = {plain_name(name): binding for name, binding in self._bindings.items()}
         self._by_cob_id = {binding.cob_id: binding for binding in self._bindings.values()}
         # plain dictionaries: Python looks something up in one of a subclass more slowly
         self._readers: dict[int, Callable[[bytes], Message]] = {}
@@ -256,24 +257,28 @@ class Protocol:
 
         self._readers[binding.cob_id], self._writers[binding.type] = read, write
 
-    @classmethod
-    def load(cls, dialect: str | Path | None = None) -> Protocol:
-        """Load all EDS files of a dialect by its name or folder; raises UnknownName, DictionaryError."""
-        return cls((each, each.pdos) for each in dialects.outlines(dialect))
-
-    @classmethod
-    def of(cls, dictionary: Dictionary) -> Protocol:
-        """Return the messages of one device as its EDS or DCF maps them; raises MappingError."""
-        return cls([(dictionary, dictionary.pdos)])
-
     def _bind(self, dictionary: Loaded, pdo: Pdo) -> None:
-        binding = self._bindings.get(pdo.name)
+        name, entry = self._identify(dictionary, pdo)
+        binding = self._bindings.get(name)
         if binding is None:
             self._refuse_shared(dictionary, pdo)
-            binding = self._bindings[pdo.name] = Binding(dictionary.file, pdo)
+            binding = self._bindings[name] = Binding(dictionary.file, pdo, name, entry)
         else:
-            _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo))
+            _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo, name, entry))
         (binding.senders if pdo.direction is PdoDirection.TPDO else binding.receivers).append(dictionary.name)
+
+    def _identify(self, dictionary: Loaded, pdo: Pdo) -> tuple[str, Entry | None]:
+        """Return the name of a PDO's message, and its entry in the catalogue.
+
+        Outside the catalogue a record's name need not say which PDO it is: half of the EDS files in the world repeat
+        "TPDO communication parameter". Such a PDO is the message that already has its COB-ID, from whose sender or
+        to whose receiver it is, or else it is named by device, direction and number.
+        """
+        entry = self.catalogue.find(pdo.name)
+        if entry is not None or not NAMES_NOTHING.search(pdo.name):
+            return pdo.name, entry
+        same = (name for name, binding in self._bindings.items() if binding.cob_id == pdo.cob_id)
+        return next(same, f"{dictionary.name}.{pdo.direction.name}{pdo.number}"), None
 
     def _refuse_shared(self, dictionary: Loaded, pdo: Pdo) -> None:
         for other in self._bindings.values():
@@ -330,10 +335,10 @@ class Protocol:
         return [binding.name for binding in self.bindings]
 
     def binding(self, message: str | type[Message]) -> Binding:
-        """Return how a message is mapped, by its name as in the document or by its type; raises UnknownName."""
+        """Return how a message is mapped, by its name or by its type; raises UnknownName."""
         try:
-            return self._by_type[type_named(message) if isinstance(message, str) else message]
-        except (KeyError, UnknownName):
+            return self._by_name[plain_name(message)] if isinstance(message, str) else self._by_type[message]
+        except KeyError:
             name = message if isinstance(message, str) else message.__name__
             raise UnknownName("message", name, self.names()) from None
 
@@ -354,10 +359,14 @@ class Protocol:
 
 
 def _refuse_difference(known: Binding, dictionary: Loaded, other: Binding) -> None:
-    """Two dictionaries that speak of one message must mean the same frame."""
+    """Two dictionaries that speak of one message must mean the same frame.
+
+    Where only the COB-ID says that it is one message, the two may call its fields by different names.
+    """
     if known.cob_id != other.cob_id:
         what = f"COB-ID 0x{other.cob_id:03X}, but 0x{known.cob_id:03X} in {known.file.name}"
         raise MappingError(dictionary.file, other.pdo.index, f"{other.name}: {what}")
-    if known.layout.slots != other.layout.slots:
+    named_alike = known.name == known.pdo.name
+    if known.layout.slots != other.layout.slots if named_alike else known.layout.bits != other.layout.bits:
         what = f"mapping differs from that in {known.file.name} 0x{known.pdo.mapping_index:04X}"
         raise MappingError(dictionary.file, other.pdo.mapping_index, f"{other.name}: {what}")

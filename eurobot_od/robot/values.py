@@ -1,6 +1,6 @@
 """The values that messages carry: colours, obstacles, sources, barriers, faults.
 
-Rule of this file: immutable values with the numbers of the document's tables, and how people name them.
+All are immutable, with the numbers of the document's tables and the names that people use.
 """
 
 from __future__ import annotations
@@ -9,13 +9,6 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 
 from eurobot_od.errors import UnknownName
-
-
-class OutOfRange(int):
-    """A received raw value outside its range: kept as it came, flagged by its type, not to be acted on."""
-
-    def __repr__(self) -> str:
-        return f"OutOfRange({int(self)})"
 
 
 class TeamColour(IntEnum):
@@ -60,6 +53,13 @@ class GotoFault(IntEnum):
 
     BLOCKED = 0xFFFFFE
     NOT_POSSIBLE = 0xFFFFFF
+
+
+class RobotError(IntEnum):
+    """Emergency error codes of the robot's own nodes (CiA 301, Table 26: 0xFF00 and up are the device's)."""
+
+    EMERGENCY_SHUTDOWN = 0xFF01
+    DRIVE_BLOCKED = 0xFF02
 
 
 class Passage(IntEnum):

@@ -8,8 +8,9 @@ import pytest
 
 from eurobot_od.check.values import NotSaved, Scale, ValueProblem, expectation
 from eurobot_od.errors import UnknownName
-from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Limits, Remaining
-from eurobot_od.robot.values import Barriers, GotoFault, OutOfRange, Passage, Source
+from eurobot_od.pdo.kinds import Choice, Kind, Limits, OutOfRange
+from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.values import Barriers, GotoFault, Passage, Source
 
 
 def scale(kind: Kind, high: int = 3000) -> Scale:

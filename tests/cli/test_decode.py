@@ -13,12 +13,12 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.cli.decode import bar
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Passage, Source
 
-PROTOCOL = Protocol.load(dialects.DEFAULT)
+PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))
 HERE = PROTOCOL.encode(KalmanPositionResponse(254, 255, None, Source.INTERNAL))
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Source
 
-PROTOCOL = Protocol.load(dialects.DEFAULT)
+PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 HERE = PROTOCOL.encode(KalmanPositionResponse(500, 600, 0, Source.INTERNAL))
 GOTO = PROTOCOL.encode(GotoXY(1000, 600, 0, 50))
 

@@ -9,9 +9,10 @@ import pytest
 from eurobot_od.cli.show import picture
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 
-PROTOCOLS = {name: Protocol.load(name) for name in dialects.names()}
+PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
 
 
 @pytest.mark.parametrize("dialect", PROTOCOLS)

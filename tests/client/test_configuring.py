@@ -18,8 +18,8 @@ from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoA
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Address, Value
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.messages import GotoConfirm, GotoXY
+from eurobot_od.robot.protocol import EurobotProtocol
 from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive
 from tests.conftest import with_entry
 
@@ -99,7 +99,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
         assert configure(node, description, NOW) == Outcome(len(NEW), stored=True)
         assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
         assert difference(node, description).changes == ()
-        protocol = Protocol.of(description.dictionary)
+        protocol = EurobotProtocol.of(description.dictionary)
         heard: list[Frame] = []
         confirm = protocol.cob_id(GotoConfirm)
         master.network.subscribe(confirm, lambda cob_id, data, _: heard.append(Frame(cob_id, bytes(data))))

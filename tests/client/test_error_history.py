@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.client.history import Entry, History, clear, history
-from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import NodeRefused
 from tests.client.peers import master_on, robot, stock_drive
 
@@ -14,29 +13,14 @@ def test_errors_are_read_newest_first_and_cleared() -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         node.set_data(0x1003, 0, b"\2")
         node.set_data(0x1003, 1, bytes.fromhex("20820700"))
-        node.set_data(0x1003, 2, ErrorCode.DRIVE_BLOCKED.to_bytes(4, "little"))
+        node.set_data(0x1003, 2, (0xFF02).to_bytes(4, "little"))
         node.set_data(0x1001, 0, b"\x11")
         remote = master.node(2)
         found = history(remote)
         clear(remote)
         assert history(remote).entries == []
-    assert found == History(0x11, [Entry(0x8220, 7), Entry(ErrorCode.DRIVE_BLOCKED, 0)])
+    assert found == History(0x11, [Entry(0x8220, 7), Entry(0xFF02, 0)])
     assert found.register_bits == ["generic error", "communication"]
-
-
-@pytest.mark.parametrize(
-    ("code", "text"),
-    [
-        (ErrorCode.DRIVE_BLOCKED, "drive blocked"),  # ours
-        (ErrorCode.PDO_TOO_SHORT, "pdo too short"),
-        (0x2310, "current, device output side"),  # CiA 301's classes
-        (0x5530, "device hardware"),  # of a class without a finer one
-        (0xFF77, "device specific"),
-        (0xA000, "reserved"),
-    ],
-)
-def test_an_error_has_a_name(code: int, text: str) -> None:
-    assert Entry(code, 0).text == text
 
 
 def test_our_node_has_no_error_at_first_and_refuses_nonsense() -> None:

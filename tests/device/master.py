@@ -17,6 +17,7 @@ from eurobot_od.device.store import Store
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Address
 from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.sdo.wire import AbortCode
 
 
@@ -87,4 +88,4 @@ class Wire(canopen.Network):
 
 def wired(node: str = "drive", dialect: str = "canopen", store: Store | None = None) -> Wire:
     """Return a master and a device that has just booted."""
-    return Wire(Device(dialects.load(node, dialect), store))
+    return Wire(Device(dialects.load(node, dialect), store, CATALOGUE))

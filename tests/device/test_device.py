@@ -13,7 +13,7 @@ from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Address, Value
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
+from eurobot_od.robot.messages import CATALOGUE, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Wire, wired
 
@@ -38,7 +38,7 @@ def test_a_device_boots_into_the_state_that_nmt_startup_says(startup: int, state
 
 
 def test_before_its_start_a_device_hears_nothing() -> None:
-    device = Device(dialects.load("drive"))
+    device = Device(dialects.load("drive"), catalogue=CATALOGUE)
     assert device.receive(STOP, 0.0).message is None
     assert device.state is NmtState.INITIALISING
 

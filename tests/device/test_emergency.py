@@ -6,7 +6,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode
+from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, error_words
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.robot.messages import GotoXY
@@ -30,8 +30,7 @@ CODES = [
     (ErrorCode.OVERRUN, 0x8110, 0x11),
     (ErrorCode.ERROR_PASSIVE, 0x8120, 0x11),
     (ErrorCode.RECOVERED_FROM_BUS_OFF, 0x8140, 0x11),
-    (ErrorCode.EMERGENCY_SHUTDOWN, 0xFF01, 0x81),
-    (ErrorCode.DRIVE_BLOCKED, 0xFF02, 0x81),
+    (0xFF01, 0xFF01, 0x81),
 ]
 
 
@@ -49,7 +48,7 @@ def test_an_error_is_reported_when_it_comes_and_when_it_goes(error: ErrorCode, c
 def test_the_register_shows_all_that_is_there() -> None:
     ours = emergencies()
     ours.raised(ErrorCode.PDO_TOO_SHORT, "one")
-    ours.raised(ErrorCode.EMERGENCY_SHUTDOWN, "other")
+    ours.raised(0xFF01, "other")
     assert ours.register == 0x91
     ours.cleared("one")
     assert ours.register == 0x81
@@ -151,3 +150,18 @@ def test_what_the_controller_reports_becomes_an_emergency() -> None:
     wire.device.bus_error(ErrorCode.OVERRUN, wire.now)
     assert wire.wait(0.0).frames == [report(0x8110, 0x11)]
     assert report(0, 0) in wire.wait(PASSING).frames
+
+
+@pytest.mark.parametrize(
+    ("code", "text"),
+    [
+        (0xFF02, "drive blocked"),  # the device's own
+        (ErrorCode.PDO_TOO_SHORT, "pdo too short"),
+        (0x2310, "current, device output side"),  # CiA 301's classes
+        (0x5530, "device hardware"),  # of a class without a finer one
+        (0xFF77, "device specific"),
+        (0xA000, "reserved"),
+    ],
+)
+def test_an_error_has_a_name(code: int, text: str) -> None:
+    assert error_words(code, {0xFF02: "drive blocked"}) == text

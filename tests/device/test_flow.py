@@ -12,13 +12,13 @@ from eurobot_od.device.flow import START, Ask, Flow, Pause, Script
 from eurobot_od.device.timers import Timers
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviResponse,
     GotoStateRequest,
     GotoStateResponse,
-    Message,
 )
 
 CHECK = Ask(CheckDriveRequest(), CheckDriveResponse, wait=0.5, attempts=3)

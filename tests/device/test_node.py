@@ -9,6 +9,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -21,7 +22,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionRequest,
     NaviPositionResponse,
     StartConfigurationConfirm,

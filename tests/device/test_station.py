@@ -11,12 +11,12 @@ from eurobot_od.device.station import Station
 from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Report
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, GotoConfirm, GotoXY, StopDrive
 from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.protocol import EurobotProtocol
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 BOOT_UP = Frame(0x702, b"\x00")
 
 

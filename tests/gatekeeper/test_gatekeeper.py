@@ -12,19 +12,19 @@ import pytest
 from eurobot_od.errors import FieldError, ListenerError, StateError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper, ListenerStatistics, Received, Report, TransmitStatistics
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     EmergencyStop,
     GotoConfirm,
     GotoStateResponse,
     GotoXY,
-    Message,
     Obstacle,
     StopDrive,
 )
+from eurobot_od.robot.protocol import EurobotProtocol
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
 GOTO_FRAME = PROTOCOL.encode(GOTO)
 STOP_FRAME = PROTOCOL.encode(StopDrive())

@@ -12,7 +12,7 @@ from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.od.dictionary import Address, Dictionary, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest, GotoStateRequest
+from eurobot_od.robot.messages import CATALOGUE, CheckDriveRequest, GotoStateRequest
 
 DRIVE = dialects.load("drive")
 COB_IDS: dict[str, Address] = {pdo.name: (pdo.index, 1) for pdo in DRIVE.pdos}
@@ -22,7 +22,7 @@ CHECK, STATE = COB_IDS["Check Drive Request"], COB_IDS["Goto State Request"]
 def changed(values: dict[Address, Value], dictionary: Dictionary = DRIVE) -> Protocol:
     """Return the drive's protocol with other values of objects."""
     pdos = dictionary.read_pdos(lambda address: values.get(address, dictionary.default(address)))
-    return Protocol([(dictionary, pdos)])
+    return Protocol([(dictionary, pdos)], CATALOGUE)
 
 
 def heard(gatekeeper: Gatekeeper) -> list[object]:

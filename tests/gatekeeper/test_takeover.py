@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from eurobot_od.gatekeeper import Event, Gatekeeper, Received
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.protocol import EurobotProtocol
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 FRAME = PROTOCOL.encode(StopDrive())
 PATIENCE = 10.0
 """Seconds after which a test that hangs fails."""

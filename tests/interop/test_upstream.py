@@ -15,9 +15,9 @@ from interop_rows import javascript, recordings, sheets, tools
 from interop_rows.row import Differs
 from interop_rows.tools import Tool
 
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Source
 
 EDS = dialects.folder(dialects.DEFAULT)
@@ -39,7 +39,7 @@ def stock_goto() -> Any:
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_canopen_reads_fields_that_begin_within_a_byte_and_end_in_the_next(place: int) -> None:
-    protocol = Protocol.load()
+    protocol = EurobotProtocol.load()
     frame = protocol.encode(GotoXY(x=1234, y=567, angle=89, speed=75))
     pdo = stock_goto()
     pdo.data = bytearray(frame.data)
@@ -86,7 +86,7 @@ def test_objdictgen_keeps_a_pdo_without_data(tmp_path: Path) -> None:
     raises=AssertionError, reason="npm canopen: whole objects one behind the other, bit lengths ignored", strict=True
 )
 def test_npm_canopen_takes_the_mapped_bits() -> None:
-    frame = Protocol.load().encode(KalmanPositionResponse(x=1234, y=567, angle=89, source=Source.INTERNAL))
+    frame = EurobotProtocol.load().encode(KalmanPositionResponse(x=1234, y=567, angle=89, source=Source.INTERNAL))
     assert javascript.unpack(EDS / "core.eds", *frame) == [1234, 567, 89, 0]
 
 

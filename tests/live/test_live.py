@@ -18,7 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.gatekeeper import Gatekeeper, Report
 from eurobot_od.live import Live, Watch, open_bus
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -27,13 +27,13 @@ from eurobot_od.robot.messages import (
     EmergencyStop,
     GotoStateRequest,
     GotoXY,
-    Message,
     StopDrive,
 )
 from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Obstacle
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 LONG = 10.0
 """Seconds after which a test gives up; what it waits for comes at once."""
 

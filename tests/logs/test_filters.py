@@ -8,6 +8,7 @@ from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.logs.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.logs.meaning import Decoder
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
     CheckNaviRequest,
@@ -15,9 +16,9 @@ from eurobot_od.robot.messages import (
     GotoStateResponse,
     GotoXY,
     KalmanPositionResponse,
-    Message,
     StartConfigurationSet,
 )
+from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
 
 MESSAGES: dict[str, Message] = {
@@ -35,7 +36,7 @@ MESSAGES: dict[str, Message] = {
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return Decoder(dialects.outlines(dialects.DEFAULT))
+    return robot_decoder(dialects.DEFAULT)
 
 
 def passed(decoder: Decoder, wanted: Wanted) -> set[str]:

@@ -9,9 +9,11 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.raw import Damage, Foreign, Raw
+from eurobot_od.pdo.message import describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse, describe
+from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.protocol import decoder as robot_decoder
 from eurobot_od.robot.values import Barriers, Source
 
 POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
@@ -19,7 +21,7 @@ POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return Decoder(dialects.outlines(dialects.DEFAULT))
+    return robot_decoder(dialects.DEFAULT)
 
 
 def test_a_message(decoder: Decoder) -> None:
@@ -34,7 +36,7 @@ def test_a_message(decoder: Decoder) -> None:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_fields_that_the_dialect_does_not_map_are_not_in_the_words(dialect: str) -> None:
-    decoder = Decoder(dialects.outlines(dialect))
+    decoder = robot_decoder(dialect)
     meaning = decoder(decoder.protocol.encode(GotoXY(1, 2, 3, 4, Barriers(0))))
     assert ("direction" in meaning.text) is ("direction" in decoder.protocol.binding(GotoXY).limits)
 

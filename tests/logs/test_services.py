@@ -8,6 +8,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.raw import Damage
 from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import decoder as robot_decoder
 
 SERVICES = [
     # NMT: to all, to a known node, to another one, an unknown command
@@ -45,7 +46,7 @@ SERVICES = [
 
 @pytest.fixture(scope="module")
 def decoder() -> Decoder:
-    return Decoder(dialects.outlines(dialects.DEFAULT))
+    return robot_decoder(dialects.DEFAULT)
 
 
 @pytest.mark.parametrize(("cob_id", "data", "name", "text"), SERVICES)

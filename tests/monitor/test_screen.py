@@ -8,14 +8,14 @@ import pytest
 from rich.console import Console
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import COLOURS, screen
 from eurobot_od.monitor.traffic import SORTS, Traffic
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionRequest
+from eurobot_od.robot.protocol import decoder
 
-DECODER = Decoder(dialects.outlines(dialects.DEFAULT))
+DECODER = decoder(dialects.DEFAULT)
 
 
 @pytest.fixture

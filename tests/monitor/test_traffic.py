@@ -5,14 +5,14 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.raw import Damage, Foreign
 from eurobot_od.monitor.cells import HEADINGS, health, plain_table
 from eurobot_od.monitor.traffic import SORTS, Period, Traffic, selected
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
+from eurobot_od.robot.protocol import decoder
 
-DECODER = Decoder(dialects.outlines(dialects.DEFAULT))
+DECODER = decoder(dialects.DEFAULT)
 REQUEST = DECODER.protocol.encode(KalmanPositionRequest())
 GOTO = DECODER.protocol.encode(GotoXY(1, 2, 3, 4))
 BEAT = Frame(0x702, b"\5")

@@ -12,7 +12,7 @@ import pytest
 from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od.dictionary import Dictionary, MappedObject, Pdo, PdoDirection
 from eurobot_od.pdo.kinds import Limits
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.protocol import EurobotProtocol
 
 ROOT = Path(__file__).parents[2]
 EDS = ROOT / "eds" / "canopen"
@@ -128,7 +128,7 @@ def test_mapping_that_does_not_hold_is_told_with_file_and_index(
 ) -> None:
     file = spoil_eds(("drive", section, "DefaultValue", value)) / "drive.eds"
     with pytest.raises(MappingError) as error:
-        Protocol.of(Dictionary.load(file))
+        EurobotProtocol.of(Dictionary.load(file))
     assert (error.value.file, error.value.index) == (str(file), index)
     assert str(error.value) == f"{file}: 0x{index:04X}: {what}"
 

@@ -18,10 +18,11 @@ from cantools.database.can.c_source import generate
 
 from eurobot_od import cli
 from eurobot_od.errors import MappingError
-from eurobot_od.pdo.codec import Layout, Slot
 from eurobot_od.pdo.dbc import dbc_text, identifier
+from eurobot_od.pdo.layout import Layout, Slot
 from eurobot_od.pdo.protocol import Binding, Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
 
 FRAMES = 10_000
 """Random frames for each message."""
@@ -29,7 +30,7 @@ FRAMES = 10_000
 
 @cache
 def protocol(dialect: str) -> Protocol:
-    return Protocol.load(dialect)
+    return EurobotProtocol.load(dialect)
 
 
 @cache
@@ -201,7 +202,7 @@ def test_c_code_compiles_without_warning_and_agrees_with_the_codec(dialect: str,
 
 
 def test_a_field_in_pieces_is_refused() -> None:
-    spoilt = Protocol.load(dialects.DEFAULT)
+    spoilt = EurobotProtocol.load(dialects.DEFAULT)
     binding = spoilt.binding("Goto State Response")
     binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
     with pytest.raises(MappingError, match="Goto State Response: time is in 2 pieces"):

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Limits, Remaining
-from eurobot_od.robot.values import Barriers, GotoFault, OutOfRange, Passage, Source, TeamColour
+from eurobot_od.pdo.kinds import Choice, Kind, Limits, OutOfRange
+from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.values import Barriers, GotoFault, Passage, Source, TeamColour
 
 X = Limits(0, 3000)
 ANY = Limits(0, 0xFFFFFF)

@@ -15,10 +15,12 @@ import pytest
 import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, RemoteError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
-    TYPES,
+    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -37,29 +39,18 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionRequest,
     NaviPositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,
     StopDrive,
-    flagged_fields,
 )
-from eurobot_od.robot.values import (
-    Barriers,
-    Direction,
-    GotoFault,
-    Obstacle,
-    OutOfRange,
-    Passage,
-    Route,
-    Source,
-    TeamColour,
-)
+from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 
 ROOT = Path(__file__).parents[2]
-PROTOCOL = Protocol.load("canopen")
-FIRMWARE = Protocol.load("firmware2014")
+PROTOCOL = EurobotProtocol.load("canopen")
+FIRMWARE = EurobotProtocol.load("firmware2014")
 GOLDEN = json.loads((ROOT / "tests" / "golden" / "firmware2014.json").read_text())
 
 Spoil = Callable[..., Path]
@@ -200,7 +191,7 @@ def frame(text: str) -> Frame:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_messages_are_those_of_the_documents_tables(dialect: str) -> None:
-    bindings = Protocol.load(dialect).bindings
+    bindings = EurobotProtocol.load(dialect).bindings
     assert [(each.cob_id, each.name, each.senders, each.receivers) for each in bindings] == TABLES_4_AND_5
 
 
@@ -217,11 +208,11 @@ def test_names_are_most_urgent_first() -> None:
 
 
 def test_every_message_type_has_a_frame_in_the_table() -> None:
-    assert {type(message) for message, _ in FRAMES} == set(TYPES)
+    assert {type(message) for message, _ in FRAMES} == set(CATALOGUE.types)
 
 
 def test_a_node_knows_its_own_messages_only() -> None:
-    core = Protocol.of(dialects.load("core"))
+    core = EurobotProtocol.of(dialects.load("core"))
     assert "Goto XY" in core.names()
     with pytest.raises(UnknownName, match="unknown message 'NaviPositionResponse'"):
         core.cob_id(NaviPositionResponse)  # its PDO is not valid until somebody configures it
@@ -246,11 +237,12 @@ def test_unknown_identifier_is_told(cob_id: int) -> None:
 
 
 def test_names_of_the_package_are_loaded_when_asked_for() -> None:
-    assert eurobot_od.Protocol is Protocol
+    assert eurobot_od.Protocol is EurobotProtocol
     assert eurobot_od.Frame is Frame
-    assert eurobot_od.robot.messages.GotoXY is GotoXY
-    with pytest.raises(AttributeError, match="has no attribute 'Drive'"):
-        _ = eurobot_od.Drive
+    assert eurobot_od.messages.GotoXY is GotoXY
+    assert all(hasattr(eurobot_od, name) for name in eurobot_od.__all__)
+    with pytest.raises(AttributeError, match="has no attribute 'Kern'"):
+        _ = eurobot_od.Kern
 
 
 # Encoding and decoding
@@ -277,7 +269,7 @@ def test_decodes_data_of_any_kind(message: Message, text: str, kind: Callable[[b
 
 @pytest.mark.parametrize(("message", "text"), FRAMES)
 def test_message_is_encoded_and_decoded_alike_the_first_and_any_other_time(message: Message, text: str) -> None:
-    protocol = Protocol.load("canopen")
+    protocol = EurobotProtocol.load("canopen")
     assert [protocol.encode(message) for _ in range(3)] == [frame(text)] * 3
     assert [protocol.decode(*frame(text)) for _ in range(3)] == [message] * 3
 
@@ -413,7 +405,7 @@ def raw_values(protocol: Protocol, message: Message) -> dict[str, int]:
     """Give the raw values that a message came from, those that are flagged too."""
     binding = protocol.binding(type(message))
     if binding.layout.fields[:2] == ("x", "y") and message[:3] == (None, None, None):
-        message = message._replace(x=0xFF, y=0xFF)  # type: ignore[call-arg]
+        message = message._replace(x=0xFF, y=0xFF)
     mapped = {field: value for field, value in message._asdict().items() if field in binding.limits}
     return {f: int(v) if isinstance(v, OutOfRange) else binding.raw(f, v) for f, v in mapped.items()}
 
@@ -557,13 +549,13 @@ MISFITS: list[tuple[list[tuple[str, str, str, str | None]], str, int, str]] = [
         [("core", "1A03sub2", "DefaultValue", "0x2000010C")],
         "core",
         0x1A03,
-        "Goto XY: x: bits are mapped twice",
+        "Goto XY maps x, x_2, angle, speed, barriers; its fields are x, y, angle, speed, barriers, direction, route",
     ),
     (
         [("core", "1803", "ParameterName", "Goto XYZ")],
-        "core",
-        0x1803,
-        "'Goto XYZ' is no message of the protocol",
+        "drive",
+        0x1403,
+        "Goto XY: COB-ID 0x008 is already that of Goto XYZ (core.eds 0x1803)",
     ),
     (
         [("core", "1A03sub1", "DefaultValue", "0x2FFF010C")],
@@ -585,7 +577,7 @@ BAD_SLICES = [
 
 def told_by(folder: Path) -> MappingError:
     with pytest.raises(MappingError) as error:
-        Protocol.load(folder)
+        EurobotProtocol.load(folder)
     return error.value
 
 
@@ -609,7 +601,7 @@ def test_slices_that_make_no_whole_stop_the_load(
 
 
 def test_a_goto_may_be_mapped_without_barriers(spoil_eds: Spoil) -> None:
-    protocol = Protocol.load(
+    protocol = EurobotProtocol.load(
         spoil_eds(("core", "1A03sub0", "DefaultValue", "4"), ("drive", "1603sub0", "DefaultValue", "4"))
     )
     assert protocol.encode(GOTO).data.hex() == "d27423592c01"
@@ -640,7 +632,9 @@ NARROW = [
 def test_a_value_that_its_bits_cannot_hold_is_not_sent(
     field: str, entries: list[tuple[str, str, str]], message: Message, value: Any, spoil_eds: Spoil
 ) -> None:
-    protocol = Protocol.load(spoil_eds(*((node, section, "DefaultValue", entry) for node, section, entry in entries)))
+    protocol = EurobotProtocol.load(
+        spoil_eds(*((node, section, "DefaultValue", entry) for node, section, entry in entries))
+    )
     assert protocol.decode(*protocol.encode(message)) == message
     with pytest.raises(FieldError, match=f"{field} = .* bits that the loaded EDS maps"):
         protocol.encode(message._replace(**{field: value}))
@@ -668,7 +662,7 @@ def test_the_codec_follows_the_table(tmp_path: Path) -> None:
     source.write_text(wider)
     assert make_eds.main(["--source", str(source), "--output", str(tmp_path), "--check"]) == 1
     assert make_eds.main(["--source", str(source), "--output", str(tmp_path)]) == 0
-    protocol = Protocol.load(tmp_path / "canopen")
+    protocol = EurobotProtocol.load(tmp_path / "canopen")
     word = 1234 | 567 << 14 | 89 << 26 | 75 << 36 | 0xA5C3 << 44
     assert protocol.encode(GOTO._replace(barriers=Barriers(0xA5C3))) == Frame(0x008, word.to_bytes(8, "little"))
 

@@ -20,8 +20,9 @@ from eurobot_od.logs.output import Text, showing, written
 from eurobot_od.logs.raw import Damage, Foreign, Raw, shortened
 from eurobot_od.logs.records import Csv, JsonLines
 from eurobot_od.logs.statistics import Tally
+from eurobot_od.pdo.message import flagged_fields
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import flagged_fields
+from eurobot_od.robot.protocol import decoder as robot_decoder
 
 FRAMES = st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8))
 LINES = st.binary(max_size=80).map(lambda line: line.replace(b"\n", b""))
@@ -40,7 +41,7 @@ LOGS = st.lists(
 
 @cache
 def decoder(dialect: str) -> Decoder:
-    return Decoder(dialects.outlines(dialect))
+    return robot_decoder(dialect)
 
 
 def read(content: bytes, form: str) -> list[Raw]:
@@ -115,7 +116,9 @@ def test_any_frame_has_a_meaning_and_it_is_the_protocols(dialect: str, frame: Fr
         assert bool(meaning.findings) >= bool(flagged_fields(message))
 
 
-@pytest.mark.parametrize("output", [Text(), JsonLines(), Csv()], ids=lambda each: type(each).__name__)
+@pytest.mark.parametrize(
+    "output", [Text(), JsonLines(), Csv(["x", "time", "team_colour"])], ids=lambda each: type(each).__name__
+)
 @given(raw=st.one_of(FRAMES, st.builds(Foreign, st.sampled_from(list(Damage)), st.text().map(shortened))))
 def test_any_meaning_is_one_line(output: Text | JsonLines | Csv, raw: Raw) -> None:
     row = output.row(decoder(dialects.DEFAULT)(raw))

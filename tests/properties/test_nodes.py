@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, Message, StopDrive
+from eurobot_od.pdo.message import Message
+from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, StopDrive
 from eurobot_od.robot.nodes import ROLES, Core, Drive
 from eurobot_od.robot.nodes.motion import AT_REST
 from eurobot_od.robot.values import Barriers, Obstacle, TeamColour

@@ -9,20 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.errors import FrameLengthError, RemoteError
+from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Binding, Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import (
-    TYPES,
-    EmergencyStop,
-    GotoStateResponse,
-    GotoXY,
-    Message,
-    StartConfigurationSet,
-    flagged_fields,
-)
+from eurobot_od.robot.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
 
-PROTOCOLS = {name: Protocol.load(name) for name in dialects.names()}
+PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
 BINDINGS = [
     pytest.param(protocol, binding, id=f"{name}: {binding.name}")
     for name, protocol in PROTOCOLS.items()
@@ -68,7 +62,7 @@ def raw_values(binding: Binding) -> st.SearchStrategy[dict[str, int]]:
 def test_every_message_has_meanings() -> None:
     for binding in PROTOCOLS[dialects.DEFAULT].bindings:
         assert bool(binding.kinds) == (binding.type in MEANINGS or "source" in binding.kinds)
-    assert {binding.type for binding in PROTOCOLS[dialects.DEFAULT].bindings} == set(TYPES)
+    assert {binding.type for binding in PROTOCOLS[dialects.DEFAULT].bindings} == set(CATALOGUE.types)
 
 
 @pytest.mark.parametrize(("protocol", "binding"), BINDINGS)

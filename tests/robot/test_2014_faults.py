@@ -15,6 +15,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -27,7 +28,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionResponse,
     PositionResponse,
     StartConfigurationConfirm,

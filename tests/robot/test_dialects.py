@@ -13,9 +13,9 @@ import make_eds
 import pytest
 
 from eurobot_od.errors import DictionaryError, UnknownName
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, Source
 
 ROOT = Path(__file__).parents[2]
@@ -104,7 +104,7 @@ def test_two_files_with_one_node_id_are_refused(spoil_eds: Callable[..., Path]) 
 
 
 def test_a_new_dialect_needs_no_python(made_up: Path) -> None:
-    protocol = Protocol.load(made_up)
+    protocol = EurobotProtocol.load(made_up)
     assert protocol.cob_id(GotoXY) == 0x028
     assert protocol.binding(GotoXY).layout.widths == {
         "x": 12,

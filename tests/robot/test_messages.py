@@ -6,10 +6,11 @@ from itertools import combinations
 
 import pytest
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.pdo.catalogue import field_name
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.message import Message, describe, flagged_fields, kinds
 from eurobot_od.robot.messages import (
-    SERVICES,
-    TYPES,
+    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     EmergencyStop,
@@ -17,28 +18,11 @@ from eurobot_od.robot.messages import (
     GotoStateResponse,
     GotoXY,
     KalmanPositionResponse,
-    Message,
     NaviPositionResponse,
     StartConfigurationSet,
     StopDrive,
-    describe,
-    field_name,
-    flagged_fields,
-    kinds,
-    service,
-    type_named,
 )
-from eurobot_od.robot.values import (
-    Barriers,
-    Direction,
-    GotoFault,
-    Obstacle,
-    OutOfRange,
-    Passage,
-    Route,
-    Source,
-    TeamColour,
-)
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 
 # Document Table 5: name and protocol, in its order.
 TABLE_5 = {
@@ -79,31 +63,33 @@ START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
 
 
 def test_there_is_one_type_for_each_row_of_table_5() -> None:
-    assert {each.__name__ for each in TYPES} == {name.replace(" ", "") for name in TABLE_5}
-    assert len(TYPES) == len(TABLE_5) == 23
+    assert {each.__name__ for each in CATALOGUE.types} == {name.replace(" ", "") for name in TABLE_5}
+    assert len(CATALOGUE.types) == len(TABLE_5) == 23
 
 
 @pytest.mark.parametrize("name", TABLE_5)
 def test_type_has_the_fields_and_the_protocol_of_the_tables(name: str) -> None:
-    message_type = type_named(name)
-    assert message_type.__name__ == name.replace(" ", "")
-    assert tuple(kinds(message_type)) == message_type._fields == FIELDS.get(name, ())
-    assert service(message_type) == TABLE_5[name]
+    entry = CATALOGUE.find(name)
+    assert entry is not None
+    assert entry.type.__name__ == name.replace(" ", "")
+    assert tuple(kinds(entry.type)) == entry.type._fields == FIELDS.get(name, ())
+    assert entry.group == TABLE_5[name]
 
 
-def test_every_message_belongs_to_one_protocol() -> None:
-    assert sorted(each.__name__ for types in SERVICES.values() for each in types) == sorted(t.__name__ for t in TYPES)
+def test_stops_act_in_every_nmt_state() -> None:
+    assert {each.__name__ for each in CATALOGUE.always} == {"EmergencyShutdown", "EmergencyStop", "StopDrive"}
 
 
 @pytest.mark.parametrize("name", ["Goto XY", "goto xy", "GotoXY", "goto-xy", "GOTO_XY"])
 def test_type_is_found_however_its_name_is_written(name: str) -> None:
-    assert type_named(name) is GotoXY
+    entry = CATALOGUE.find(name)
+    assert entry is not None
+    assert entry.type is GotoXY
 
 
 @pytest.mark.parametrize("name", ["Goto", "", "Goto X", "Message", "Kalmann Position Request"])
-def test_type_of_an_unknown_name_is_an_error(name: str) -> None:
-    with pytest.raises(UnknownName, match="unknown message"):
-        type_named(name)
+def test_nothing_is_found_under_another_name(name: str) -> None:
+    assert CATALOGUE.find(name) is None
 
 
 PARAMETERS = [
@@ -126,7 +112,7 @@ def test_goto_needs_place_angle_and_speed_only() -> None:
 
 
 def test_messages_are_equal_by_type_and_fields() -> None:
-    empty: list[Message] = [each() for each in TYPES if not each._fields]
+    empty = [tuple.__new__(each) for each in CATALOGUE.types if not each._fields]
     assert all(one != other for one, other in combinations(empty, 2))
     assert GotoXY(1234, 567, 89, 75) == GOTO
     assert GOTO._replace(speed=74) != GOTO

@@ -7,13 +7,13 @@ from enum import IntEnum
 import pytest
 
 from eurobot_od.errors import UnknownName
+from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.robot.values import (
     BARRIER_NAMES,
     Barriers,
     Direction,
     GotoFault,
     Obstacle,
-    OutOfRange,
     Passage,
     Route,
     Source,

@@ -12,6 +12,7 @@ from typing import Any
 import can
 
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.protocol import EurobotProtocol
 
 _numbers = count()
 
@@ -19,7 +20,7 @@ _numbers = count()
 @cache
 def protocol() -> Protocol:
     """Return the protocol of the default dialect."""
-    return Protocol.load()
+    return EurobotProtocol.load()
 
 
 def new_channel() -> str:

@@ -19,8 +19,9 @@ import can
 
 from bench.process import OURS, run
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Binding, Protocol
-from eurobot_od.robot.values import OutOfRange
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.protocol import Binding
+from eurobot_od.robot.protocol import EurobotProtocol
 
 SEED = 2014
 BEGIN, PERIOD = 1396.123456, 0.000217
@@ -53,7 +54,7 @@ def recorded_traffic(count: int) -> Iterator[Timed]:
 def random_traffic(count: int) -> Iterator[Timed]:
     """Give frames in the order of a match, again and again, each message with other values."""
     chance = random.Random(SEED)
-    makers = {binding.cob_id: maker(binding) for binding in Protocol.load().bindings}
+    makers = {binding.cob_id: maker(binding) for binding in EurobotProtocol.load().bindings}
     for time, frame in recorded_traffic(count):
         make = makers.get(frame.cob_id)
         yield Timed(time, Frame(frame.cob_id, make(chance)) if make else frame)

@@ -16,6 +16,7 @@ import cantools
 from eurobot_od.pdo.dbc import dbc_text
 from eurobot_od.pdo.protocol import Binding, Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
 from interop_rows.row import Answer, agree
 
 FRAMES = 500
@@ -25,7 +26,7 @@ FRAMES = 500
 def by_cantools(_: Path) -> Answer:
     """Decode and encode random frames with cantools."""
     for dialect in dialects.names():
-        protocol = Protocol.load(dialect)
+        protocol = EurobotProtocol.load(dialect)
         database: Any = cantools.database.load_string(dbc_text(protocol), "dbc", strict=True)
         agree("the identifiers", {each.frame_id for each in database.messages}, {b.cob_id for b in protocol.bindings})
         for binding, data in _random_frames(protocol):
@@ -39,7 +40,7 @@ def by_cantools(_: Path) -> Answer:
 def by_canmatrix(_: Path) -> Answer:
     """Decode random frames with canmatrix."""
     for dialect in dialects.names():
-        protocol = Protocol.load(dialect)
+        protocol = EurobotProtocol.load(dialect)
         loaded: Any = canmatrix.formats.loads(dbc_text(protocol), "dbc")
         (matrix,) = loaded.values()
         agree("complaints while reading", matrix.load_errors, [])

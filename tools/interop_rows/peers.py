@@ -16,6 +16,7 @@ from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
 from interop_rows.bench import DRIVE, PATIENCE, SHORT_GOTO, Heard, collect, new_channel, open_bus, robot, stock_network
 from interop_rows.row import Answer, agree
 
@@ -103,7 +104,7 @@ def pdos_by_stock_master(_: Path) -> Answer:
 
 def export_by_stock_master(folder: Path) -> Answer:
     """Let canopen write DBC files of its PDOs through canmatrix, and compare their bits with ours."""
-    protocol = Protocol.load(dialects.DEFAULT)
+    protocol = EurobotProtocol.load(dialects.DEFAULT)
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
         node = patient(network.add_node(DRIVE, str(EDS)))
         for name, pdos in (("rpdo", node.rpdo), ("tpdo", node.tpdo)):

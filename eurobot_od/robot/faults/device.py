@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from eurobot_od.device.device import ALWAYS
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
@@ -93,7 +92,7 @@ class DeafWhenStopped(Node):
     """Heeds emergencies and stops only in OPERATIONAL, like any other message."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        always = {self.device.protocol.cob_id(each) for each in ALWAYS if each in self.HANDLERS}
+        always = {self.device.protocol.cob_id(each) for each in self.CATALOGUE.always if each in self.HANDLERS}
         if self.device.state is not NmtState.OPERATIONAL and frame.cob_id in always:
             return []
         return super().receive(frame, now)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
     arriving,
@@ -39,7 +40,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,

@@ -17,8 +17,9 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot.messages import Message
+from eurobot_od.robot.protocol import EurobotProtocol
 
 Mixin: TypeAlias = type[Node]
 """A class that goes in front of a node's class."""
@@ -202,7 +203,7 @@ def foreign(message: Message) -> Change:
 
 @cache
 def _whole_protocol(folder: Path) -> Protocol:
-    return Protocol.load(folder)
+    return EurobotProtocol.load(folder)
 
 
 def meaning(change: Callable[[Any], Message]) -> Change:

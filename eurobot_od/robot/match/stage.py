@@ -20,6 +20,7 @@ from eurobot_od.robot.match.options import Options
 from eurobot_od.robot.match.play import Player
 from eurobot_od.robot.match.summary import Summary, Traffic
 from eurobot_od.robot.match.timeline import Event, EventKind, Timeline
+from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
@@ -56,7 +57,7 @@ class Script(NamedTuple):
 def read(dialect: str | None) -> Script:
     """Read the EDS files of a dialect; raises UnknownName, DictionaryError."""
     dictionaries = {each.name: each for each in dialects.load_all(dialect)}
-    protocol = Protocol((each, each.pdos) for each in dictionaries.values())
+    protocol = Protocol(((each, each.pdos) for each in dictionaries.values()), CATALOGUE)
     return Script(dialects.folder(dialect).name, dictionaries, protocol)
 
 

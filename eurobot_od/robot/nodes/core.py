@@ -16,7 +16,9 @@ from eurobot_od.device.store import Store
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
+    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -35,7 +37,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionRequest,
     NaviPositionResponse,
     PositionResponse,
@@ -114,6 +115,8 @@ class Core(Node):
     `positions` are the last sightings by response type; `configuration` the start configuration, None before the
     first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration.
     """
+
+    CATALOGUE = CATALOGUE
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)

@@ -9,14 +9,16 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, TypeAlias
 
-from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.store import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.pdo.kinds import Remaining
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
+from eurobot_od.robot.kinds import Remaining
 from eurobot_od.robot.messages import (
+    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     EmergencyShutdown,
@@ -27,7 +29,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,
@@ -36,7 +37,7 @@ from eurobot_od.robot.messages import (
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Limits, Motion, Odometry
 from eurobot_od.robot.nodes.route import Clearances, find_route
-from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, OutOfRange, Passage, Route, Source
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 
 Stop: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 
@@ -50,6 +51,8 @@ class Drive(Node):
     `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, whose
     obstacle is the reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
+
+    CATALOGUE = CATALOGUE
 
     def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
@@ -152,7 +155,7 @@ class Drive(Node):
         """Stop and hold the safe state (document 4.2.2 Emergency mushroom)."""
         self._stop(shutdown)
         self.safe = True
-        self.raise_error(ErrorCode.EMERGENCY_SHUTDOWN, EmergencyShutdown)
+        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, EmergencyShutdown)
 
     def halted(self) -> None:
         """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
@@ -189,7 +192,7 @@ class Drive(Node):
         self._stuck = 0.0 if _followed(command, rolled, dt) else self._stuck + dt
         if self._stuck >= self.seconds("Motion.Blocked time"):
             self.fault = GotoFault.BLOCKED
-            self.raise_error(ErrorCode.DRIVE_BLOCKED, GotoFault.BLOCKED)
+            self.raise_error(RobotError.DRIVE_BLOCKED, GotoFault.BLOCKED)
             self._brake()
 
     def _forget_obstruction(self) -> None:

@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple, Protocol
 
-from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.store import Store
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.messages import (
+    CATALOGUE,
     CheckNaviRequest,
     CheckNaviResponse,
     ConfederatePositionRequest,
@@ -23,14 +24,13 @@ from eurobot_od.robot.messages import (
     Enemy1PositionResponse,
     Enemy2PositionRequest,
     Enemy2PositionResponse,
-    Message,
     NaviPositionRequest,
     NaviPositionResponse,
     PositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
-from eurobot_od.robot.values import Source
+from eurobot_od.robot.values import RobotError, Source
 
 AMBIGUOUS = 255
 """x = y = 255 mm with an unknown angle reads "position unknown" (document Table 2); such a place is sent 1 mm off."""
@@ -66,6 +66,8 @@ class Navigation(Node):
     until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
     """
 
+    CATALOGUE = CATALOGUE
+
     def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
         self.beacons: Beacons = beacons or NoBeacons()
@@ -88,7 +90,7 @@ class Navigation(Node):
 
     def _shut_down(self, _: EmergencyShutdown) -> None:
         self.safe = True
-        self.raise_error(ErrorCode.EMERGENCY_SHUTDOWN, EmergencyShutdown)
+        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, EmergencyShutdown)
 
     def _present(self, whom: Source) -> bool:
         """Whether the start configuration says that there is such a robot; before it, anyone may be there."""

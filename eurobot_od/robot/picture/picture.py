@@ -10,8 +10,9 @@ from itertools import pairwise
 from math import dist
 from typing import TypeVar
 
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import HEIGHT, WIDTH, Pose
-from eurobot_od.robot.messages import Message, PositionResponse
+from eurobot_od.robot.messages import PositionResponse
 from eurobot_od.robot.picture import style, svg
 from eurobot_od.robot.picture.ground import ground, place
 from eurobot_od.robot.picture.recording import Goto, Recording, Sighting, Stop, at, record

@@ -11,9 +11,10 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
-from eurobot_od.device.device import ALWAYS
+from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.field import Pose
 from eurobot_od.robot.messages import (
+    CATALOGUE,
     ConfederatePositionResponse,
     EmergencyShutdown,
     EmergencyStop,
@@ -22,12 +23,9 @@ from eurobot_od.robot.messages import (
     GotoStateResponse,
     GotoXY,
     KalmanPositionResponse,
-    Message,
     PositionResponse,
     StartConfigurationSet,
     StopDrive,
-    is_flagged,
-    kinds,
 )
 from eurobot_od.robot.values import GotoFault, Passage, TeamColour
 
@@ -136,7 +134,7 @@ class _Recorder:
         """Take in a message."""
         self.start = time if self.start is None else self.start
         now = self.recording.end = max(time - self.start, self.recording.end)
-        if is_flagged(message) and not isinstance(message, ALWAYS):
+        if is_flagged(message) and type(message) not in CATALOGUE.always:
             return
         handle = HANDLERS.get(type(message))
         if handle is not None:

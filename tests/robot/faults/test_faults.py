@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects, faults
 from eurobot_od.robot.faults import hooks
 from eurobot_od.robot.faults.hooks import Mixin
@@ -23,14 +23,14 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     StartConfigurationSet,
     StopDrive,
 )
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Source, TeamColour
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {name: dialects.load(name) for name in ROLES}
 START = StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)
 CHECKED = Frame(PROTOCOL.cob_id(CheckDriveResponse))

@@ -9,16 +9,16 @@ import pytest
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.match import Event, EventKind, Options, Summary
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 
 
 class Match(NamedTuple):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.match.summary import Summary, Traffic
 from eurobot_od.robot.messages import GotoXY, StopDrive
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation.bits import frame_bits
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
 
 

@@ -12,20 +12,21 @@ from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
 from eurobot_od.device.station import Station
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import Pose
-from eurobot_od.robot.messages import Message, MessageT, StartConfigurationConfirm, StartConfigurationSet
+from eurobot_od.robot.messages import StartConfigurationConfirm, StartConfigurationSet
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
 
 Result = TypeVar("Result")
 
-PROTOCOL = Protocol.load()
+PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
 RED = StartConfigurationSet(TeamColour.RED, 2, 1, 30, 20)
 """A start configuration in which everyone is there."""

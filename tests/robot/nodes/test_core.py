@@ -12,6 +12,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -28,7 +29,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionRequest,
     StartConfigurationConfirm,
     StartConfigurationSet,

@@ -6,7 +6,8 @@ import pytest
 
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import START_POSES, Pose
 from eurobot_od.robot.messages import (
@@ -20,8 +21,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
-    MessageT,
     NaviPositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,
@@ -29,17 +28,8 @@ from eurobot_od.robot.messages import (
 )
 from eurobot_od.robot.nodes.drive import Drive
 from eurobot_od.robot.nodes.motion import AT_REST
-from eurobot_od.robot.values import (
-    Barriers,
-    Direction,
-    GotoFault,
-    Obstacle,
-    OutOfRange,
-    Passage,
-    Route,
-    Source,
-    TeamColour,
-)
+from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from tests.robot.nodes.harness import DICTIONARIES, RED, Wheels
 
 YELLOW = RED._replace(team_colour=TeamColour.YELLOW)
@@ -53,7 +43,7 @@ class Seat:
 
     def __init__(self, dialect: str | None = None) -> None:
         dictionary = dialects.load("drive", dialect) if dialect else DICTIONARIES["drive"]
-        self.protocol = Protocol.of(dictionary)
+        self.protocol = EurobotProtocol.of(dictionary)
         self.wheels = Wheels()
         self.drive = Drive(dictionary, self.wheels)
         self.now = 0.0

@@ -6,6 +6,7 @@ import pytest
 
 from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckNaviRequest,
     CheckNaviResponse,
@@ -16,7 +17,6 @@ from eurobot_od.robot.messages import (
     Enemy1PositionResponse,
     Enemy2PositionRequest,
     Enemy2PositionResponse,
-    Message,
     NaviPositionRequest,
     NaviPositionResponse,
     PositionResponse,

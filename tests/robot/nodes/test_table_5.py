@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -26,7 +27,6 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
-    Message,
     NaviPositionRequest,
     NaviPositionResponse,
     StartConfigurationConfirm,

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Pose
 from eurobot_od.robot.messages import (
     EmergencyStop,
@@ -18,7 +19,6 @@ from eurobot_od.robot.messages import (
     GotoStateResponse,
     GotoXY,
     KalmanPositionResponse,
-    Message,
     StartConfigurationSet,
     StopDrive,
 )

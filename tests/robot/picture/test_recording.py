@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.pdo.kinds import OutOfRange
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import Pose
 from eurobot_od.robot.messages import (
     EmergencyShutdown,
@@ -13,13 +15,12 @@ from eurobot_od.robot.messages import (
     GotoStateResponse,
     GotoXY,
     KalmanPositionResponse,
-    Message,
     NaviPositionResponse,
     StartConfigurationSet,
     StopDrive,
 )
 from eurobot_od.robot.picture.recording import Ending, Recording, Sighting, at, record
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, OutOfRange, Passage, Source, TeamColour
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Passage, Source, TeamColour
 
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)
 

@@ -15,7 +15,7 @@ import sys
 import time
 
 from eurobot_od.frame import Frame
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation.bits import frame_bits
 
 DIFFERENT = 1000
@@ -29,7 +29,7 @@ FRAME = struct.Struct("=IB3x8s")
 def made_frames(shortest: int) -> list[tuple[bytes, int]]:
     """Make the frames as the socket takes them, with their bits on the bus."""
     chance, made = random.Random(1), []
-    bindings = [each for each in Protocol.load().bindings if each.layout.length >= shortest]
+    bindings = [each for each in EurobotProtocol.load().bindings if each.layout.length >= shortest]
     for binding in chance.choices(bindings, k=DIFFERENT):
         data = chance.randbytes(binding.layout.length)
         made.append((FRAME.pack(binding.cob_id, len(data), data), frame_bits(Frame(binding.cob_id, data))))

@@ -16,8 +16,7 @@ from collections.abc import Callable
 
 import can
 
-from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
 
 RATE = 9000
 """Frames in a second: 8 bytes of data each at 100 % of 1 Mbit/s."""
@@ -34,7 +33,7 @@ ESCAPE = 27
 def frames() -> list[can.Message]:
     """Make a second's frames: all messages of the protocol, with any data."""
     chance = random.Random(1)
-    bindings = Protocol.load().bindings
+    bindings = EurobotProtocol.load().bindings
     chosen = [chance.choice(bindings) for _ in range(RATE)]
     return [
         can.Message(arbitration_id=b.cob_id, data=chance.randbytes(b.layout.length), is_extended_id=False)
@@ -74,13 +73,12 @@ class Sender(threading.Thread):
 def monitor(sender: Sender) -> int:
     """Run our monitor on the terminal and return how many frames it counted."""
     from eurobot_od.cli import monitor as command
-    from eurobot_od.logs.meaning import Decoder
     from eurobot_od.monitor.controls import Controls
     from eurobot_od.monitor.sources import BusSource
     from eurobot_od.monitor.traffic import Traffic
 
     source = BusSource(can.Bus(interface="virtual", channel=CHANNEL))
-    watch = command.Watch(Traffic(Decoder(dialects.outlines()), 1_000_000), Controls("identifier", ""), source)
+    watch = command.Watch(Traffic(decoder(), 1_000_000), Controls("identifier", ""), source)
     sender.start()
     sender.then(lambda: watch.controls.key("q"))
     with command.on_screen(watch) as (took, refresh):

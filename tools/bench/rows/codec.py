@@ -19,9 +19,11 @@ from bitstruct import c as bitstruct  # type: ignore[import-untyped]  # it carri
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import protocol
 from eurobot_od.pdo.dbc import dbc_text
+from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Binding, Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, Message, NaviPositionResponse, StartConfigurationSet
+from eurobot_od.robot.messages import GotoXY, NaviPositionResponse, StartConfigurationSet
+from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Source, TeamColour
 
 GOTO = GotoXY(1234, 567, 89, 75, Barriers(0xA5C3))
@@ -166,7 +168,7 @@ def encoders(message: Message) -> Statements:
 
 def slices(task: str, message: Message) -> Statements:
     """Give a task in each dialect: one has the fields in one piece, another has them in slices."""
-    return {name: task_of(Protocol.load(name), task, message) for name in dialects.names()}
+    return {name: task_of(EurobotProtocol.load(name), task, message) for name in dialects.names()}
 
 
 def task_of(protocol: Protocol, task: str, message: Message) -> Statement:

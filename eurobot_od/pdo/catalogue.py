@@ -1,0 +1,103 @@
+"""The catalogue: which message type stands for a PDO, by the PDO's name.
+
+A message class enters itself with the decorator `Catalogue.message`. A PDO that nobody has entered needs no class: it
+gets a named tuple made from its mapping.
+"""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Callable, Container, Mapping, Sequence
+from itertools import count
+from types import MappingProxyType
+from typing import Annotated, Any, NamedTuple, TypeVar, cast
+
+from eurobot_od.pdo.kinds import Kind
+from eurobot_od.pdo.message import Message, told_apart
+
+_Class = TypeVar("_Class", bound=type)
+
+NO_GROUP = ""
+
+
+class Entry(NamedTuple):
+    """A message type, the `group` of messages that it is one of, and whether it acts `always`: in every NMT state."""
+
+    type: type[Message]
+    group: str = NO_GROUP
+    always: bool = False
+
+
+class Catalogue:
+    """Message types by the names of their PDOs; case, spaces, hyphens and underscores in a name do not matter.
+
+    `errors` are the words for the emergency error codes that are the devices' own (CiA 301, Table 26: 0xFF00 and up).
+    """
+
+    def __init__(self, errors: Mapping[int, str] = MappingProxyType({})) -> None:
+        self.errors = errors
+        self._entries: dict[str, Entry] = {}
+
+    def message(self, group: str = NO_GROUP, *, always: bool = False) -> Callable[[_Class], _Class]:
+        """Return the decorator that enters a message class; its name is the PDO's in CamelCase."""
+
+        def enter(message_type: _Class) -> _Class:
+            self._entries[plain_name(message_type.__name__)] = Entry(told_apart(message_type), group, always)
+            return message_type
+
+        return enter
+
+    def find(self, name: str) -> Entry | None:
+        """Return the entry for a PDO's name, None if nobody has entered one."""
+        return self._entries.get(plain_name(name))
+
+    @property
+    def types(self) -> tuple[type[Message], ...]:
+        """All message types in the order in which they were entered."""
+        return tuple(entry.type for entry in self._entries.values())
+
+    @property
+    def always(self) -> frozenset[type[Message]]:
+        """The message types that act in every NMT state."""
+        return frozenset(entry.type for entry in self._entries.values() if entry.always)
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The groups in the order of their first message."""
+        return tuple(dict.fromkeys(entry.group for entry in self._entries.values() if entry.group))
+
+
+NOTHING = Catalogue()
+"""The catalogue for devices of which nothing is known but their EDS; nobody enters anything here."""
+
+
+def plain_name(name: str) -> str:
+    """Return a name as it is looked up: `Goto XY`, `goto-xy` and `GotoXY` are one."""
+    return re.sub(r"[ _-]", "", name).casefold()
+
+
+def field_name(parameter_name: str) -> str:
+    """Return the field for an EDS ParameterName: `X position` is `x`, `Enemy 1 diameter` is `enemy_1_diameter`.
+
+    What Python does not take as a name is changed until it does: `Status (raw)` is `status_raw`, `class` is `class_`,
+    `2nd axis` is `field_2nd_axis`.
+    """
+    name = re.sub(r"\W+", "_", parameter_name.lower().removesuffix(" position"), flags=re.ASCII).strip("_") or "field"
+    if keyword.iskeyword(name):
+        return f"{name}_"
+    return f"field_{name}" if name[0].isdigit() else name
+
+
+def first_free(name: str, taken: Container[object]) -> str:
+    """Return the first of `status`, `status_2`, `status_3`, ... that is not taken."""
+    names = (f"{name}_{number}" if number > 1 else name for number in count(1))
+    return next(each for each in names if each not in taken)
+
+
+def made_type(name: str, fields: Sequence[str]) -> type[Message]:
+    """Return a message type of plain numbers for a PDO that no catalogue has."""
+    annotated: Any = [(field, Annotated[int, Kind()]) for field in fields]
+    made: Any = NamedTuple(re.sub(r"\W", "_", name, flags=re.ASCII), annotated)  # type: ignore[misc]  # made at run time
+    message_type: Any = told_apart(made)
+    return cast("type[Message]", message_type)

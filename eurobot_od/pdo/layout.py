@@ -1,0 +1,147 @@
+"""Where the bits of each field lie in a PDO, for any mapping of 1 to 64 bits at any offset (CiA 301, 7.4.8.2).
+
+The first mapped object has the least significant bits, and bytes follow in little-endian order. A value may also be
+mapped in slices, `X position [11:4]` and so on, at any places: some controllers send the most significant bit first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Literal, NamedTuple
+
+MAX_BITS = 64
+"""A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
+
+SLICE = re.compile(r"(?P<name>.+) \[(?P<high>\d+):(?P<low>\d+)\]$")
+"""ParameterName of a part of a value: `X position [11:4]` is its bits 11 down to 4."""
+
+
+class LayoutError(ValueError):
+    """Mapping entries that make no layout: a gap, an overlap, a wrong length, or over 64 bits."""
+
+
+class Slot(NamedTuple):
+    """One mapping entry: `bits` bits of `field` (None: padding), the lowest being the value's bit `shift`."""
+
+    field: str | None
+    shift: int
+    bits: int
+
+
+def slot(name: str, bits: int, to_field: Callable[[str], str]) -> Slot:
+    """Return the slot of a mapping entry from its ParameterName and mapped length.
+
+    Raises LayoutError if a slice's name and its mapped length contradict each other.
+    """
+    match = SLICE.match(name)
+    if match is None:
+        return Slot(to_field(name), 0, bits)
+    high, low = int(match["high"]), int(match["low"])
+    if high - low + 1 != bits:
+        raise LayoutError(f"{name} is mapped with {bits} bits")
+    return Slot(to_field(match["name"]), low, bits)
+
+
+class Run(NamedTuple):
+    """Bits side by side in value and word alike: value bit `shift` is word bit `offset`, for `bits` bits."""
+
+    shift: int
+    offset: int
+    bits: int
+
+    @property
+    def mask(self) -> int:
+        return (1 << self.bits) - 1
+
+    def place(self, value: int) -> int:
+        """Return this run's part of a value, at its place in the word."""
+        return (value >> self.shift & self.mask) << self.offset
+
+
+def place(runs: Iterable[Run], raw: int) -> int:
+    """Return a raw value's bits at the places in the word that its runs say."""
+    word = 0
+    for run in runs:
+        word |= run.place(raw)
+    return word
+
+
+ByteOrder = Literal["little", "big"]
+
+
+class Layout:
+    """Where each field's bits lie in a PDO: `fields` in wire order, `widths` in bits, `length` in bytes.
+
+    The frame is read as one integer, in the byte order that leaves the fewest runs: a value whose slices are stored
+    most significant first is in one piece again when the frame is read as big-endian.
+    Raises LayoutError for over 64 bits, and for parts of a field that overlap or leave a gap.
+    """
+
+    def __init__(self, slots: Iterable[Slot]) -> None:
+        self.slots = tuple(slots)
+        self.bits = sum(slot.bits for slot in self.slots)
+        if self.bits > MAX_BITS:
+            raise LayoutError(f"{self.bits} bits are mapped, a PDO has at most {MAX_BITS}")
+        self.length = (self.bits + 7) // 8
+        self._places = {field: _whole(field, places) for field, places in self._collect().items()}
+        self.fields = tuple(self._places)
+        self.widths = {field: len(places) for field, places in self._places.items()}
+        little, big = self._runs("little"), self._runs("big")
+        self.byte_order: ByteOrder = "big" if _count(big) < _count(little) else "little"
+        self.runs = big if self.byte_order == "big" else little
+
+    def _collect(self) -> dict[str, list[tuple[int, int]]]:
+        """Return for each field its pairs of value bit and frame bit."""
+        found: dict[str, list[tuple[int, int]]] = {}
+        offset = 0
+        for field, shift, bits in self.slots:
+            if field is not None:
+                found.setdefault(field, []).extend((shift + bit, offset + bit) for bit in range(bits))
+            offset += bits
+        return found
+
+    def _runs(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
+        flip = 8 * (self.length - 1) if order == "big" else 0
+        return {
+            field: _merge([abs(flip - place // 8 * 8) + place % 8 for place in places])
+            for field, places in self._places.items()
+        }
+
+    def places(self, field: str) -> list[int]:
+        """Return the frame bits (8 times the byte plus the bit in it) of a field's bits 0, 1, 2, ..."""
+        return list(self._places[field])
+
+    def shortest(self, needed: Iterable[str]) -> int:
+        """Return the number of bytes that hold all `needed` fields: a frame without the others may end there."""
+        return max((max(self._places[field]) // 8 + 1 for field in needed), default=0)
+
+    def place(self, field: str, raw: int) -> int:
+        """Return a raw value's bits at their places in the word."""
+        return place(self.runs[field], raw)
+
+
+def _count(runs: Mapping[str, Sequence[Run]]) -> int:
+    return sum(map(len, runs.values()))
+
+
+def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:
+    """Return the frame bits of a value's bits 0, 1, 2, ...; each must be there exactly once."""
+    value_bits = [value_bit for value_bit, _ in pairs]
+    for bit in range(max(value_bits)):
+        if bit not in value_bits:
+            raise LayoutError(f"{field}: bit {bit} is mapped nowhere")
+    if len(set(value_bits)) != len(pairs):
+        raise LayoutError(f"{field}: bits are mapped twice")
+    return [place for _, place in sorted(pairs)]
+
+
+def _merge(places: list[int]) -> tuple[Run, ...]:
+    """Return the runs of a value whose bits 0, 1, 2, ... are the word's bits `places`."""
+    runs: list[Run] = []
+    for bit, place in enumerate(places):
+        if runs and place == runs[-1].offset + runs[-1].bits:
+            runs[-1] = runs[-1]._replace(bits=runs[-1].bits + 1)
+        else:
+            runs.append(Run(bit, place, 1))
+    return tuple(runs)

@@ -1,0 +1,30 @@
+"""The robot's messages as the EDS files of a dialect map them; the public `eurobot_od.Protocol`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CATALOGUE
+
+
+class EurobotProtocol(Protocol):
+    """A protocol that knows the 23 messages of the document's Table 5 by their types."""
+
+    @classmethod
+    def load(cls, dialect: str | Path | None = None) -> EurobotProtocol:
+        """Load all EDS files of a dialect by its name or folder; raises UnknownName, DictionaryError."""
+        return cls(((each, each.pdos) for each in dialects.outlines(dialect)), CATALOGUE)
+
+    @classmethod
+    def of(cls, dictionary: Dictionary) -> EurobotProtocol:
+        """Return the messages of one device as its EDS or DCF maps them; raises MappingError."""
+        return cls([(dictionary, dictionary.pdos)], CATALOGUE)
+
+
+def decoder(dialect: str | Path | None = None) -> Decoder:
+    """Return what tells the meaning of frames by the EDS files of a dialect; raises UnknownName, DictionaryError."""
+    return Decoder(dialects.outlines(dialect), CATALOGUE)
