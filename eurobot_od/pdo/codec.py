@@ -11,7 +11,7 @@ compiled. Goto XY becomes, shortened to two fields:
 
     def write(message):
         f0, f4 = message
-        try: word = ((f0 if type(f0) is int and 0 <= f0 < 3001 else write0(f0)) & 0xfff) | write4(f4) << 42
+        try: word = ((f0 if 0 <= f0 < 3001 else write0(f0)) << 0) | ((f4 if 0 <= f4 < 65536 else write4(f4)) << 42)
         except unencodable: return careful(message)
         return new(Frame, (8, word.to_bytes(8, 'little')))
 
@@ -21,6 +21,7 @@ Only numbers are put into the source, and names that are made here: nothing that
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import FieldError
@@ -30,6 +31,9 @@ from eurobot_od.pdo.layout import Layout, Run
 TABLE_BITS = 6
 """The meanings of fields up to this wide that are not numbers, such as enums, are kept in a table."""
 
+REMEMBERED = 1024
+"""Meanings of a wider field that are kept: a bus carries few different ones, and each takes a call or two to make."""
+
 UNENCODABLE = (FieldError, ValueError, TypeError, LookupError)
 """What a column's `write` raises for a value that is not to be sent as it is, and unpacking for a wrong tuple."""
 
@@ -38,8 +42,8 @@ class Column(NamedTuple):
     """How one field of a message is read and written.
 
     `read` turns the raw value into its meaning; None for a field that is not mapped and always has its `default`.
-    `write` is the way back; it raises one of UNENCODABLE. Neither is asked about `numbers`: raw values that mean
-    themselves.
+    `write` is the way back; it raises one of UNENCODABLE. `numbers` are raw values that mean themselves, about which
+    `read` is not asked; `sendable` are meanings that are their own raw value, about which `write` is not asked.
     """
 
     field: str
@@ -47,6 +51,7 @@ class Column(NamedTuple):
     write: Callable[[Any], int]
     default: Any = None
     numbers: range = range(0)
+    sendable: range = range(0)
 
 
 class Unknown(NamedTuple):
@@ -69,7 +74,7 @@ def _extract(runs: Iterable[Run]) -> str:
 def _insert(runs: Sequence[Run], raw: str) -> str:
     """Write the expression that puts a raw value, fitting its width, at its places in the word."""
     if len(runs) == 1:
-        return f"{raw} << {runs[0].offset}"
+        return f"{raw} << {runs[0].offset}" if runs[0].offset else raw
     return " | ".join(f"({raw} >> {run.shift} & {run.mask:#x}) << {run.offset}" for run in runs)
 
 
@@ -126,7 +131,7 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
     width = layout.widths[column.field]
     if width <= TABLE_BITS:
         return f"{name}[{raw}]", name, tuple(map(column.read, range(1 << width)))
-    return f"{name}({raw})", name, column.read
+    return f"{name}({raw})", name, lru_cache(REMEMBERED)(column.read)
 
 
 def writer(
@@ -165,12 +170,10 @@ def write(message):
 
 
 def _raw(column: Column, number: int) -> str:
-    """Write the expression of a field's raw value; `True` is no number of ours, hence `type` and not `isinstance`."""
-    numbers = column.numbers
-    if not numbers:
-        return f"write{number}(f{number})"
-    plain = f"type(f{number}) is int and {numbers.start} <= f{number} < {numbers.stop}"
-    return f"(f{number} if {plain} else write{number}(f{number}))"
+    """Write the expression of a field's raw value."""
+    low, high = column.sendable.start, column.sendable.stop
+    asked = f"write{number}(f{number})"
+    return f"(f{number} if {low} <= f{number} < {high} else {asked})" if column.sendable else asked
 
 
 def _listed(items: Iterable[str]) -> str:

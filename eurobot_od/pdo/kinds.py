@@ -65,6 +65,10 @@ class Kind:
         """Return the raw values that mean their own number, so that `text` writes that and the unit."""
         return range(limits.low, limits.high + 1)
 
+    def sendable(self, limits: Limits) -> range:
+        """Return the values that are their own raw value, which `write` need not be asked about."""
+        return self.numbers(limits)
+
     def named_values(self) -> Mapping[int, str]:
         """Return the raw values that have a name of their own, whatever the other fields of the message are."""
         return {}

@@ -172,7 +172,8 @@ class Binding:
         if width <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values, and few are numbers
             meanings = {read(raw): raw for raw in range(1 << width)}
             write = {m: raw for m, raw in meanings.items() if not isinstance(m, OutOfRange)}.__getitem__
-        return Column(field, read, write, numbers=kind.numbers(limits)[: 1 << width])
+        numbers, sendable = (each(limits)[: 1 << width] for each in (kind.numbers, kind.sendable))
+        return Column(field, read, write, numbers=numbers, sendable=sendable)
 
     @cached_property
     def unknown(self) -> Unknown | None:

@@ -111,6 +111,9 @@ class BarrierFlags(Kind):
     def numbers(self, limits: Limits) -> range:
         return range(0)
 
+    def sendable(self, limits: Limits) -> range:
+        return range(limits.low, limits.high + 1)
+
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():
             return Barriers(0 if text == "none" else int(text, 0))

@@ -640,7 +640,7 @@ def test_a_value_that_its_bits_cannot_hold_is_not_sent(
         protocol.encode(message._replace(**{field: value}))
 
 
-@pytest.mark.parametrize("time", [0, 1, 0x0FFFFE, None, GotoFault.BLOCKED, True, OutOfRange(5), 0x0FFFFF, -1, 1.0])
+@pytest.mark.parametrize("time", [0, 1, 0x0FFFFE, None, GotoFault.BLOCKED, True, 0x0FFFFF, -1, 1.0])
 def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
     """Numbers go past the kind, so there must be no difference."""
     binding, message = PROTOCOL.binding(GotoStateResponse), GotoStateResponse(time)

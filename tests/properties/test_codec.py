@@ -94,7 +94,8 @@ def test_packs_again_what_was_unpacked_but_the_padding(layout: Layout, draws: st
 def column(layout: Layout, field: str) -> Column:
     """A column of plain numbers, about half of which mean themselves and the others are asked for."""
     bits = layout.widths[field]
-    return Column(field, lambda raw: raw, lambda value: value, numbers=range(bits, 1 << bits - 1))
+    own = range(bits, 1 << bits - 1)
+    return Column(field, lambda raw: raw, lambda value: value, numbers=own, sendable=own)
 
 
 @given(filled())
