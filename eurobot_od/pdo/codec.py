@@ -74,7 +74,7 @@ def _extract(runs: Iterable[Run]) -> str:
 def _insert(runs: Sequence[Run], raw: str) -> str:
     """Write the expression that puts a raw value, fitting its width, at its places in the word."""
     if len(runs) == 1:
-        return f"{raw} << {runs[0].offset}" if runs[0].offset else raw
+        return f"{raw} << {runs[0].offset}"  # also by 0: a float, which cannot be shifted, must not get any further
     return " | ".join(f"({raw} >> {run.shift} & {run.mask:#x}) << {run.offset}" for run in runs)
 
 

@@ -201,9 +201,9 @@ def _decode(name: str, message: Message) -> Series:
     return _series(
         task,
         partial(decoders, message),
-        _claim(task, "decode_message", "cantools decode_message", 4),
-        _claim(task, "decode_simple", "cantools decode_simple", 3),
-        _claim(task, "variables", "canopen's PDO variables", 20),
+        _claim(task, "decode_message", "cantools decode_message", 3),
+        _claim(task, "decode_simple", "cantools decode_simple"),
+        _claim(task, "variables", "canopen's PDO variables"),
         _claim(task, "bitstruct", "bitstruct, a dict of integers"),
     )
 
@@ -213,10 +213,10 @@ def _encode(name: str, message: Message) -> Series:
     return _series(
         task,
         partial(encoders, message),
-        _claim(task, "encode_message", "cantools encode_message", 14),
-        _claim(task, "strict=False", "cantools, strict=False", 5),
+        _claim(task, "encode_message", "cantools encode_message", 10),
+        _claim(task, "strict=False", "cantools, strict=False"),
         _claim(task, "cheapest", "cantools' cheapest, no scaling either"),
-        _claim(task, "variables", "canopen's PDO variables", 20),
+        _claim(task, "variables", "canopen's PDO variables"),
         _claim(task, "bitstruct", "bitstruct, of a dict of integers"),
     )
 
