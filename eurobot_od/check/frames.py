@@ -21,9 +21,9 @@ from eurobot_od.check.values import Scale, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.pdo.protocol import Binding
 from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, refuse
 
 T = TypeVar("T")

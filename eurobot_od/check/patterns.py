@@ -14,8 +14,9 @@ from typing import ClassVar, NamedTuple, TypeAlias
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import flagged_fields
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 STATE_NAMES = {
     NmtState.INITIALISING: "boot-up",

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.gatekeeper import Received
     from eurobot_od.live import Live
+    from eurobot_od.pdo.binding import Binding
     from eurobot_od.pdo.message import Message
-    from eurobot_od.pdo.protocol import Binding, Protocol
+    from eurobot_od.pdo.protocol import Protocol
 
 PATIENCE = 1.0
 """Seconds that the driver has to take a frame."""

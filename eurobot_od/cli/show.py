@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import options as shared
 
 if TYPE_CHECKING:
-    from eurobot_od.pdo.protocol import Binding
+    from eurobot_od.pdo.binding import Binding
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -31,9 +31,10 @@ from eurobot_od.device.store import Memory, Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, AbortCode
 

@@ -24,10 +24,11 @@ from eurobot_od.od.dictionary import (
     PdoDirection,
     Value,
 )
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.layout import MAX_BITS
 from eurobot_od.pdo.message import Message
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, AbortCode
 
 NO_RTR = 1 << 30

@@ -22,8 +22,9 @@ from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, 
 from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
 from eurobot_od.gatekeeper.routes import Kind, Listener, ListenerTable, Registration, Route, routes_to
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message, MessageT
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilter

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.logs.meaning import CANOPEN, Meaning
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 Wanted: TypeAlias = Callable[[Meaning], bool]
 """Tells whether a frame with this meaning is wanted."""

@@ -13,10 +13,11 @@ from eurobot_od.errors import FrameLengthError, RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.logs.raw import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.kinds import Kind, OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
     from eurobot_od.logs.services import Service

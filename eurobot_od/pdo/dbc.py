@@ -11,8 +11,9 @@ import re
 from collections.abc import Iterator
 
 from eurobot_od.errors import MappingError
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.layout import Layout, Run
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 
 HEAD = """VERSION ""
 

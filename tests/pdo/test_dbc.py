@@ -18,9 +18,10 @@ from cantools.database.can.c_source import generate
 
 from eurobot_od import cli
 from eurobot_od.errors import MappingError
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.dbc import dbc_text, identifier
 from eurobot_od.pdo.layout import Layout, Slot
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 

@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.errors import FrameLengthError, RemoteError
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message, flagged_fields
-from eurobot_od.pdo.protocol import Binding, Protocol
+from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet
 from eurobot_od.robot.protocol import EurobotProtocol

@@ -19,8 +19,8 @@ import can
 
 from bench.process import OURS, run
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.protocol import Binding
 from eurobot_od.robot.protocol import EurobotProtocol
 
 SEED = 2014

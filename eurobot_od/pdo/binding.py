@@ -1,0 +1,210 @@
+"""One message as a dictionary maps it: the layout of its PDO bound to the fields of its type.
+
+A binding works with raw integers (`pack`, `unpack`) and with meanings (`encode`, `decode`). The functions for meanings
+are generated when they are needed first: a program that sends two messages does not wait for all 23.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownName
+from eurobot_od.frame import Data, Frame
+from eurobot_od.od.dictionary import MappedObject, Pdo
+from eurobot_od.pdo import codec
+from eurobot_od.pdo.catalogue import Entry, field_name, first_free, made_type
+from eurobot_od.pdo.codec import Column, Unknown
+from eurobot_od.pdo.kinds import Kind, Limits, OutOfRange
+from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
+from eurobot_od.pdo.message import Message, kinds
+
+
+class Binding:
+    """One message as a dictionary maps it: `name`, message `type`, `cob_id`, `layout`, and who has it.
+
+    `group` and `always` are what the catalogue says of it. `senders` and `receivers` are the names of the dictionaries
+    that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields do not fit.
+    """
+
+    def __init__(self, file: Path, pdo: Pdo, name: str, entry: Entry | None) -> None:
+        self.file, self.pdo, self.name, self.cob_id = file, pdo, name, pdo.cob_id
+        self.senders: list[str] = []
+        self.receivers: list[str] = []
+        try:
+            self._slots = _slots(pdo.mapping)
+            self.layout = Layout(self._slots)
+        except LayoutError as error:
+            raise self._error(pdo.mapping_index, f"{name}: {error}") from None
+        self.type, self.group, self.always = entry or Entry(made_type(name, self.layout.fields))
+        self.kinds = kinds(self.type)
+        self.defaults: Mapping[str, Any] = self.type._field_defaults
+        self._check_fields()
+        self.limits = dict(self._field_limits())
+
+    def _error(self, index: int, what: str) -> MappingError:
+        return MappingError(self.file, index, what)
+
+    def _check_fields(self) -> None:
+        mapped, known = set(self.layout.fields), set(self.kinds)
+        if mapped - known or known - set(self.defaults) - mapped:
+            has, wants = (", ".join(fields) or "nothing" for fields in (self.layout.fields, self.kinds))
+            raise self._error(self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
+
+    def _field_limits(self) -> Iterator[tuple[str, Limits]]:
+        for entry, (field, *_) in zip(self.pdo.mapping, self._slots):
+            if field is not None:
+                yield field, Limits(entry.limits.low, min(entry.limits.high, (1 << self.layout.widths[field]) - 1))
+
+    def message(self, **values: Any) -> Message:
+        """Return the message with these meanings of its fields, unchecked; raises TypeError for a field too many."""
+        make: Callable[..., Message] = self.type
+        return make(**values)
+
+    @property
+    def optional(self) -> list[str]:
+        """Fields that a frame may leave out at its end: those with a default."""
+        return [field for field in self.layout.fields if field in self.defaults]
+
+    @cached_property
+    def lengths(self) -> tuple[int, ...]:
+        """Lengths in bytes that a frame of this message may have; the last is that of the whole mapping."""
+        shortest = self.layout.shortest(field for field in self.layout.fields if field not in self.defaults)
+        return tuple(sorted({shortest, self.layout.length}))
+
+    def raw(self, field: str, value: Any) -> int:
+        """Return the raw value of a field's meaning; raises FieldError."""
+        if field not in self.limits:
+            if value == self.defaults[field]:
+                return 0
+            default = self.kinds[field].text(self.defaults[field])
+            raise FieldError(self.name, field, value, f"{default}, as the loaded EDS does not map it")
+        try:
+            raw = self.kinds[field].write(value, self.limits[field])
+        except (ValueError, TypeError):
+            raise FieldError(self.name, field, value, self.kinds[field].allowed(self.limits[field])) from None
+        if raw >> self.layout.widths[field]:
+            width = self.layout.widths[field]
+            raise FieldError(self.name, field, value, f"what fits into the {width} bits that the loaded EDS maps")
+        return raw
+
+    # Raw integers
+
+    @cached_property
+    def _unpack(self) -> Callable[[bytes], tuple[int, ...]]:
+        return codec.unpacker(self.layout)
+
+    def unpack(self, data: bytes) -> dict[str, int]:
+        """Return the raw values in a frame's data; raises FrameLengthError."""
+        return dict(zip(self.layout.fields, self._unpack(self.complete(data))))
+
+    def pack(self, values: Mapping[str, int]) -> bytes:
+        """Return the data with these raw values; optional fields may be left out.
+
+        Raises UnknownName for a field that is not mapped, FieldError for one that is missing or too wide.
+        """
+        for field in values:
+            if field not in self.layout.fields:
+                raise UnknownName(f"field of {self.name}", field, self.layout.fields)
+        return self._to_bytes(sum(self._placed(field, values) for field in self.layout.fields))
+
+    def _placed(self, field: str, values: Mapping[str, int]) -> int:
+        value: Any = values.get(field)
+        if value is None and field in self.defaults:
+            value = self.raw(field, self.defaults[field])
+        width = self.layout.widths[field]
+        if not isinstance(value, int) or value >> width:
+            raise FieldError(self.name, field, value, f"0..{(1 << width) - 1}")
+        return self.layout.place(field, value)
+
+    def _to_bytes(self, word: int) -> bytes:
+        return word.to_bytes(self.layout.length, self.layout.byte_order)
+
+    def complete(self, data: Data) -> bytes:
+        """Return data of the mapping's full length.
+
+        What is longer is cut (CiA 301, EMCY 0x8220); optional fields that a shorter frame leaves out get their
+        defaults. Raises FrameLengthError for any other length (EMCY 0x8210).
+        """
+        if len(data) >= self.layout.length:
+            return bytes(data[: self.layout.length])
+        if len(data) not in self.lengths:
+            expected = " or ".join(map(str, self.lengths))
+            raise FrameLengthError(self.name, self.cob_id, len(data), expected)
+        word = int.from_bytes(bytes(data) + bytes(self.layout.length - len(data)), self.layout.byte_order)
+        for field in self.optional:
+            word &= ~self.layout.place(field, -1)
+            word |= self.layout.place(field, self.raw(field, self.defaults[field]))
+        return self._to_bytes(word)
+
+    # Meanings
+
+    @cached_property
+    def decode(self) -> Callable[[Data], Message]:
+        """The function from a frame's data to the typed message; it raises FrameLengthError."""
+        read: Callable[[Data], Message] = codec.reader(
+            self.layout, self._columns, self.type, lambda data: read(self.complete(data)), self.unknown
+        )
+        return read
+
+    @cached_property
+    def encode(self) -> Callable[[Any], Frame]:
+        """The function from a typed message to its frame; it raises FieldError."""
+        return codec.writer(self.layout, self._columns, self.cob_id, self._write_carefully, self.unknown)
+
+    @cached_property
+    def _columns(self) -> list[Column]:
+        return [self._column(field, kind) for field, kind in self.kinds.items()]
+
+    def _column(self, field: str, kind: Kind) -> Column:
+        write: Callable[[Any], int] = partial(self.raw, field)
+        if field not in self.limits:
+            return Column(field, None, write, self.defaults[field])
+        limits, width = self.limits[field], self.layout.widths[field]
+        read = partial(kind.read, limits=limits)
+        if width <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values, and few are numbers
+            meanings = {read(raw): raw for raw in range(1 << width)}
+            write = {m: raw for m, raw in meanings.items() if not isinstance(m, OutOfRange)}.__getitem__
+        numbers, sendable = (each(limits)[: 1 << width] for each in (kind.numbers, kind.sendable))
+        return Column(field, read, write, numbers=numbers, sendable=sendable)
+
+    @cached_property
+    def unknown(self) -> Unknown | None:
+        """The bits that mean "unknown" as a whole, such as those of x, y and angle; None if no field can be so."""
+        codes = {f: kind.unknown_as_a_whole for f, kind in self.kinds.items() if kind.unknown_as_a_whole is not None}
+        if not codes:
+            return None
+        mask = sum(self.layout.place(field, -1) for field in codes)
+        return Unknown(mask, sum(self.layout.place(field, code) for field, code in codes.items()), codes)
+
+    def _write_carefully(self, message: Message) -> Frame:
+        """Encode an unknown position, or say in an error what is wrong."""
+        values = message._asdict()
+        unknown = self.unknown
+        word = 0
+        if unknown and all(values[field] is None for field in unknown.codes):
+            word = unknown.code
+            values = {field: value for field, value in values.items() if field not in unknown.codes}
+            unknown = None
+        for field, value in values.items():
+            raw = self.raw(field, value)
+            word |= self.layout.place(field, raw) if field in self.limits else 0
+        if unknown and word & unknown.mask == unknown.code:
+            field = next(iter(unknown.codes))
+            raise FieldError(self.name, field, values[field], "another place: with an unknown angle it means unknown")
+        return Frame(self.cob_id, self._to_bytes(word))
+
+
+def _slots(mapping: Iterable[MappedObject]) -> list[Slot]:
+    """Return the mapping's slots; objects of one name are told apart, while the slices of one value keep theirs."""
+    slots: list[Slot] = []
+    taken: set[str | None] = {None}
+    for entry in mapping:
+        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, field_name)
+        if each.field == field_name(entry.name):
+            each = each._replace(field=first_free(each.field, taken))
+        slots.append(each)
+        taken.add(each.field)
+    return slots
