@@ -13,7 +13,8 @@ from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.kinds import Angle, Kind, Limits
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Angle, Kind
 from eurobot_od.robot.values import OutOfRange
 
 Variables: TypeAlias = Mapping[str, Any]

@@ -16,7 +16,8 @@ from eurobot_od.check.values import Scale
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
-from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 

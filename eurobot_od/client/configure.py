@@ -17,7 +17,8 @@ from eurobot_od.client.pdo_order import Bytes, Step, pdo_of, procedure_objects, 
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import NODE_ID, Address, Dictionary
+from eurobot_od.od.dictionary import NODE_ID, Dictionary
+from eurobot_od.od.values import Address
 
 STORE: Address = (0x1010, 1)
 SAVE = b"save"

@@ -13,7 +13,8 @@ from canopen.objectdictionary import eds
 
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.errors import DictionaryError, NodeRefused
-from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 
 IDENTITY = 0x1018

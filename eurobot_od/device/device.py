@@ -12,18 +12,7 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import (
-    ERROR_CONTROL_BASE,
-    NMT_COB_ID,
-    SERVICES,
-    TARGET,
-    NmtCommand,
-    NmtState,
-    Reset,
-    boot_state,
-    command_in,
-    error_control,
-)
+from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, Reset, boot_state, command_in, error_control
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
 from eurobot_od.device.pdo import ALWAYS as ALWAYS
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
@@ -31,7 +20,8 @@ from eurobot_od.device.plan import Plan
 from eurobot_od.device.store import Memory, Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
+from eurobot_od.od.dictionary import NODE_ID, Dictionary
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NOT_VALID, Address, Value
 from eurobot_od.pdo.protocol import Binding, Protocol
 from eurobot_od.robot.messages import Message
 from eurobot_od.sdo.server import SdoServer

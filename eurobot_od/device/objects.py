@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.dictionary import Address, Dictionary, Part, Value
+from eurobot_od.od.dictionary import Dictionary, Part
+from eurobot_od.od.values import Address, Value
 from eurobot_od.sdo.server import SIZE_LIMIT
 from eurobot_od.sdo.wire import Abort, AbortCode
 

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 from eurobot_od.logs.meaning import Finding, field_text
 from eurobot_od.logs.output import Shown, Text
 from eurobot_od.logs.raw import REMEMBERED
+from eurobot_od.od.values import Limits
 from eurobot_od.pdo import codec
-from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import TABLE_BITS, Binding, Protocol
 from eurobot_od.robot.values import OutOfRange
 

@@ -11,13 +11,18 @@ from functools import partial
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
-from eurobot_od.od.dictionary import NOT_VALID, Address
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
 from eurobot_od.od.outline import Described, Outline
-
-NODE_IDS = range(1, 128)
-EMCY_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE = 0x080, 0x580, 0x600
-"""COB-IDs of the predefined connection set are these plus the node-ID (CiA 301, 7.3.3)."""
+from eurobot_od.od.values import (
+    EMCY_BASE,
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    NODE_IDS,
+    NOT_VALID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Address,
+)
 
 EMCY_ENTRY: Address = (0x1014, 0)
 SDO_REQUEST_ENTRY: Address = (0x1200, 1)
@@ -54,7 +59,7 @@ def services(outlines: Iterable[Outline]) -> dict[int, Service]:
 def _predefined(node_id: int, node: Known) -> Iterator[tuple[int, Service]]:
     yield EMCY_BASE + node_id, _emcy(node)
     yield SDO_REQUEST_BASE + node_id, _sdo(node, REQUESTS)
-    yield SDO_ANSWER_BASE + node_id, _sdo(node, ANSWERS)
+    yield SDO_RESPONSE_BASE + node_id, _sdo(node, ANSWERS)
     yield ERROR_CONTROL_BASE + node_id, Service("Heartbeat", node.name, 1, heartbeat_text)
 
 

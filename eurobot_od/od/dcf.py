@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.od.values import Address, Value
 
 COMMISSIONING = "DeviceComissioning"
 """The section of node-ID and bit rate, in the spelling of the standard."""

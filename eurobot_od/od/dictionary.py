@@ -8,47 +8,32 @@ stops the load with file and index. A file's bytes are handed on as they are, ne
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from enum import Enum
 from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.pdo.codec import SLICE
-from eurobot_od.pdo.kinds import Limits
+from eurobot_od.od.pdos import PADDING, MappedObject, Pdo
+from eurobot_od.od.values import (
+    BASE_IDENTIFIER,
+    DUMMIES,
+    EXTENDED,
+    MAPPING_OFFSET,
+    NOT_VALID,
+    PDO_COUNT,
+    SLICE,
+    Address,
+    Limits,
+    PdoDirection,
+    Value,
+)
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
 
-Address: TypeAlias = tuple[int, int]
-"""Index and sub-index of an object."""
-
-Value: TypeAlias = "int | float | str | bytes | None"
-
 NODE_ID: Address = (0x2100, 1)
 """Where a node keeps its own node-ID, among its settings."""
 
-
-class PdoDirection(Enum):
-    """RPDO or TPDO, seen from the device; the value is the index of its first communication record (CiA 301)."""
-
-    RPDO = 0x1400
-    TPDO = 0x1800
-
-
-MAPPING_OFFSET = 0x200
-"""From a PDO's communication record to its mapping record (CiA 301, 7.5.2.35)."""
-
-PDO_COUNT = 0x200
-"""How many RPDOs, or TPDOs, a device may have (CiA 301)."""
-
-NOT_VALID = 1 << 31
-BASE_IDENTIFIER = 0x7FF
-EXTENDED = 1 << 29
-"""Bits of a PDO's COB-ID entry (CiA 301, Table 67 and 71)."""
-
-DUMMIES = range(0x0001, 0x0008)
-"""Data types 1 to 7 stand for bits to be skipped when they are mapped (CiA 301, 7.4.8.2; RPDO only)."""
 
 DATA = 0x2000
 """First index of manufacturer-specific objects (CiA 301, 7.4.1), where the messages' data is."""
@@ -58,41 +43,6 @@ SLICES = " slices"
 
 ALL_BITS = (1 << 64) - 1
 """HighLimit of an object without one: whatever its width allows."""
-
-PADDING = "Padding"
-"""ParameterName, with or without a number behind it, of a mapped object that fills bits nobody uses."""
-
-
-class MappedObject(NamedTuple):
-    """One entry of a mapping: the object, its mapped length in bits, its ParameterName and its limits."""
-
-    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
-    subindex: int
-    bits: int
-    name: str
-    limits: Limits
-
-    @property
-    def is_padding(self) -> bool:
-        """Whether these bits carry nothing."""
-        return self.index in DUMMIES or self.name.startswith(PADDING)
-
-
-class Pdo(NamedTuple):
-    """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping."""
-
-    direction: PdoDirection
-    index: int  # type: ignore[assignment]  # as above
-    name: str
-    cob_id: int
-    valid: bool
-    transmission_type: int
-    mapping: tuple[MappedObject, ...]
-
-    @property
-    def mapping_index(self) -> int:
-        """Index of the mapping record."""
-        return self.index + MAPPING_OFFSET
 
 
 class Part(NamedTuple):

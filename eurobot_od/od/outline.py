@@ -11,8 +11,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from eurobot_od.od.dictionary import Address, Dictionary, MappedObject, Pdo, PdoDirection
-from eurobot_od.pdo.kinds import Limits
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import MappedObject, Pdo
+from eurobot_od.od.values import Address, Limits, PdoDirection
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

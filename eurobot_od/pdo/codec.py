@@ -10,20 +10,17 @@ of the frame, `_y[b1][b2]`, and written as the sum of its fields' bits, which st
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 from eurobot_od.frame import Data, Frame
+from eurobot_od.od.values import SLICE
 
 MAX_BITS = 64
 """A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
 
 LOOKED_UP_BITS = 16
 """Fields up to this wide are looked up; for wider ones a function is called each time."""
-
-SLICE = re.compile(r"(?P<name>.+) \[(?P<high>\d+):(?P<low>\d+)\]$")
-"""ParameterName of a part of a value: `X position [11:4]` is its bits 11 down to 4."""
 
 
 class LayoutError(ValueError):

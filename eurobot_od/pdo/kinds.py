@@ -7,16 +7,10 @@ writes it, and what is allowed. Widths and limits are the EDS's and come in as a
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
+from eurobot_od.od.values import Limits
 from eurobot_od.robot.values import Barriers, GotoFault, OutOfRange, Passage, barrier_number
-
-
-class Limits(NamedTuple):
-    """LowLimit and HighLimit of an object in the EDS, both inclusive."""
-
-    low: int
-    high: int
 
 
 class Kind:

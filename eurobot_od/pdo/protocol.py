@@ -13,11 +13,13 @@ from typing import Any, TypeAlias
 
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Data, Frame
-from eurobot_od.od.dictionary import Dictionary, MappedObject, Pdo, PdoDirection
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
+from eurobot_od.od.pdos import MappedObject, Pdo
+from eurobot_od.od.values import Limits, PdoDirection
 from eurobot_od.pdo import codec
 from eurobot_od.pdo.codec import Column, Layout, LayoutError, Unknown
-from eurobot_od.pdo.kinds import Coordinate, Heading, Kind, Limits
+from eurobot_od.pdo.kinds import Coordinate, Heading, Kind
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import Message, field_name, kinds, type_named
 from eurobot_od.robot.values import OutOfRange

@@ -8,7 +8,8 @@ import pytest
 
 from eurobot_od.check.values import NotSaved, Scale, ValueProblem, expectation
 from eurobot_od.errors import UnknownName
-from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Limits, Remaining
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Remaining
 from eurobot_od.robot.values import Barriers, GotoFault, OutOfRange, Passage, Source
 
 

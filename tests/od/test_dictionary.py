@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.od.dictionary import Dictionary, MappedObject, Pdo, PdoDirection
-from eurobot_od.pdo.kinds import Limits
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import MappedObject, Pdo
+from eurobot_od.od.values import Limits, PdoDirection
 from eurobot_od.pdo.protocol import Protocol
 
 ROOT = Path(__file__).parents[2]

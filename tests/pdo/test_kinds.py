@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Limits, Remaining
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Angle, BarrierFlags, Choice, Coordinate, Heading, Kind, Remaining
 from eurobot_od.robot.values import Barriers, GotoFault, OutOfRange, Passage, Source, TeamColour
 
 X = Limits(0, 3000)

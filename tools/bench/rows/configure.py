@@ -28,7 +28,8 @@ from eurobot_od.client.pdo_order import Step, pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import NODE_ID, Address
+from eurobot_od.od.dictionary import NODE_ID
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 
