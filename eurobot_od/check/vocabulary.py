@@ -27,9 +27,12 @@ class Dictionaries(Mapping[str, Dictionary]):
 
     def __init__(self, outlines: Iterable[Outline]) -> None:
         self._outlines = {each.name: each for each in outlines}
+        self._loaded: dict[str, Dictionary] = {}
 
     def __getitem__(self, node: str) -> Dictionary:
-        return self._outlines[node].dictionary
+        if node not in self._loaded:
+            self._loaded[node] = Dictionary.load(self._outlines[node].file)
+        return self._loaded[node]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._outlines)

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
-from eurobot_od.od.outline import Described, Outline
+from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import (
     EMCY_BASE,
     ERROR_CONTROL_BASE,
@@ -66,7 +66,7 @@ def _predefined(node_id: int, node: Known) -> Iterator[tuple[int, Service]]:
 def _configured(node: Known) -> Iterator[tuple[int, Service]]:
     services = _emcy(node), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
     for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
-        value = node.outline.default(address) if node.outline else None
+        value = node.outline.number(address) if node.outline else None
         if value is not None and not value & NOT_VALID:
             yield value, service
 
@@ -150,27 +150,9 @@ def _expedited(outline: Outline | None, data: bytes) -> str:
 
 def _value(outline: Outline | None, address: Address, value: bytes) -> str:
     described = outline.described(address) if outline else None
-    if outline is None or described is None:
-        return value.hex(" ")
-    return _integer(described, value) if described.size else _by_type(outline, address, value)
-
-
-def _integer(described: Described, value: bytes) -> str:
-    if len(value) != described.size:
-        return value.hex(" ")
-    return str(int.from_bytes(value, "little", signed=described.signed))
-
-
-def _by_type(outline: Outline, address: Address, value: bytes) -> str:
-    """Read what is no integer as canopen does."""
-    from canopen.objectdictionary import ObjectDictionaryError
-
-    variable = outline.dictionary.variable(address)
-    assert variable is not None, address
-
     try:
-        return str(variable.decode_raw(value))
-    except (ObjectDictionaryError, ValueError):
+        return str(described.type.read(value)) if described else value.hex(" ")
+    except ValueError:  # a length that the type does not have
         return value.hex(" ")
 
 

@@ -148,7 +148,7 @@ class Traffic:
 
 
 def _heartbeat_period(outline: Outline) -> float:
-    return (outline.default(HEARTBEAT_PERIOD) or 0) / 1000
+    return (outline.number(HEARTBEAT_PERIOD) or 0) / 1000
 
 
 def _beat(health: NodeHealth, time: float, state: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from eurobot_od.od.values import DUMMIES, MAPPING_OFFSET, Limits, PdoDirection
+from eurobot_od.od.values import DUMMIES, MAPPING_OFFSET, Address, Limits, PdoDirection
 
 PADDING = "Padding"
 """ParameterName, with or without a number after it, of a mapped object that fills bits nobody uses."""
@@ -40,3 +40,11 @@ class Pdo(NamedTuple):
     def mapping_index(self) -> int:
         """Index of the mapping record."""
         return self.index + MAPPING_OFFSET
+
+
+class Part(NamedTuple):
+    """What a slice is: `bits` bits of the object at `whole`, from its bit `low` on."""
+
+    whole: Address
+    low: int
+    bits: int

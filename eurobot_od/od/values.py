@@ -6,6 +6,7 @@ Rule of this file: the only copy in the package. Whoever needs one of these bits
 from __future__ import annotations
 
 import re
+import struct
 from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
@@ -76,8 +77,9 @@ def _integer(text: str) -> int | None:
 
 
 class DataType(NamedTuple):
-    """A data type: its name, its bits (0: no fixed length), and the lowest and highest value of an integer."""
+    """A data type: its code, name, bits (0: no fixed length), and the lowest and highest value of an integer."""
 
+    code: int
     name: str
     bits: int
     low: int = 0
@@ -98,33 +100,50 @@ class DataType(NamedTuple):
         """Bytes of a value in an SDO, 0 if they vary."""
         return (self.bits + 7) // 8
 
+    def read(self, data: bytes) -> Value:
+        """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have."""
+        if self.size not in (0, len(data)):
+            raise ValueError(f"{len(data)} bytes are not {self.name}")
+        if self.bits == 1:
+            return data != b"\0"
+        if self.is_integer:
+            return int.from_bytes(data, "little", signed=self.is_signed)
+        if self.code in _REAL_FORMATS:
+            number: float = struct.unpack(_REAL_FORMATS[self.code], data)[0]
+            return number
+        encoding = _TEXT_ENCODINGS.get(self.code)
+        return data.decode(encoding, "ignore").rstrip("\0") if encoding else data
 
-def _integers(codes: dict[int, int], name: str) -> dict[int, DataType]:
+
+_REAL_FORMATS = {0x08: "<f", 0x11: "<d"}
+_TEXT_ENCODINGS = {0x09: "ascii", 0x0B: "utf-16-le"}
+
+
+def _integers(bits_of: dict[int, int], name: str) -> list[DataType]:
     signed = name == "INTEGER"
-    return {
-        code: DataType(f"{name}{bits}", bits, -(1 << bits - 1) if signed else 0, (1 << bits - signed) - 1)
-        for code, bits in codes.items()
-    }
+    return [
+        DataType(code, f"{name}{bits}", bits, -(1 << bits - 1) if signed else 0, (1 << bits - signed) - 1)
+        for code, bits in bits_of.items()
+    ]
 
+
+BOOLEAN = DataType(0x01, "BOOLEAN", 1, 0, 1)
+REAL32, REAL64 = DataType(0x08, "REAL32", 32), DataType(0x11, "REAL64", 64)
+VISIBLE_STRING, OCTET_STRING = DataType(0x09, "VISIBLE_STRING", 0), DataType(0x0A, "OCTET_STRING", 0)
+UNICODE_STRING, DOMAIN = DataType(0x0B, "UNICODE_STRING", 0), DataType(0x0F, "DOMAIN", 0)
 
 DATA_TYPES: dict[int, DataType] = {
-    0x01: DataType("BOOLEAN", 1, 0, 1),
-    0x08: DataType("REAL32", 32),
-    0x09: DataType("VISIBLE_STRING", 0),
-    0x0A: DataType("OCTET_STRING", 0),
-    0x0B: DataType("UNICODE_STRING", 0),
-    0x0C: DataType("TIME_OF_DAY", 48),
-    0x0D: DataType("TIME_DIFFERENCE", 48),
-    0x0F: DataType("DOMAIN", 0),
-    0x11: DataType("REAL64", 64),
-    **_integers({0x02: 8, 0x03: 16, 0x04: 32, 0x10: 24, 0x12: 40, 0x13: 48, 0x14: 56, 0x15: 64}, "INTEGER"),
-    **_integers({0x05: 8, 0x06: 16, 0x07: 32, 0x16: 24, 0x18: 40, 0x19: 48, 0x1A: 56, 0x1B: 64}, "UNSIGNED"),
+    each.code: each
+    for each in (
+        *(BOOLEAN, REAL32, REAL64, VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN),
+        *(DataType(0x0C, "TIME_OF_DAY", 48), DataType(0x0D, "TIME_DIFFERENCE", 48)),
+        *_integers({0x02: 8, 0x03: 16, 0x04: 32, 0x10: 24, 0x12: 40, 0x13: 48, 0x14: 56, 0x15: 64}, "INTEGER"),
+        *_integers({0x05: 8, 0x06: 16, 0x07: 32, 0x16: 24, 0x18: 40, 0x19: 48, 0x1A: 56, 0x1B: 64}, "UNSIGNED"),
+    )
 }
-"""The basic data types (CiA 301, Table 44)."""
+"""The basic data types by code (CiA 301, Table 44)."""
 
 UNSIGNED8, UNSIGNED16, UNSIGNED32 = DATA_TYPES[0x05], DATA_TYPES[0x06], DATA_TYPES[0x07]
-REAL32, REAL64 = DATA_TYPES[0x08], DATA_TYPES[0x11]
-VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN = (DATA_TYPES[code] for code in (0x09, 0x0A, 0x0B, 0x0F))
 REALS = (REAL32, REAL64)
 
 ACCESS_TYPES = ("ro", "wo", "rw", "rwr", "rww", "const")
