@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,15 +14,7 @@ from hypothesis import HealthCheck, settings
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
 
-# What tests keep of EDS files is their own; the programs that they start find it, too.
-KEPT = tempfile.mkdtemp()
-os.environ["EUROBOT_OD_CACHE"] = KEPT
-
 EDS = Path(__file__).parents[1] / "eds"
-
-
-def pytest_unconfigure() -> None:
-    shutil.rmtree(KEPT, ignore_errors=True)
 
 
 def with_entry(text: str, section: str, key: str, value: str | None) -> str:

@@ -17,7 +17,8 @@ from pathlib import Path
 
 from eurobot_od.device.device import SAVE, STORE, Device
 from eurobot_od.device.storage import FileStore
-from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 
 SETTINGS: tuple[Address, ...] = tuple((index, 1) for index in (0x2101, 0x2102, 0x2103, 0x2104, 0x2105))

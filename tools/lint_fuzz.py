@@ -15,8 +15,9 @@ from functools import cache
 from pathlib import Path
 
 from eurobot_od.lint.diff import compare
+from eurobot_od.lint.model import load
 from eurobot_od.lint.network import Member, Network, lint_network, nodes_of, overview
-from eurobot_od.lint.rules import lint_device, load
+from eurobot_od.lint.rules import lint_device
 
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "tests" / "lint" / "samples"

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT, Device
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 from eurobot_od.sdo.wire import AbortCode
 

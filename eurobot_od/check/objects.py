@@ -13,8 +13,9 @@ from eurobot_od.check.suite import NodeServices
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.logs.services import SDO_ANSWER_ENTRY, SDO_REQUEST_ENTRY
-from eurobot_od.od.dictionary import BASE_IDENTIFIER, Address, Dictionary
-from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import BASE_IDENTIFIER, Address, Limits
+from eurobot_od.pdo.kinds import Kind
 
 ADDRESS = re.compile(r"0[xX](?P<index>[0-9A-Fa-f]{1,4})(?::(?P<subindex>0x[0-9A-Fa-f]{1,2}|\d{1,3}))?")
 

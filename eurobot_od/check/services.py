@@ -19,10 +19,11 @@ from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, take
 from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
 from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
-from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NmtCommand
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
-from eurobot_od.od.dictionary import BASE_IDENTIFIER, NOT_VALID, Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address
 from eurobot_od.yaml_places import Problems, Text, refuse
 
 T = TypeVar("T")

@@ -32,9 +32,9 @@ from eurobot_od.check.suite import (
     Wait,
 )
 from eurobot_od.check.trace import Seen, Trace
-from eurobot_od.device.nmt import NMT_COB_ID
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 
 
 class Failed(Exception):

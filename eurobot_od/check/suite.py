@@ -16,7 +16,8 @@ from eurobot_od.check.patterns import Pattern, Sent
 from eurobot_od.check.values import Expected, Variables
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.yaml_places import Place
 

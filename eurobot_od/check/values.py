@@ -13,7 +13,8 @@ from enum import Enum
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.pdo.kinds import Kind, Limits, OutOfRange
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Kind, OutOfRange
 
 Variables: TypeAlias = Mapping[str, Any]
 

@@ -16,7 +16,8 @@ from eurobot_od.check.values import Scale
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
-from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
@@ -27,9 +28,12 @@ class Dictionaries(Mapping[str, Dictionary]):
 
     def __init__(self, outlines: Iterable[Outline]) -> None:
         self._outlines = {each.name: each for each in outlines}
+        self._loaded: dict[str, Dictionary] = {}
 
     def __getitem__(self, node: str) -> Dictionary:
-        return self._outlines[node].dictionary
+        if node not in self._loaded:
+            self._loaded[node] = Dictionary.load(self._outlines[node].file)
+        return self._loaded[node]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._outlines)

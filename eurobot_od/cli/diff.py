@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, NodeRefused
-from eurobot_od.lint.diff import NO_OBJECT, Address, Difference, Reading, compare, compare_live, place, readable
-from eurobot_od.lint.files import read_device
-from eurobot_od.lint.model import Device
+from eurobot_od.lint.diff import NO_OBJECT, Difference, Reading, compare, compare_live, place, read_device, readable
+from eurobot_od.lint.model import LintedDevice
+from eurobot_od.od.values import NODE_IDS, Address
 
 if TYPE_CHECKING:
     from eurobot_od.client.master import RemoteNode
@@ -35,7 +35,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> int:
     """Compare, print, and return the exit status."""
-    if arguments.node is not None and not 1 <= arguments.node <= 127:
+    if arguments.node is not None and arguments.node not in NODE_IDS:
         raise LocalError(f"node-ID {arguments.node} is not in 1..127")
     left = read_device(arguments.left)
     if arguments.right:
@@ -46,7 +46,7 @@ def run(arguments: Namespace) -> int:
     return DIFFERENT if found else SAME
 
 
-def _compare_live(device: Device, arguments: Namespace) -> list[Difference]:
+def _compare_live(device: LintedDevice, arguments: Namespace) -> list[Difference]:
     node_id = arguments.node or device.node_id
     if node_id is None:
         raise LocalError("nothing to compare with: name a second file, or a live node with --node")

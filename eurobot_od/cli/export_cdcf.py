@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from eurobot_od.client.description import Description
     from eurobot_od.client.pdo_order import Step
     from eurobot_od.client.reading import Reading
-    from eurobot_od.od.dictionary import Address, Dictionary
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.values import Address
 
 SOURCES = (".dcf", ".eds")
 

@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.lint.files import read_bytes
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count
-from eurobot_od.lint.rules import FILE_RULES, lint, load
+from eurobot_od.lint.model import load
+from eurobot_od.lint.rules import FILE_RULES, lint
+from eurobot_od.od.document import read_bytes
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import Network

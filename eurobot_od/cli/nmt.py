@@ -37,7 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send the command; 1 if the node's heartbeat tells that it did not follow."""
-    from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+    from eurobot_od.device.nmt import NmtCommand
+    from eurobot_od.od.values import NMT_COB_ID
 
     command = NmtCommand[COMMANDS[arguments.command]]
     if arguments.node == ALL:

@@ -14,14 +14,13 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.od.values import NODE_IDS
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.client.reading import Reading
-
-NODE_IDS = range(1, 128)
 
 
 def add_node(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,8 @@ from eurobot_od.client.pdo_order import Bytes, Step, pdo_of, procedure_objects, 
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import NODE_ID, Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 
 STORE: Address = (0x1010, 1)
 SAVE = b"save"
@@ -130,10 +131,11 @@ def check_file(description: Description, node_id: int) -> None:
         raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{dcf.COMMISSIONING}]")
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
-    own = dictionary.variable(NODE_ID)
-    if own is not None and own.name == "Node-ID" and own.value not in (None, node_id):
-        what = f"Node-ID {own.value} is not the NodeID {node_id} of [{dcf.COMMISSIONING}]"
-        raise DictionaryError(dictionary.file, NODE_ID[0], what)
+    address = dictionary.node_id_address
+    own = dictionary.variable(address) if address else None
+    if own is not None and own.value not in (None, node_id):
+        what = f"{own.name} {own.value} is not the NodeID {node_id} of [{dcf.COMMISSIONING}]"
+        raise DictionaryError(dictionary.file, own.index, what)
     dictionary.read_pdos(dictionary.default)
 
 

@@ -5,15 +5,13 @@ Rule of this file: an EDS is only taken for a node whose identity it has; a file
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import NamedTuple
 
-from canopen.objectdictionary import eds
-
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.errors import DictionaryError, NodeRefused
-from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.errors import NodeRefused
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 
 IDENTITY = 0x1018
@@ -105,12 +103,7 @@ def device_name(node: RemoteNode) -> str:
 
 
 def _parsed(text: str, name: str, node_id: int) -> Description:
-    try:
-        objects = eds.import_eds(io.StringIO(text), node_id)  # type: ignore[no-untyped-call]
-    except Exception as error:  # canopen and configparser raise what comes to hand
-        what = " ".join(str(error).split()) or type(error).__name__
-        raise DictionaryError(name, None, f"not a readable EDS: {what}") from error
-    return Description(Dictionary(Path(name), objects, node_id), text)
+    return Description(Dictionary.read(text.encode(errors="surrogateescape"), Path(name), node_id), text)
 
 
 def _number(node: RemoteNode, subindex: int, name: str) -> int:

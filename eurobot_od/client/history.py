@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 
 REGISTER: Address = (0x1001, 0)
 FIELD = 0x1003

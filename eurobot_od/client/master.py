@@ -17,9 +17,9 @@ from canopen.objectdictionary import ObjectDictionary
 from canopen.sdo.client import SdoClient
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
 
-from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
+from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
 
 if TYPE_CHECKING:
     from can import BusABC
@@ -32,10 +32,6 @@ STORE_WAIT = 5.0
 
 BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
-
-REQUEST_BASE = 0x600
-RESPONSE_BASE = 0x580
-"""COB-IDs of the default SDO are these plus the node-ID (CiA 301, 7.3.3)."""
 
 SDO_LENGTH = 8
 """Bytes of every SDO frame (CiA 301, 7.2.4.3)."""
@@ -104,7 +100,7 @@ class Master:
         if message.is_extended_id or message.is_error_frame or message.is_remote_frame:
             return
         node_id = message.arbitration_id - ERROR_CONTROL_BASE
-        if 1 <= node_id <= 127 and len(message.data) == 1 and message.data[0] in set(NmtState):
+        if node_id in NODE_IDS and len(message.data) == 1 and message.data[0] in set(NmtState):
             self.states[node_id] = NmtState(message.data[0])
         self.network.notify(message.arbitration_id, message.data, message.timestamp)
 
@@ -115,7 +111,7 @@ class RemoteNode:
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
         self._sdo = _Sdo(master, node_id)
-        master.network.subscribe(RESPONSE_BASE + node_id, self._sdo.on_response)
+        master.network.subscribe(SDO_RESPONSE_BASE + node_id, self._sdo.on_response)
 
     def upload(self, address: Address, name: str = "") -> bytes:
         """Read an object's bytes. Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError."""
@@ -193,7 +189,7 @@ class _Sdo(SdoClient):
     """canopen's SDO client without a receiving thread; a frame that is no SDO frame by its length is not heard."""
 
     def __init__(self, master: Master, node_id: int) -> None:
-        super().__init__(REQUEST_BASE + node_id, RESPONSE_BASE + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
+        super().__init__(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
         self.network = master.network
         self.wait = master.answer_wait
         self._pump = master.pump

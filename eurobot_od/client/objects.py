@@ -14,7 +14,8 @@ from typing import Any, NamedTuple, cast
 from canopen.objectdictionary import ODVariable, datatypes
 
 from eurobot_od.errors import FieldError, UnknownName
-from eurobot_od.od.dictionary import Address, Dictionary, Value
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, Value
 
 NUMBER = re.compile(r"(0x)?(?P<index>[0-9a-f]{4})h?(:(?P<sub>0x[0-9a-f]{1,2}|[0-9]{1,3}))?", re.IGNORECASE)
 """`1017`, `0x1017` or `1017h`, an index being always hexadecimal; the sub-index behind a colon is decimal or `0x..`."""

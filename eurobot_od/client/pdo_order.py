@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.od.dictionary import MAPPING_OFFSET, NOT_VALID, PDO_COUNT, Address, PdoDirection
+from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, PDO_COUNT, Address, PdoDirection
 
 Bytes: TypeAlias = Mapping[Address, bytes]
 """Objects' bytes by address."""

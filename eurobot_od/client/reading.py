@@ -16,7 +16,8 @@ from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.objects import Object, all_objects, decode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Dictionary, Value
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Value
 
 
 class Reading(NamedTuple):

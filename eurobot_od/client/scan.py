@@ -10,11 +10,10 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from eurobot_od.client.description import Identity, device_name
-from eurobot_od.client.master import REQUEST_BASE, RESPONSE_BASE, SDO_LENGTH, Master
+from eurobot_od.client.master import SDO_LENGTH, Master
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import RemoteError
-
-NODE_IDS = range(1, 128)
+from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 
 PACE = 0.005
 """Seconds between two requests: 127 of them are not to fill a bus that others use."""
@@ -44,7 +43,7 @@ def scan(master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE,
     wanted = sorted(node_ids)
     answered = _Answers(master, wanted)
     for node_id in wanted:
-        master.send(REQUEST_BASE + node_id, (UPLOAD + DEVICE_TYPE).ljust(SDO_LENGTH, b"\0"))
+        master.send(SDO_REQUEST_BASE + node_id, (UPLOAD + DEVICE_TYPE).ljust(SDO_LENGTH, b"\0"))
         master.pump(_never, pace)
     master.pump(_never, max(listen - pace * len(wanted), master.answer_wait))
     return [_found(master, node_id) for node_id in sorted(answered.nodes | set(master.states)) if node_id in wanted]
@@ -56,11 +55,11 @@ class _Answers:
     def __init__(self, master: Master, node_ids: Iterable[int]) -> None:
         self.nodes: set[int] = set()
         for node_id in node_ids:
-            master.network.subscribe(RESPONSE_BASE + node_id, self._received)
+            master.network.subscribe(SDO_RESPONSE_BASE + node_id, self._received)
 
     def _received(self, cob_id: int, data: bytearray, timestamp: float) -> None:
         if len(data) == SDO_LENGTH and data[0] & 0xE0 in ANSWERS and data[1:4] == DEVICE_TYPE:
-            self.nodes.add(cob_id - RESPONSE_BASE)
+            self.nodes.add(cob_id - SDO_RESPONSE_BASE)
 
 
 def _found(master: Master, node_id: int) -> Found:

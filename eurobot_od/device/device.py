@@ -12,25 +12,15 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import (
-    ERROR_CONTROL_BASE,
-    NMT_COB_ID,
-    SERVICES,
-    TARGET,
-    NmtCommand,
-    NmtState,
-    Reset,
-    boot_state,
-    command_in,
-    error_control,
-)
+from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, Reset, boot_state, command_in, error_control
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.store import Memory, Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import NODE_ID, NOT_VALID, Address, Dictionary, Value
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NOT_VALID, Address, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
@@ -116,7 +106,8 @@ class Device:
 
     def _load(self, values: dict[Address, Value]) -> None:
         """Make everything anew from these values, as after power-on or a reset."""
-        number = values.setdefault(NODE_ID, self._file.node_id)
+        own = self._file.node_id_address
+        number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
         self.emergencies = Emergencies(lambda: self._cob_id(EMCY_COB_ID), self._emergency_inhibit)
@@ -226,11 +217,13 @@ class Device:
         if signature != LOAD:
             raise Abort(AbortCode.NOT_TRANSFERRED)
         self._keep({})
-        self.objects.values.pop(NODE_ID, None)
+        if self._file.node_id_address:
+            self.objects.values.pop(self._file.node_id_address, None)
 
     def _keep(self, values: dict[Address, Value]) -> None:
         try:
-            self._store.save(values, self.objects.number(NODE_ID))
+            own = self._file.node_id_address
+            self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
         self._stored = values
@@ -285,7 +278,8 @@ class Device:
         if reset is Reset.COMMUNICATION:
             values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
             values |= {a: v for a, v in self.objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
-        values[NODE_ID] = self.objects.value(NODE_ID)
+        if self._file.node_id_address:
+            values[self._file.node_id_address] = self.objects.value(self._file.node_id_address)
         self._load(values)
         return Reaction(self.start(now), reset=reset)
 

@@ -12,7 +12,7 @@ from enum import IntEnum
 from math import inf
 
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.od.values import Address, Value
 from eurobot_od.sdo.wire import Abort, AbortCode
 
 HISTORY = 8

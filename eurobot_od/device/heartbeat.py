@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from math import inf
 
-from eurobot_od.device.nmt import ERROR_CONTROL_BASE
-
-NODES = range(1, 128)
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
 
 def split(entry: int) -> tuple[int, float]:
     """Return node-ID and time in seconds of an entry of 0x1016 (CiA 301, Figure 60); 0.0 if it is not used."""
     node_id, milliseconds = entry >> 16 & 0xFF, entry & 0xFFFF
-    return node_id, milliseconds / 1000 if node_id in NODES else 0.0
+    return node_id, milliseconds / 1000 if node_id in NODE_IDS else 0.0
 
 
 class HeartbeatConsumer:

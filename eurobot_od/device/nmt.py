@@ -9,12 +9,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from eurobot_od.frame import Frame
-
-NMT_COB_ID = 0x000
-"""COB-ID of NMT commands (CiA 301, 7.3.3)."""
-
-ERROR_CONTROL_BASE = 0x700
-"""COB-ID of boot-up and heartbeat is this plus the node-ID (CiA 301, 7.3.3)."""
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
 
 ALL_NODES = 0
 

@@ -11,7 +11,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.dictionary import Address, Dictionary, Part, Value
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import Part
+from eurobot_od.od.values import Address, Value
 from eurobot_od.sdo.server import SIZE_LIMIT
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -54,7 +56,7 @@ class Objects:
         """Return an object's present value: as written or received, else as in the file."""
         part = self._part(address)
         if part is not None:
-            return self.raw(_address(part.whole)) >> part.low & (1 << part.bits) - 1
+            return self.raw(part.whole) >> part.low & (1 << part.bits) - 1
         return self.values[address] if address in self.values else self.dictionary.default(address)
 
     def raw(self, address: Address) -> int:
@@ -75,13 +77,12 @@ class Objects:
         if part is None or not isinstance(value, int):
             self.values[address] = value
         else:
-            whole, mask = _address(part.whole), (1 << part.bits) - 1
-            self.values[whole] = self.raw(whole) & ~(mask << part.low) | (value & mask) << part.low
+            mask = (1 << part.bits) - 1
+            self.values[part.whole] = self.raw(part.whole) & ~(mask << part.low) | (value & mask) << part.low
 
     def _part(self, address: Address) -> Part | None:
         if address not in self._parts:
-            variable = self.dictionary.variable(address)
-            self._parts[address] = None if variable is None else self.dictionary.part(variable)
+            self._parts[address] = self.dictionary.part(address)
         return self._parts[address]
 
     def configuration(self) -> dict[Address, Value]:
@@ -132,10 +133,6 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
         return variable
-
-
-def _address(variable: ODVariable) -> Address:
-    return variable.index, variable.subindex
 
 
 def _form(variable: ODVariable) -> struct.Struct | None:

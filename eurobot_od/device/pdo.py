@@ -13,16 +13,21 @@ from math import inf
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Writer
 from eurobot_od.errors import MappingError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import (
+from eurobot_od.od.pdos import MappedObject
+from eurobot_od.od.values import (
     BASE_IDENTIFIER,
+    CIA_EXTENSIONS,
     DUMMIES,
+    MAPPABLE,
     MAPPING_OFFSET,
+    NO_RTR,
     NOT_VALID,
     PDO_COUNT,
+    RESTRICTED,
     Address,
-    MappedObject,
     PdoDirection,
     Value,
+    owner,
 )
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
@@ -31,17 +36,11 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, AbortCode
 
-NO_RTR = 1 << 30
-"""Bit of a TPDO's COB-ID: it is not sent on request (CiA 301, Table 71); no TPDO of ours is."""
-
-RESTRICTED = (range(0x001), range(0x581, 0x600), range(0x601, 0x680), range(0x6E0, 0x700), range(0x701, 0x800))
-"""Identifiers that no PDO may have (CiA 301, 7.3.5), without the low ones, on which this protocol has its messages."""
+REFUSED = (*RESTRICTED, CIA_EXTENSIONS)
+"""Identifiers that no PDO may have; the low restricted ones are allowed, as this protocol has its messages there."""
 
 EVENT_DRIVEN = (254, 255)
 """Transmission types there are without SYNC (CiA 301, Tables 68 and 72)."""
-
-MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
-"""Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
@@ -130,7 +129,7 @@ class Pdos:
         self._apply(protocol)
 
     def _is_taken(self, cob_id: int) -> bool:
-        return cob_id == self._objects.raw(EMCY_COB_ID) or any(cob_id in each for each in RESTRICTED)
+        return cob_id == self._objects.raw(EMCY_COB_ID) or owner(cob_id, REFUSED) is not None
 
     def _write_mapping(self, address: Address, value: Value) -> None:
         index, subindex = address

@@ -13,7 +13,8 @@ from pathlib import Path
 from eurobot_od.device.objects import is_configuration
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Address, Dictionary, Value
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, Value
 
 IDENTITY: tuple[Address, ...] = ((0x1018, 1), (0x1018, 2), (0x1018, 3))
 """Vendor-ID, product code and revision number: what a configuration has to have in common with its device."""

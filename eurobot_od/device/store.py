@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.od.values import Address, Value
 
 
 class Store(Protocol):

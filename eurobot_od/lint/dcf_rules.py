@@ -9,41 +9,42 @@ from collections.abc import Iterator
 
 from eurobot_od.lint.file_rules import BIT_RATES, TOP, Check, bit_rates, form_of, in_range_of
 from eurobot_od.lint.findings import Problem, Rule
-from eurobot_od.lint.model import NODE_IDS, TYPES, UNSIGNED32, Device, parse_number
+from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od.document import Section
+from eurobot_od.od.values import DOMAIN, NODE_IDS, UNSIGNED32, parse_number
 
 DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "paramrefd")
 """Keys of objects that only a DCF has."""
 
-COMMISSIONING = "devicecomissioning"
 
-
-def without_commissioning(device: Device) -> Iterator[Problem]:
+def without_commissioning(device: LintedDevice) -> Iterator[Problem]:
     """Yield a file named as a DCF that commissions nothing."""
     if device.is_dcf and device.commissioning is None:
         yield Problem(TOP, "a DCF without [DeviceComissioning]: nobody knows the node-ID")
 
 
-def other_spelling(device: Device) -> Iterator[Problem]:
+def other_spelling(device: LintedDevice) -> Iterator[Problem]:
     """Yield the spelling with two m."""
     section = device.section("devicecommissioning")
     if section:
-        yield Problem(section, "[DeviceCommissioning] is written [DeviceComissioning] in CiA 306, and searched for so")
+        yield Problem(
+            section, "[DeviceCommissioning] is spelled [DeviceComissioning] in CiA 306, and tools look for that"
+        )
 
 
-def _commissioned(device: Device, key: str) -> tuple[Section, str]:
+def _commissioned(device: LintedDevice, key: str) -> tuple[Section, str]:
     section = device.commissioning
     return (section, section.text(key)) if section else (Section("", 1, 1, {}), "")
 
 
-def node_id(device: Device) -> Iterator[Problem]:
+def node_id(device: LintedDevice) -> Iterator[Problem]:
     """Yield a node-ID outside 1 to 127."""
     section, text = _commissioned(device, "nodeid")
     if device.commissioning and device.node_id is None:
-        yield Problem(section.at("nodeid"), f"NodeID is {text[:20] or 'missing'}, not {NODE_IDS[0]} to {NODE_IDS[1]}")
+        yield Problem(section.at("nodeid"), f"NodeID is {text[:20] or 'missing'}, not {NODE_IDS[0]} to {NODE_IDS[-1]}")
 
 
-def bit_rate(device: Device) -> Iterator[Problem]:
+def bit_rate(device: LintedDevice) -> Iterator[Problem]:
     """Yield a bit rate that CANopen has not."""
     section, text = _commissioned(device, "baudrate")
     number = parse_number(text)
@@ -51,7 +52,7 @@ def bit_rate(device: Device) -> Iterator[Problem]:
         yield Problem(section.at("baudrate"), f"Baudrate is {text[:20] or 'missing'}, not one of {BIT_RATES} kbit/s")
 
 
-def unsupported_bit_rate(device: Device) -> Iterator[Problem]:
+def unsupported_bit_rate(device: LintedDevice) -> Iterator[Problem]:
     """Yield a bit rate that the device does not support."""
     section, text = _commissioned(device, "baudrate")
     number = parse_number(text)
@@ -63,13 +64,12 @@ def unsupported_bit_rate(device: Device) -> Iterator[Problem]:
 
 def form_of_commissioning(keys: tuple[str, ...], high: int) -> Check:
     """Make the rule that values of the section, in either spelling, are numbers up to `high`."""
-    checks = [
-        form_of(name, keys, in_range_of(0, high), f"0 to {high}") for name in (COMMISSIONING, "devicecommissioning")
-    ]
+    names = "devicecomissioning", "devicecommissioning"
+    checks = [form_of(name, keys, in_range_of(0, high), f"0 to {high}") for name in names]
     return lambda device: [each for check in checks for each in check(device)]
 
 
-def serial_number(device: Device) -> Iterator[Problem]:
+def serial_number(device: LintedDevice) -> Iterator[Problem]:
     """Yield a serial number that is not the identity object's."""
     section, text = _commissioned(device, "lss_serialnumber")
     said, real = parse_number(text), device.value(0x1018, 4)
@@ -78,21 +78,21 @@ def serial_number(device: Device) -> Iterator[Problem]:
         yield Problem(at, f"LSS_SerialNumber is 0x{said.value:08X}, but 0x1018 sub 4 is 0x{real.value:08X}")
 
 
-def without_last_eds(device: Device) -> Iterator[Problem]:
+def without_last_eds(device: LintedDevice) -> Iterator[Problem]:
     """Yield a DCF that does not say from which EDS it was made."""
     section = device.section("fileinfo")
     if device.is_dcf and section and not section.text("lasteds"):
         yield Problem(section.at("lasteds"), "LastEDS is missing: nobody knows from which EDS this DCF was made")
 
 
-def dcf_keys_in_eds(device: Device) -> Iterator[Problem]:
+def dcf_keys_in_eds(device: LintedDevice) -> Iterator[Problem]:
     """Yield what only a DCF has in a file that is none."""
     for key in DCF_KEYS if not device.is_dcf else ():
         for section, entry in device.entries(key):
-            yield Problem(entry, f"{entry.key} of [{section.name}] belongs into a DCF")
+            yield Problem(entry, f"{entry.key} of [{section.name}] belongs in a DCF")
 
 
-def parameter_of_constant(device: Device) -> Iterator[Problem]:
+def parameter_of_constant(device: LintedDevice) -> Iterator[Problem]:
     """Yield values for constants that are not the constant."""
     for each in device.variables:
         given, default = each.number("parametervalue"), each.number("defaultvalue")
@@ -101,12 +101,12 @@ def parameter_of_constant(device: Device) -> Iterator[Problem]:
             yield Problem(at, f"ParameterValue of {each.where}, which is const, is not its DefaultValue")
 
 
-def file_of_number(device: Device) -> Iterator[Problem]:
+def file_of_number(device: LintedDevice) -> Iterator[Problem]:
     """Yield files to be loaded into, or from, something else than a DOMAIN."""
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
             entry = each.section.entries.get(key)
-            if entry and entry.value and each.type and each.type is not TYPES[0x0F]:
+            if entry and entry.value and each.type and each.type is not DOMAIN:
                 yield Problem(entry, f"{entry.key} of {each.where}, a {each.type.name}")
 
 
@@ -123,14 +123,14 @@ def is_concise(text: str) -> bool:
     return count == 0 and position == len(data)
 
 
-def concise_dcf(device: Device) -> Iterator[Problem]:
+def concise_dcf(device: LintedDevice) -> Iterator[Problem]:
     """Yield concise DCFs that are malformed."""
     found = device.objects.get(0x1F22)
     for sub, variable in found.subs.items() if found else ():
         at = variable.value_entry
         if sub and at and at.value and not is_concise(at.value):
             yield Problem(
-                at, f"{variable.where} is no concise DCF: count, then index, sub-index, size and data for each"
+                at, f"{variable.where} is not a concise DCF: count, then index, sub-index, size and data for each"
             )
 
 

@@ -10,26 +10,26 @@ import struct
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
+from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
-from eurobot_od.lint.model import (
+from eurobot_od.lint.model import LintedDevice, LintedPdo, load
+from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable
+from eurobot_od.od.document import Document, Entry, Section, read_bytes
+from eurobot_od.od.values import (
     BASE_IDENTIFIER,
-    COMPOSED,
+    DOMAIN,
     EXTENDED,
-    MOST_SUBS,
     NO_RTR,
     NODE_ID,
     NOT_VALID,
-    TYPES,
+    OCTET_STRING,
+    REAL32,
+    REALS,
+    Address,
     DataType,
-    Device,
     Number,
-    Object,
-    Pdo,
-    Variable,
 )
-from eurobot_od.od.document import Document, Entry, Section
 
-Address = tuple[int, int]
 ABSENT = "-"
 STATE = (0x1001, 0x1002, 0x1003, 0x1010, 0x1011)
 """Objects whose value in a running node says how it is, not how it is configured."""
@@ -67,11 +67,21 @@ def place(address: Address) -> str:
 class Side(NamedTuple):
     """One of the two: the device, and the node-ID its values are meant for (None: they stay relative)."""
 
-    device: Device
+    device: LintedDevice
     node_id: int | None
 
 
-def compare(left: Device, right: Device, node_id: int | None = None, with_names: bool = False) -> list[Difference]:
+def read_device(file: str) -> LintedDevice:
+    """Read an EDS or DCF for a comparison; raises DictionaryError if it cannot be read or describes nothing."""
+    device = load(read_bytes(file), file)
+    if not device.objects:
+        raise DictionaryError(file, None, "not an EDS: it describes no object")
+    return device
+
+
+def compare(
+    left: LintedDevice, right: LintedDevice, node_id: int | None = None, with_names: bool = False
+) -> list[Difference]:
     """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
     common = node_id or left.node_id or right.node_id
     one, other = Side(left, common), Side(right, common)
@@ -94,21 +104,18 @@ def _objects(one: Side, other: Side) -> Iterator[Difference]:
             yield Difference((index, -1), "object", *kinds)
 
 
-def _kind(each: Object | None) -> str:
+def _kind(each: DescribedObject | None) -> str:
     if each is None:
         return ABSENT
-    return each.kind.name if each.kind else "unknown"
+    return each.code.name if each.code else "unknown"
 
 
-def variables(device: Device) -> dict[Address, Variable]:
+def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
     """Return all variables of a device, compact ones written out."""
-    found = {(each.index, each.sub): each for o in device.objects.values() for each in o.subs.values()}
-    compact = ((o, sub) for o in device.objects.values() if o.compact for sub in range(o.compact + 1))
-    written_out = ((o.index, sub, o.variable(sub)) for o, sub in compact)
-    return found | {(index, sub): each for index, sub, each in written_out if each and sub <= MOST_SUBS}
+    return {(each.index, each.sub): each for whole in device.objects.values() for each in whole.variables()}
 
 
-Aspect = Callable[[Variable, int | None], str]
+Aspect = Callable[[DescribedVariable, int | None], str]
 
 
 def _variables(one: Side, other: Side, aspects: Mapping[str, Aspect]) -> Iterator[Difference]:
@@ -122,12 +129,16 @@ def _variables(one: Side, other: Side, aspects: Mapping[str, Aspect]) -> Iterato
             yield Difference(address, "sub-index", _name(left), _name(right))
 
 
-def _name(variable: Variable | None) -> str:
+def _name(variable: DescribedVariable | None) -> str:
     return (variable.name or "there") if variable else ABSENT
 
 
 def _both(
-    address: Address, left: Variable, right: Variable, node_id: int | None, aspects: Mapping[str, Aspect]
+    address: Address,
+    left: DescribedVariable,
+    right: DescribedVariable,
+    node_id: int | None,
+    aspects: Mapping[str, Aspect],
 ) -> Iterator[Difference]:
     for name, aspect in aspects.items():
         texts = aspect(left, node_id), aspect(right, node_id)
@@ -135,22 +146,22 @@ def _both(
             yield Difference(address, name, *texts)
 
 
-def _type(variable: Variable, _: int | None) -> str:
+def _type(variable: DescribedVariable, _: int | None) -> str:
     return variable.type.name if variable.type else variable.section.text("datatype").lower() or ABSENT
 
 
-def _access(variable: Variable, _: int | None) -> str:
+def _access(variable: DescribedVariable, _: int | None) -> str:
     return variable.access or ABSENT
 
 
-def _mappable(variable: Variable, _: int | None) -> str:
+def _mappable(variable: DescribedVariable, _: int | None) -> str:
     return "yes" if variable.is_mappable else "no"
 
 
 def _limit_of(key: str) -> Aspect:
     """Make the aspect of a limit; without one it is the type's."""
 
-    def limit(variable: Variable, node_id: int | None) -> str:
+    def limit(variable: DescribedVariable, node_id: int | None) -> str:
         number = variable.number(key)
         if number is None and variable.type and variable.type.is_integer:
             number = Number(variable.type.low if key == "lowlimit" else variable.type.high)
@@ -165,32 +176,28 @@ def _number(number: Number, node_id: int | None) -> str:
     return str(number.at(node_id or 0))
 
 
-def _value(variable: Variable, node_id: int | None) -> str:
+def _value(variable: DescribedVariable, node_id: int | None) -> str:
     """Say a variable's value; those of mappings and COB-IDs of PDOs are said as bits and identifiers."""
     text = variable.value_entry.value if variable.value_entry else ""
     if _is_told_by_pdo(variable) or not text:
         return ABSENT if not text else ""
     if variable.value and (variable.type is None or variable.type.is_integer):
         return _number(variable.value, node_id)
-    if variable.type is OCTETS:
+    if variable.type is OCTET_STRING:
         return text.replace(" ", "").lower()
-    return _real(text, variable.type) if variable.type and variable.type.name in REAL_FORMS else text
-
-
-OCTETS = TYPES[0x0A]
-REAL_FORMS = {"REAL32": "<f", "REAL64": "<d"}
+    return _real(text, variable.type) if variable.type and variable.type in REALS else text
 
 
 def _real(text: str, type_: DataType) -> str:
     """Write a REAL's decimal text as the number its type holds."""
     try:
-        number = struct.unpack(REAL_FORMS[type_.name], struct.pack(REAL_FORMS[type_.name], float(text)))
+        number = type_.read(struct.pack("<f" if type_ is REAL32 else "<d", float(text)))
     except (ValueError, OverflowError):
         return text
-    return repr(number[0])
+    return repr(number)
 
 
-def _is_told_by_pdo(variable: Variable) -> bool:
+def _is_told_by_pdo(variable: DescribedVariable) -> bool:
     is_mapping = 0x1600 <= variable.index < 0x1800 or 0x1A00 <= variable.index < 0x1C00
     is_communication = 0x1400 <= variable.index < 0x1600 or 0x1800 <= variable.index < 0x1A00
     return is_mapping or (is_communication and variable.sub == 1)
@@ -221,7 +228,7 @@ def _pdos(one: Side, other: Side) -> Iterator[Difference]:
                 yield Difference((index, sub), f"{left.name} {aspect}", *texts)
 
 
-def cob_id(pdo: Pdo, node_id: int | None) -> str:
+def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
     """Say a PDO's COB-ID: identifier, and what its upper bits mean."""
     number = pdo.value(1)
     if number is None:
@@ -234,7 +241,7 @@ def cob_id(pdo: Pdo, node_id: int | None) -> str:
     return ", ".join([first, *(name for name, bit in bits.items() if bit)])
 
 
-def mapping(pdo: Pdo, _: int | None) -> str:
+def mapping(pdo: LintedPdo, _: int | None) -> str:
     """Say a PDO's mapping as bits: which of them are which object."""
     if pdo.amount is None:
         return ABSENT
@@ -253,13 +260,13 @@ Reading = bytes | int
 """What an SDO read gave: the bytes, or the abort code."""
 
 
-def readable(device: Device) -> list[Address]:
+def readable(device: LintedDevice) -> list[Address]:
     """Return the variables that can be read from a node and compared, in order."""
     found = variables(device).items()
-    return sorted(address for address, each in found if each.access != "wo" and each.type is not TYPES[0x0F])
+    return sorted(address for address, each in found if each.access != "wo" and each.type is not DOMAIN)
 
 
-def compare_live(device: Device, readings: Mapping[Address, Reading], node_id: int) -> list[Difference]:
+def compare_live(device: LintedDevice, readings: Mapping[Address, Reading], node_id: int) -> list[Difference]:
     """Compare a file with what a node answered to SDO reads of it; process data and states are only looked for."""
     known = variables(device)
     said = [each for address, reading in readings.items() for each in _unread(known[address], address, reading)]
@@ -267,22 +274,18 @@ def compare_live(device: Device, readings: Mapping[Address, Reading], node_id: i
     return sorted(said + found)
 
 
-def _unread(variable: Variable, address: Address, reading: Reading) -> Iterator[Difference]:
+def _unread(variable: DescribedVariable, address: Address, reading: Reading) -> Iterator[Difference]:
     """Yield what a node has not, does not give, or gives in another length."""
     if reading == NO_DATA:
         return
     if isinstance(reading, int):
         is_missing = reading in (NO_OBJECT, NO_SUB_INDEX)
         yield Difference(address, "on the node", _name(variable), ABSENT if is_missing else f"abort 0x{reading:08X}")
-    elif variable.type and variable.type.bits and len(reading) != _size(variable.type):
-        yield Difference(address, "bytes", str(_size(variable.type)), str(len(reading)))
+    elif variable.type and variable.type.bits and len(reading) != variable.type.size:
+        yield Difference(address, "bytes", str(variable.type.size), str(len(reading)))
 
 
-def _size(type_: DataType) -> int:
-    return (type_.bits + 7) // 8
-
-
-def _overlaid(device: Device, readings: Mapping[Address, Reading]) -> Device:
+def _overlaid(device: LintedDevice, readings: Mapping[Address, Reading]) -> LintedDevice:
     """Return the device with the values that were read, where the file has some to compare them with."""
     sections = dict(device.document.sections)
     for address, variable in variables(device).items():
@@ -290,17 +293,17 @@ def _overlaid(device: Device, readings: Mapping[Address, Reading]) -> Device:
         if text is not None and _is_comparable(variable):
             section = _with_value(variable.section, text, _section_name(device, address))
             sections[section.name.lower()] = section
-    return Device(Document(sections, []), device.name)
+    return LintedDevice(Document(sections, []), device.name)
 
 
-def _section_name(device: Device, address: Address) -> str:
+def _section_name(device: LintedDevice, address: Address) -> str:
     """Return the name of a variable's section; one of a compact object gets one of its own."""
     index, sub = address
-    has_subs = device.objects[index].compact or device.objects[index].kind in COMPOSED
+    has_subs = device.objects[index].compact or device.objects[index].code in COMPOSED
     return f"{index:04X}sub{sub:X}" if has_subs else f"{index:04X}"
 
 
-def _is_comparable(variable: Variable) -> bool:
+def _is_comparable(variable: DescribedVariable) -> bool:
     return not variable.is_mappable and variable.index not in STATE and variable.value_entry is not None
 
 
@@ -309,14 +312,14 @@ def _with_value(section: Section, text: str, name: str) -> Section:
     return section._replace(name=name, entries={**section.entries, "parametervalue": entry})
 
 
-def _read_text(variable: Variable, reading: Reading | None) -> str | None:
+def _read_text(variable: DescribedVariable, reading: Reading | None) -> str | None:
     """Write what was read as a file would; None if nothing was."""
     if not isinstance(reading, bytes) or variable.type is None:
         return None
     if variable.type.is_integer:
-        return str(int.from_bytes(reading, "little", signed=variable.type.low < 0))
-    if variable.type.name in REAL_FORMS and len(reading) == _size(variable.type):
-        return repr(struct.unpack(REAL_FORMS[variable.type.name], reading)[0])
-    if variable.type is OCTETS:
+        return str(int.from_bytes(reading, "little", signed=variable.type.is_signed))
+    if variable.type in REALS and len(reading) == variable.type.size:
+        return repr(variable.type.read(reading))
+    if variable.type is OCTET_STRING:
         return reading.hex()
     return reading.rstrip(b"\0").decode("latin-1")

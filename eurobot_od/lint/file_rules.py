@@ -10,10 +10,12 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 from eurobot_od.lint.findings import Problem, Problems, Rule
-from eurobot_od.lint.model import PDO_COUNT, TYPES, UNSIGNED32, Device, Direction, Object, parse_number
+from eurobot_od.lint.model import LintedDevice
+from eurobot_od.od.description import OBJECT_LISTS, DescribedObject
 from eurobot_od.od.document import Entry, Odd, Section
+from eurobot_od.od.values import DATA_TYPES, DUMMIES, MANUFACTURER, PDO_COUNT, UNSIGNED32, PdoDirection, parse_number
 
-Check = Callable[[Device], Problems]
+Check = Callable[[LintedDevice], Problems]
 
 # How it is written
 
@@ -21,7 +23,7 @@ Check = Callable[[Device], Problems]
 def oddity_of(kind: Odd, sentence: str) -> Check:
     """Make the rule that reports what the reader stumbled over; `{}` in the sentence is the oddity's own text."""
 
-    def check(device: Device) -> Problems:
+    def check(device: LintedDevice) -> Problems:
         return (Problem(each, sentence.format(each.text)) for each in device.document.oddities if each.kind is kind)
 
     return check
@@ -67,7 +69,6 @@ OBJECT_KEYS = (
     "Denotation",
     "ParamRefd",
 )
-LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
 
 
 def _lower(*keys: str) -> frozenset[str]:
@@ -86,7 +87,7 @@ KNOWN_KEYS: dict[str, frozenset[str]] = {
 }  # fmt: skip
 """The keys of each section with a fixed set of them, in lower case."""
 
-NUMBERED = {"comments": ("lines", "line"), **{each.lower(): ("supportedobjects", "") for each in LISTS}}
+NUMBERED = {"comments": ("lines", "line"), **{each.lower(): ("supportedobjects", "") for each in OBJECT_LISTS}}
 """Sections that count: the key with the number of entries, and what stands before an entry's number."""
 
 ELSEWHERE = ("tool", "dynamicchannels", "supportedmodules", "connectedmodules", "standarddatatypes", "links")
@@ -101,7 +102,7 @@ def _is_module(name: str) -> bool:
     return name[:1] == "m" and name[1:2].isdigit()
 
 
-def unknown_sections(device: Device) -> Iterator[Problem]:
+def unknown_sections(device: LintedDevice) -> Iterator[Problem]:
     """Yield sections that no edition of CiA 306 has."""
     for section in device.other_sections:
         name = section.name.strip().lower()
@@ -120,14 +121,14 @@ def looks_like_object(name: str) -> bool:
     return fits and 3 <= len(digits) <= 4 and set(digits + tail) <= _HEXADECIMAL and any(d.isdigit() for d in digits)
 
 
-def malformed_names(device: Device) -> Iterator[Problem]:
+def malformed_names(device: LintedDevice) -> Iterator[Problem]:
     """Yield sections of objects whose names other programs do not find."""
     wrong = [each for each in device.other_sections if looks_like_object(each.name.strip().lower())]
     for section in wrong + [each for _, each in device.object_sections if each.name != each.name.strip()]:
         yield Problem(section, f"[{section.name}] is not how an object's section is named, as [1018] or [1018sub1] is")
 
 
-def unknown_keys(device: Device) -> Iterator[Problem]:
+def unknown_keys(device: LintedDevice) -> Iterator[Problem]:
     """Yield keys that their section does not have."""
     for name, known in KNOWN_KEYS.items():
         section = device.section(name)
@@ -143,7 +144,7 @@ def _unknown(section: Section, known: frozenset[str]) -> Iterator[Problem]:
             yield Problem(entry, f"unknown key {entry.key} in [{section.name}]")
 
 
-def unknown_numbers(device: Device) -> Iterator[Problem]:
+def unknown_numbers(device: LintedDevice) -> Iterator[Problem]:
     """Yield keys of a counting section that are no entry's number."""
     for name, (count, prefix) in NUMBERED.items():
         for key, entry in _entries(device, name):
@@ -156,12 +157,12 @@ def unknown_numbers(device: Device) -> Iterator[Problem]:
                 yield Problem(entry, f"{entry.key} is no number of an entry of [{device.document.sections[name].name}]")
 
 
-def _entries(device: Device, name: str) -> list[tuple[str, Entry]]:
+def _entries(device: LintedDevice, name: str) -> list[tuple[str, Entry]]:
     section = device.section(name)
     return list(section.entries.items()) if section else []
 
 
-def missing_sections(device: Device) -> Iterator[Problem]:
+def missing_sections(device: LintedDevice) -> Iterator[Problem]:
     """Yield sections that every file has."""
     for name in ("FileInfo", "DeviceInfo", "MandatoryObjects"):
         if device.section(name.lower()) is None:
@@ -195,7 +196,7 @@ TEXT_RULES = (
     Rule("E112", "A key and its value have together less than 255 characters.", "CiA 306, file format",
          oddity_of(Odd.TOO_LONG, "{}; 254 is the most")),
     Rule("I113", "A comment is a line of its own.", "CiA 306, file format (some readers cut, others keep it)",
-         oddity_of(Odd.COMMENT_BEHIND, "a comment behind a value, which some tools take as part of the value")),
+         oddity_of(Odd.COMMENT_AFTER_VALUE, "a comment behind a value, which some tools take as part of the value")),
     Rule("W114", "A comment starts with a semicolon.", "CiA 306, file format",
          oddity_of(Odd.HASH, "a comment with #, which only some tools skip")),
     Rule("W115", "A line is not indented.", "public: Python's configparser takes such a line as the last value's next",
@@ -216,7 +217,7 @@ TEXT_RULES = (
 def missing_of(name: str, keys: tuple[str, ...], why: str = "") -> Check:
     """Make the rule that a section, if it is there, has these keys."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         section = device.section(name)
         for key in keys if section else ():
             if section and not section.text(key.lower()):
@@ -228,7 +229,7 @@ def missing_of(name: str, keys: tuple[str, ...], why: str = "") -> Check:
 def form_of(name: str, keys: tuple[str, ...], fits: Callable[[str], bool], form: str) -> Check:
     """Make the rule that the values of these keys of a section, where they are given, have a form."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         for key, entry in _entries(device, name):
             if key in lower and entry.value and not fits(entry.value):
                 yield Problem(entry, f"{entry.key} is {entry.value[:40]}, but has to be {form}")
@@ -271,14 +272,14 @@ def is_date(text: str) -> bool:
     return 1 <= int(parts[0]) <= 12 and 1 <= int(parts[1]) <= 31
 
 
-def old_edition(device: Device) -> Iterator[Problem]:
+def old_edition(device: LintedDevice) -> Iterator[Problem]:
     """Yield an EDSVersion before 4.0."""
     for key, entry in _entries(device, "fileinfo"):
         if key == "edsversion" and is_version(entry.value) and int(entry.value.partition(".")[0][:9]) < 4:
             yield Problem(entry, f"EDSVersion {entry.value[:40]} is before 4.0, the edition with all of today's keys")
 
 
-def other_file_name(device: Device) -> Iterator[Problem]:
+def other_file_name(device: LintedDevice) -> Iterator[Problem]:
     """Yield a FileName that is not the file's."""
     section = device.section("fileinfo")
     name = section.text("filename") if section else ""
@@ -286,7 +287,7 @@ def other_file_name(device: Device) -> Iterator[Problem]:
         yield Problem(section.at("filename"), f"FileName is {name[:60]}, the file is {device.name}")
 
 
-def modified_before_created(device: Device) -> Iterator[Problem]:
+def modified_before_created(device: LintedDevice) -> Iterator[Problem]:
     """Yield a modification date before the creation date."""
     section = device.section("fileinfo")
     created, modified = (section.text(key.lower()) for key in DATES) if section else ("", "")
@@ -301,7 +302,7 @@ def _sortable(date: str) -> tuple[str, str, str]:
 def identity_of(key: str, sub: int) -> Check:
     """Make the rule that a number of [DeviceInfo] is the one in the identity object."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         section = device.section("deviceinfo")
         said = parse_number(section.text(key.lower())) if section else None
         identity = device.value(0x1018, sub)
@@ -312,23 +313,23 @@ def identity_of(key: str, sub: int) -> Check:
     return check
 
 
-def no_bit_rate(device: Device) -> Iterator[Problem]:
+def no_bit_rate(device: LintedDevice) -> Iterator[Problem]:
     """Yield a device that supports no bit rate."""
     section = device.section("deviceinfo")
     if section and not bit_rates(device):
         yield Problem(section.at("baudrate_10"), "no BaudRate_... is 1: the device fits to no network")
 
 
-def bit_rates(device: Device) -> set[int]:
+def bit_rates(device: LintedDevice) -> set[int]:
     """Return the bit rates in kbit/s that a device supports."""
     section = device.section("deviceinfo")
     return {rate for rate in BIT_RATES if section and (parse_number(section.text(f"baudrate_{rate}")) or (0,))[0] == 1}
 
 
-def pdo_count_of(key: str, direction: Direction) -> Check:
+def pdo_count_of(key: str, direction: PdoDirection) -> Check:
     """Make the rule that the number of PDOs is the number of communication records."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         section = device.section("deviceinfo")
         said = parse_number(section.text(key.lower())) if section else None
         real = sum(direction.value <= index < direction.value + PDO_COUNT for index in device.objects)
@@ -344,31 +345,31 @@ def _compact_pdo(section: Section) -> bool:
     return number is not None and number.value != 0
 
 
-def granularity(device: Device) -> int | None:
+def granularity(device: LintedDevice) -> int | None:
     """Return the granularity of mappings in bits, if [DeviceInfo] has one from 0 to 64."""
     section = device.section("deviceinfo")
     number = parse_number(section.text("granularity")) if section else None
     return number.value if number and 0 <= number.value <= 64 else None
 
 
-def _mappings(device: Device) -> list[Object]:
+def _mappings(device: LintedDevice) -> list[DescribedObject]:
     return [pdo.mapping for pdo in device.pdos if pdo.mapping]
 
 
-def _granularity_problem(device: Device, text: str) -> Iterator[Problem]:
+def _granularity_problem(device: LintedDevice, text: str) -> Iterator[Problem]:
     section = device.section("deviceinfo")
     if section:
         yield Problem(section.at("granularity"), text)
 
 
-def granularity_zero(device: Device) -> Problems:
+def granularity_zero(device: LintedDevice) -> Problems:
     """Yield granularity 0 where a mapping can be changed."""
     if granularity(device) == 0 and any(each.is_writable for each in _mappings(device)):
         return _granularity_problem(device, "Granularity is 0 (no mapping can be changed), but there is a writable one")
     return ()
 
 
-def granularity_above_zero(device: Device) -> Problems:
+def granularity_above_zero(device: LintedDevice) -> Problems:
     """Yield a granularity where no mapping can be changed."""
     mappings = _mappings(device)
     if granularity(device) and mappings and not any(each.is_writable for each in mappings):
@@ -376,7 +377,7 @@ def granularity_above_zero(device: Device) -> Problems:
     return ()
 
 
-def below_granularity(device: Device) -> Iterator[Problem]:
+def below_granularity(device: LintedDevice) -> Iterator[Problem]:
     """Yield mapped objects shorter than the granularity."""
     bits = granularity(device) or 0
     for pdo, each in device.mapped:
@@ -386,7 +387,7 @@ def below_granularity(device: Device) -> Iterator[Problem]:
             )
 
 
-def incomplete_lss(device: Device) -> Iterator[Problem]:
+def incomplete_lss(device: LintedDevice) -> Iterator[Problem]:
     """Yield LSS without the whole identity that LSS selects a device by."""
     section = device.section("deviceinfo")
     missing = [sub for sub in (1, 2, 3, 4) if device.variable(0x1018, sub) is None]
@@ -432,9 +433,9 @@ INFO_RULES = (
     Rule("E219", "ProductNumber is 0x1018 sub 2.", "CiA 306, [DeviceInfo]", identity_of("ProductNumber", 2)),
     Rule("E220", "RevisionNumber is 0x1018 sub 3.", "CiA 306, [DeviceInfo]", identity_of("RevisionNumber", 3)),
     Rule("E221", "NrOfRXPDO is the number of RPDO communication records, unless CompactPDO describes them.",
-         "CiA 306, [DeviceInfo]", pdo_count_of("NrOfRXPDO", Direction.RPDO)),
+         "CiA 306, [DeviceInfo]", pdo_count_of("NrOfRXPDO", PdoDirection.RPDO)),
     Rule("E222", "NrOfTXPDO is the number of TPDO communication records, unless CompactPDO describes them.",
-         "CiA 306, [DeviceInfo]", pdo_count_of("NrOfTXPDO", Direction.TPDO)),
+         "CiA 306, [DeviceInfo]", pdo_count_of("NrOfTXPDO", PdoDirection.TPDO)),
     Rule("E223", "NrOfRXPDO and NrOfTXPDO are numbers from 0 to 512.", "CiA 306, [DeviceInfo]",
          form_of("deviceinfo", ("NrOfRXPDO", "NrOfTXPDO"), in_range_of(0, PDO_COUNT), "0 to 512")),
     Rule("E224", "Granularity is a number from 0 to 64.", "CiA 306, [DeviceInfo]",
@@ -454,28 +455,28 @@ INFO_RULES = (
 # Dummies, comments
 
 
-def dummies(device: Device) -> dict[int, Entry]:
+def dummies(device: LintedDevice) -> dict[int, Entry]:
     """Return the entries of [DummyUsage] by data type."""
     return {int(key[5:], 16): entry for key, entry in _entries(device, "dummyusage") if key in KNOWN_KEYS["dummyusage"]}
 
 
-def missing_dummies(device: Device) -> Iterator[Problem]:
+def missing_dummies(device: LintedDevice) -> Iterator[Problem]:
     """Yield a list of dummies that leaves a type out."""
     section = device.section("dummyusage")
-    missing = [code for code in range(1, 8) if code not in dummies(device)]
+    missing = [code for code in DUMMIES if code not in dummies(device)]
     if section and missing:
         yield Problem(section, f"Dummy{missing[0]:04X} is missing")
 
 
-def short_dummies(device: Device) -> Iterator[Problem]:
+def short_dummies(device: LintedDevice) -> Iterator[Problem]:
     """Yield enabled dummies shorter than the granularity."""
     bits = granularity(device) or 0
     for code, entry in dummies(device).items():
-        if entry.value == "1" and code in TYPES and 0 < TYPES[code].bits < bits:
-            yield Problem(entry, f"{entry.key} has {TYPES[code].bits} bits, less than the granularity {bits}")
+        if entry.value == "1" and code in DATA_TYPES and 0 < DATA_TYPES[code].bits < bits:
+            yield Problem(entry, f"{entry.key} has {DATA_TYPES[code].bits} bits, less than the granularity {bits}")
 
 
-def comment_lines(device: Device) -> Iterator[Problem]:
+def comment_lines(device: LintedDevice) -> Iterator[Problem]:
     """Yield a number of comment lines that is not theirs."""
     section = device.section("comments")
     said = parse_number(section.text("lines")) if section else None
@@ -490,7 +491,7 @@ def gaps_of(name: str) -> Check:
     """Make the rule that the entries of a counting section have no gap."""
     prefix = NUMBERED[name][1]
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         section = device.section(name)
         numbers = _numbers(device, name)
         missing = next((n for n in range(1, len(numbers) + 1) if n not in numbers), None)
@@ -500,7 +501,7 @@ def gaps_of(name: str) -> Check:
     return check
 
 
-def _numbers(device: Device, name: str) -> dict[int, Entry]:
+def _numbers(device: LintedDevice, name: str) -> dict[int, Entry]:
     """Return the entries of a counting section by number."""
     keys = ((key.removeprefix(NUMBERED[name][1]), entry) for key, entry in _entries(device, name))
     return {int(key): entry for key, entry in keys if key.isdecimal() and len(key) < 10}
@@ -518,24 +519,23 @@ DUMMY_RULES = (
 # Lists of objects
 
 MANDATORY = (0x1000, 0x1001, 0x1018)
-MANUFACTURER = range(0x2000, 0x6000)
 FIRST_OBJECT = 0x1000
 """Objects before this index are data types."""
 
 
-def listed(device: Device, name: str) -> list[tuple[int, Entry]]:
+def listed(device: LintedDevice, name: str) -> list[tuple[int, Entry]]:
     """Return the indices of one list, in its order, with their entries."""
     numbers = ((parse_number(entry.value), entry) for _, entry in sorted(_numbers(device, name).items()))
     return [(number.value, entry) for number, entry in numbers if number]
 
 
-def _all_listed(device: Device) -> list[tuple[int, Entry]]:
-    return [each for name in LISTS for each in listed(device, name.lower())]
+def _all_listed(device: LintedDevice) -> list[tuple[int, Entry]]:
+    return [each for name in OBJECT_LISTS for each in listed(device, name.lower())]
 
 
-def supported_objects(device: Device) -> Iterator[Problem]:
+def supported_objects(device: LintedDevice) -> Iterator[Problem]:
     """Yield lists whose number of entries is not that of their entries."""
-    for name in LISTS:
+    for name in OBJECT_LISTS:
         section = device.section(name.lower())
         said = parse_number(section.text("supportedobjects")) if section else None
         real = len(_numbers(device, name.lower()))
@@ -544,9 +544,9 @@ def supported_objects(device: Device) -> Iterator[Problem]:
             yield Problem(at, f"SupportedObjects is {said.value}, but [{section.name}] has {real} entries")
 
 
-def no_supported_objects(device: Device) -> Iterator[Problem]:
+def no_supported_objects(device: LintedDevice) -> Iterator[Problem]:
     """Yield lists that do not say how many entries they have."""
-    for name in LISTS:
+    for name in OBJECT_LISTS:
         section = device.section(name.lower())
         if section and parse_number(section.text("supportedobjects")) is None:
             yield Problem(
@@ -554,22 +554,22 @@ def no_supported_objects(device: Device) -> Iterator[Problem]:
             )
 
 
-def list_gaps(device: Device) -> Iterator[Problem]:
+def list_gaps(device: LintedDevice) -> Iterator[Problem]:
     """Yield lists with a gap in their numbers."""
-    for name in LISTS:
+    for name in OBJECT_LISTS:
         yield from gaps_of(name.lower())(device)
 
 
-def no_indices(device: Device) -> Iterator[Problem]:
+def no_indices(device: LintedDevice) -> Iterator[Problem]:
     """Yield list entries that are no index."""
-    for name in LISTS:
+    for name in OBJECT_LISTS:
         for entry in _numbers(device, name.lower()).values():
             number = parse_number(entry.value)
             if number is None or not 0 <= number.value <= 0xFFFF or number.relative:
                 yield Problem(entry, f"{entry.value[:20] or 'nothing'} is no index from 0x1000 to 0xFFFF")
 
 
-def listed_twice(device: Device) -> Iterator[Problem]:
+def listed_twice(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects that are listed twice."""
     first: dict[int, Entry] = {}
     for index, entry in _all_listed(device):
@@ -577,14 +577,14 @@ def listed_twice(device: Device) -> Iterator[Problem]:
             yield Problem(entry, f"0x{index:04X} is listed twice, first in line {first[index].line}")
 
 
-def listed_only(device: Device) -> Iterator[Problem]:
+def listed_only(device: LintedDevice) -> Iterator[Problem]:
     """Yield listed objects without a section."""
     for index, entry in _all_listed(device):
         if FIRST_OBJECT <= index <= 0xFFFF and (index not in device.objects or device.objects[index].section is None):
             yield Problem(entry, f"0x{index:04X} is listed, but there is no section [{index:04X}]")
 
 
-def described_only(device: Device) -> Iterator[Problem]:
+def described_only(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects that no list has."""
     known = {index for index, _ in _all_listed(device)}
     for index, each in device.objects.items():
@@ -592,7 +592,7 @@ def described_only(device: Device) -> Iterator[Problem]:
             yield Problem(each.place, f"0x{index:04X} is described, but in none of the lists of objects")
 
 
-def missing_mandatory(device: Device) -> Iterator[Problem]:
+def missing_mandatory(device: LintedDevice) -> Iterator[Problem]:
     """Yield mandatory objects that are nowhere."""
     for index in MANDATORY:
         if index not in device.objects and device.objects:
@@ -601,44 +601,44 @@ def missing_mandatory(device: Device) -> Iterator[Problem]:
             )
 
 
-def mandatory_elsewhere(device: Device) -> Iterator[Problem]:
+def mandatory_elsewhere(device: LintedDevice) -> Iterator[Problem]:
     """Yield mandatory objects in another list."""
     for index, entry in listed(device, "optionalobjects") + listed(device, "manufacturerobjects"):
         if index in MANDATORY:
             yield Problem(entry, f"0x{index:04X} belongs into [MandatoryObjects]")
 
 
-def not_mandatory(device: Device) -> Iterator[Problem]:
+def not_mandatory(device: LintedDevice) -> Iterator[Problem]:
     """Yield other objects in the list of mandatory ones."""
     for index, entry in listed(device, "mandatoryobjects"):
         if index not in MANDATORY and index >= FIRST_OBJECT:
             yield Problem(entry, f"0x{index:04X} is not mandatory; it belongs into another list")
 
 
-def manufacturer_elsewhere(device: Device) -> Iterator[Problem]:
+def manufacturer_elsewhere(device: LintedDevice) -> Iterator[Problem]:
     """Yield manufacturer-specific objects in the list of optional ones."""
     for index, entry in listed(device, "optionalobjects"):
         if index in MANUFACTURER:
             yield Problem(entry, f"0x{index:04X} is manufacturer-specific; it belongs into [ManufacturerObjects]")
 
 
-def not_manufacturer(device: Device) -> Iterator[Problem]:
+def not_manufacturer(device: LintedDevice) -> Iterator[Problem]:
     """Yield standard objects in the list of manufacturer-specific ones."""
     for index, entry in listed(device, "manufacturerobjects"):
         if index not in MANUFACTURER and index not in MANDATORY:
             yield Problem(entry, f"0x{index:04X} is outside 0x2000..0x5FFF; it belongs into [OptionalObjects]")
 
 
-def data_types_listed(device: Device) -> Iterator[Problem]:
+def data_types_listed(device: LintedDevice) -> Iterator[Problem]:
     """Yield data types in the lists of objects."""
     for index, entry in _all_listed(device):
         if 0 <= index < FIRST_OBJECT:
             yield Problem(entry, f"0x{index:04X} is a data type, not an object")
 
 
-def unsorted(device: Device) -> Iterator[Problem]:
+def unsorted(device: LintedDevice) -> Iterator[Problem]:
     """Yield the first entry of a list that stands behind a higher one."""
-    for name in LISTS:
+    for name in OBJECT_LISTS:
         pairs = pairwise(listed(device, name.lower()))
         wrong = next((entry for (before, _), (index, entry) in pairs if index < before), None)
         if wrong:

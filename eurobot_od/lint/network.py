@@ -11,28 +11,44 @@ from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
-from eurobot_od.lint.file_rules import BIT_RATES, MANUFACTURER, bit_rates
+from eurobot_od.lint.file_rules import BIT_RATES, bit_rates
 from eurobot_od.lint.findings import Finding, Located, Rule
-from eurobot_od.lint.model import BASE_IDENTIFIER, NODE_IDS, NOT_VALID, Device, Direction, Number, Pdo, parse_number
-from eurobot_od.lint.object_rules import SDO_REQUEST, SDO_RESPONSE, heartbeats
-from eurobot_od.lint.pdo_rules import PREDEFINED, RESERVED, SYNCHRONOUS, Range, owner
+from eurobot_od.lint.model import LintedDevice, LintedPdo
+from eurobot_od.lint.object_rules import heartbeats
+from eurobot_od.lint.pdo_rules import SYNCHRONOUS
 from eurobot_od.od.document import Entry, Section
+from eurobot_od.od.values import (
+    BASE_IDENTIFIER,
+    DEFAULT_PDO_BASES,
+    ERROR_CONTROL_BASE,
+    LSS_COB_IDS,
+    NODE_IDS,
+    NOT_VALID,
+    PREDEFINED,
+    RESERVED,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    IdentifierRange,
+    Number,
+    PdoDirection,
+    owner,
+    parse_number,
+)
 
-HEARTBEAT = 0x700
-LSS_IDENTIFIERS = (0x7E4, 0x7E5)
 DEFAULT_PDOS = tuple(each for each in PREDEFINED if "PDO" in each.owner)
 """The ranges of the PDOs in the pre-defined connection set."""
 
-NODE_ID_NAMES = ("node-id", "node id", "nodeid", "node_id")
-"""ParameterNames, in lower case, of a manufacturer-specific object that holds the device's own node-ID."""
+
+SERVICE_BASES = {SDO_REQUEST_BASE: "SDO request", SDO_RESPONSE_BASE: "SDO answer", ERROR_CONTROL_BASE: "heartbeat"}
+"""Services that every node has, under these identifiers plus its node-ID."""
 
 
-class Node(NamedTuple):
+class NetworkNode(NamedTuple):
     """A device in the network: its name, file and node-ID, and whether that is only a guess."""
 
     name: str
     file: str
-    device: Device
+    device: LintedDevice
     node_id: int
     is_guess: bool
 
@@ -55,8 +71,8 @@ class Conflict(NamedTuple):
 class Port(NamedTuple):
     """A valid PDO of a node, and its identifier."""
 
-    node: Node
-    pdo: Pdo
+    node: NetworkNode
+    pdo: LintedPdo
     identifier: int
 
     @property
@@ -73,7 +89,7 @@ class Port(NamedTuple):
     def mapping_spot(self) -> Spot:
         """Return where its number of mapped objects stands."""
         variable = self.pdo.mapping.variable(0) if self.pdo.mapping else None
-        return spot(self.node, variable.value_entry or variable.section) if variable else self.spot
+        return spot(self.node, variable.place) if variable else self.spot
 
     @property
     def layout(self) -> tuple[tuple[str, int], ...]:
@@ -82,14 +98,14 @@ class Port(NamedTuple):
         return tuple((variable.name if variable else "", each.bits) for each, variable in found)
 
 
-def spot(node: Node, at: Located) -> Spot:
+def spot(node: NetworkNode, at: Located) -> Spot:
     """Return a place of a node's file."""
     return Spot(node.file, at.line, at.column)
 
 
-def _spot(node: Node, pdo: Pdo, sub: int) -> Spot:
+def _spot(node: NetworkNode, pdo: LintedPdo, sub: int) -> Spot:
     variable = pdo.setting(sub)
-    place: Entry | Section | None = (variable.value_entry or variable.section) if variable else None
+    place: Entry | Section | None = variable.place if variable else None
     whole = pdo.communication or pdo.mapping
     return spot(node, place or (whole.place if whole else Entry("", "", 1, 1)))
 
@@ -99,7 +115,7 @@ class Network:
 
     def __init__(
         self,
-        nodes: Sequence[Node],
+        nodes: Sequence[NetworkNode],
         shared: Iterable[str] = (),
         order: Sequence[str] = (),
         bit_rate: int | None = None,
@@ -107,21 +123,21 @@ class Network:
         self.nodes, self.shared, self.order, self.bit_rate = tuple(nodes), frozenset(shared), tuple(order), bit_rate
 
     @cached_property
-    def node_ids(self) -> dict[int, Node]:
+    def node_ids(self) -> dict[int, NetworkNode]:
         """The nodes by node-ID; of two with one node-ID the first."""
         return {each.node_id: each for each in reversed(self.nodes)}
 
     @cached_property
     def producers(self) -> dict[int, list[Port]]:
         """The valid TPDOs by identifier."""
-        return self._ports(Direction.TPDO)
+        return self._ports(PdoDirection.TPDO)
 
     @cached_property
     def consumers(self) -> dict[int, list[Port]]:
         """The valid RPDOs by identifier."""
-        return self._ports(Direction.RPDO)
+        return self._ports(PdoDirection.RPDO)
 
-    def _ports(self, direction: Direction) -> dict[int, list[Port]]:
+    def _ports(self, direction: PdoDirection) -> dict[int, list[Port]]:
         found: dict[int, list[Port]] = {}
         for node in self.nodes:
             for pdo in node.device.pdos:
@@ -166,19 +182,19 @@ class Network:
         return found
 
 
-def _services(node: Node) -> Iterator[tuple[int, str, Spot]]:
+def _services(node: NetworkNode) -> Iterator[tuple[int, str, Spot]]:
     """Give the identifiers of a node's services other than PDOs; SYNC and TIME are the network's."""
     top = Spot(node.file, 1, 1)
-    for base, name in ((SDO_REQUEST, "SDO request"), (SDO_RESPONSE, "SDO answer"), (HEARTBEAT, "heartbeat")):
+    for base, name in SERVICE_BASES.items():
         yield base + node.node_id, f"{name} of {node.name}", top
     for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {node.name}")):
         variable = node.device.variable(index)
         value = variable.value.at(node.node_id) if variable and variable.value else None
         if variable and value is not None and (index != 0x1014 or not value & NOT_VALID):
-            yield value & BASE_IDENTIFIER, name, spot(node, variable.value_entry or variable.section)
+            yield value & BASE_IDENTIFIER, name, spot(node, variable.place)
     section = node.device.section("deviceinfo")
     if section and section.text("lss_supported") == "1":
-        yield from ((identifier, "LSS", spot(node, section.at("lss_supported"))) for identifier in LSS_IDENTIFIERS)
+        yield from ((identifier, "LSS", spot(node, section.at("lss_supported"))) for identifier in LSS_COB_IDS)
 
 
 class Member(NamedTuple):
@@ -186,27 +202,27 @@ class Member(NamedTuple):
 
     name: str
     file: str
-    device: Device
+    device: LintedDevice
     node_id: int | None = None
 
 
-def nodes_of(members: Sequence[Member]) -> list[Node]:
+def nodes_of(members: Sequence[Member]) -> list[NetworkNode]:
     """Make nodes of devices."""
     said = [each.node_id or own_node_id(each.device) for each in members]
-    free = iter(sorted(set(range(NODE_IDS[0], NODE_IDS[1] + 1)) - {number for number in said if number}))
+    free = iter(number for number in NODE_IDS if number not in said)
     return [
-        Node(each.name, each.file, each.device, number or next(free, NODE_IDS[0]), number is None)
+        NetworkNode(each.name, each.file, each.device, number or next(free, NODE_IDS[0]), number is None)
         for each, number in zip(members, said)
     ]
 
 
-def own_node_id(device: Device) -> int | None:
+def own_node_id(device: LintedDevice) -> int | None:
     """Return the node-ID a DCF commissions, or the value of the device's own setting of that name; None without."""
     if device.node_id:
         return device.node_id
-    values = (v.value for v in device.variables if v.index in MANUFACTURER and v.name.lower() in NODE_ID_NAMES)
-    numbers = (each.value for each in values if each and not each.relative)
-    return next((number for number in numbers if NODE_IDS[0] <= number <= NODE_IDS[1]), None)
+    own = device.own_node_id
+    number = own.value if own else None
+    return number.value if number and not number.relative and number.value in NODE_IDS else None
 
 
 # Producers and consumers
@@ -251,7 +267,7 @@ def switched_off(network: Network) -> Iterator[Conflict]:
             if (
                 value
                 and value.value & NOT_VALID
-                and pdo.direction is Direction.RPDO
+                and pdo.direction is PdoDirection.RPDO
                 and identifier in network.producers
             ):
                 text = f"{node.name} {pdo.name} could receive 0x{identifier:03X}, but is not valid until configured"
@@ -330,7 +346,7 @@ def unused_service_identifiers(network: Network) -> Iterator[Conflict]:
             yield Conflict(ports[0].spot, text)
 
 
-def _is_used(network: Network, found: Range, identifier: int) -> bool:
+def _is_used(network: Network, found: IdentifierRange, identifier: int) -> bool:
     """Whether the node is in the network whose default an identifier is (W827 says that)."""
     return found.is_per_node and identifier - found.low + 1 in network.node_ids
 
@@ -342,8 +358,8 @@ def _is_predefined(port: Port) -> bool:
 
 def _is_default(port: Port) -> bool:
     """Whether a PDO has just its own default identifier for its node-ID."""
-    first = 0x180 if port.pdo.direction is Direction.TPDO else 0x200
-    return port.pdo.number <= 4 and port.identifier == first + 0x100 * (port.pdo.number - 1) + port.node.node_id
+    bases = DEFAULT_PDO_BASES[port.pdo.direction]
+    return port.pdo.number <= len(bases) and port.identifier == bases[port.pdo.number - 1] + port.node.node_id
 
 
 def default_of_other_node(network: Network) -> Iterator[Conflict]:
@@ -367,10 +383,10 @@ def double_services(network: Network) -> Iterator[Conflict]:
 def declared_order(network: Network) -> Iterator[Conflict]:
     """Yield messages whose identifier puts them before one that is declared more urgent."""
     known = {each.pdo.title: each for ports in network.producers.values() for each in ports}
-    for before, behind in pairwise([known[name] for name in network.order if name in known]):
-        if behind.identifier < before.identifier:
-            text = f"{behind.pdo.title} (0x{behind.identifier:03X}) wins against {before.pdo.title}"
-            yield Conflict(behind.spot, text)
+    for before, after in pairwise([known[name] for name in network.order if name in known]):
+        if after.identifier < before.identifier:
+            text = f"{after.pdo.title} (0x{after.identifier:03X}) wins against {before.pdo.title}"
+            yield Conflict(after.spot, text)
 
 
 def not_in_order(network: Network) -> Iterator[Conflict]:
@@ -387,9 +403,9 @@ def numbering(network: Network) -> Iterator[Conflict]:
     """Yield TPDOs of a node that are numbered against their priorities."""
     for node in network.nodes:
         own = [each for ports in network.producers.values() for each in ports if each.node is node]
-        for before, behind in pairwise(sorted(own, key=lambda each: each.pdo.number)):
-            if behind.identifier < before.identifier:
-                yield Conflict(behind.spot, f"{behind.name} has a higher priority than {before.pdo.name} before it")
+        for before, after in pairwise(sorted(own, key=lambda each: each.pdo.number)):
+            if after.identifier < before.identifier:
+                yield Conflict(after.spot, f"{after.name} has a higher priority than {before.pdo.name} before it")
 
 
 # Nodes, error control, SYNC, bit rate
@@ -410,15 +426,15 @@ def guessed_node_id(network: Network) -> Iterator[Conflict]:
             yield Conflict(Spot(each.file, 1, 1), f"nothing says the node-ID of {each.name}; taken as {each.node_id}")
 
 
-def _watches(network: Network) -> Iterator[tuple[Spot, str, int, int, Node | None]]:
+def _watches(network: Network) -> Iterator[tuple[Spot, str, int, int, NetworkNode | None]]:
     """Give every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
-            place = spot(node, variable.value_entry or variable.section)
+            place = spot(node, variable.place)
             yield place, node.name, node_id, time, network.node_ids.get(node_id)
 
 
-def _heartbeat(node: Node) -> int:
+def _heartbeat(node: NetworkNode) -> int:
     return (node.device.value(0x1017) or Number(0)).value
 
 
@@ -468,18 +484,18 @@ def different_bit_rates(network: Network) -> Iterator[Conflict]:
             yield Conflict(at, f"{node.name} is set to {rate} kbit/s, {said[0][0].name} to {said[0][1]}")
 
 
-def _rate_spot(node: Node) -> Spot:
+def _rate_spot(node: NetworkNode) -> Spot:
     section = node.device.section("deviceinfo")
     return spot(node, section.at("baudrate_10")) if section else Spot(node.file, 1, 1)
 
 
-def _commissioned_rate(node: Node) -> int | None:
+def _commissioned_rate(node: NetworkNode) -> int | None:
     section = node.device.commissioning
     number = parse_number(section.text("baudrate")) if section else None
     return number.value if number else None
 
 
-def _with_bit(network: Network, index: int, bit: int) -> list[Node]:
+def _with_bit(network: Network, index: int, bit: int) -> list[NetworkNode]:
     """Return the nodes whose object has a bit set."""
     return [each for each in network.nodes if (each.device.value(index) or Number(0)).value & bit]
 

@@ -10,121 +10,121 @@ from typing import NamedTuple
 
 from eurobot_od.lint.file_rules import Check, granularity
 from eurobot_od.lint.findings import Problem, Problems, Rule
-from eurobot_od.lint.model import (
-    COMPOSED,
+from eurobot_od.lint.model import LIMITS, VALUES, GivenValue, LintedDevice
+from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable, ObjectCode, parse_section_name
+from eurobot_od.od.document import Entry, Section
+from eurobot_od.od.values import (
+    ACCESS_TYPES,
+    DATA_TYPES,
+    DOMAIN,
+    EMCY_BASE,
     EXTENDED,
-    LIMITS,
     NODE_ID,
+    NODE_IDS,
     NOT_VALID,
+    OCTET_STRING,
     REALS,
-    TYPES,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
     UNSIGNED8,
     UNSIGNED16,
     UNSIGNED32,
-    VALUES,
+    VISIBLE_STRING,
     DataType,
-    Device,
-    Kind,
     Number,
-    Object,
-    Value,
-    Variable,
     parse_number,
-    parse_object_name,
 )
-from eurobot_od.od.document import Entry, Section
 
 # Objects and their keys
 
-KINDS = frozenset(each.value for each in Kind)
-ACCESS = ("ro", "wo", "rw", "rwr", "rww", "const")
+CODES = frozenset(each.value for each in ObjectCode)
 COMPLEX_TYPES = (range(0x20, 0x26), range(0x40, 0x260))
 """Data types of whole records (CiA 301: standard ones; manufacturer's and device profiles')."""
 SUB_KEYS = ("subnumber", "compactsubobj")
 VALUE_KEYS = ("datatype", "accesstype", "defaultvalue", "pdomapping", "lowlimit", "highlimit", "parametervalue")
 
 
-def without_name(device: Device) -> Iterator[Problem]:
+def without_name(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects and sub-indices without ParameterName."""
     for name, section in device.object_sections:
         if not name.list and not section.text("parametername"):
             yield Problem(section.at("parametername"), f"[{section.name}] has no ParameterName")
 
 
-def unknown_kind(device: Device) -> Iterator[Problem]:
+def unknown_kind(device: LintedDevice) -> Iterator[Problem]:
     """Yield object types that are none."""
     for section, entry in device.entries("objecttype"):
         number = parse_number(entry.value)
-        if entry.value and (number is None or number.value not in KINDS):
+        if entry.value and (number is None or number.value not in CODES):
             yield Problem(entry, f"ObjectType {entry.value[:20]} of [{section.name}] is none of 0, 2, 5, 6, 7, 8, 9")
 
 
-def _simple(device: Device) -> Iterator[Variable]:
+def _simple(device: LintedDevice) -> Iterator[DescribedVariable]:
     """Give the variables that have a value of their own: VARs, sub-indices and compact templates."""
     return (each for each in device.variables if not each.section.text("objecttype").endswith("2"))
 
 
-def without_type(device: Device) -> Iterator[Problem]:
+def without_type(device: LintedDevice) -> Iterator[Problem]:
     """Yield variables without DataType."""
     for each in _simple(device):
         if not each.section.text("datatype"):
             yield Problem(each.section.at("datatype"), f"[{each.section.name}] has no DataType")
 
 
-def unknown_type(device: Device) -> Iterator[Problem]:
+def unknown_type(device: LintedDevice) -> Iterator[Problem]:
     """Yield data types that are none."""
     for section, entry in device.entries("datatype"):
         number = parse_number(entry.value)
-        known = number and (number.value in TYPES or any(number.value in each for each in COMPLEX_TYPES))
+        known = number and (number.value in DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
         if entry.value and not known:
             yield Problem(entry, f"DataType {entry.value[:20]} of [{section.name}] is none that CiA 301 has")
 
 
-def without_access(device: Device) -> Iterator[Problem]:
+def without_access(device: LintedDevice) -> Iterator[Problem]:
     """Yield variables without AccessType."""
     for each in _simple(device):
         if not each.access:
             yield Problem(each.section.at("accesstype"), f"[{each.section.name}] has no AccessType")
 
 
-def unknown_access(device: Device) -> Iterator[Problem]:
+def unknown_access(device: LintedDevice) -> Iterator[Problem]:
     """Yield access types that are none."""
     for section, entry in device.entries("accesstype"):
-        if entry.value and entry.value.lower() not in ACCESS:
-            text = f"AccessType {entry.value[:20]} of [{section.name}] is none of {', '.join(ACCESS)}"
+        if entry.value and entry.value.lower() not in ACCESS_TYPES:
+            text = f"AccessType {entry.value[:20]} of [{section.name}] is none of {', '.join(ACCESS_TYPES)}"
             yield Problem(entry, text)
 
 
-def _composed(device: Device) -> Iterator[tuple[Object, Section]]:
+def _composed(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]:
     """Give arrays and records with their sections."""
-    return ((o, o.section) for o in device.objects.values() if o.section and o.kind in COMPOSED)
+    return ((o, o.section) for o in device.objects.values() if o.section and o.code in COMPOSED)
 
 
-def orphans(device: Device) -> Iterator[Problem]:
+def orphans(device: LintedDevice) -> Iterator[Problem]:
     """Yield sub-indices and lists of an object that has no section."""
     for each in device.objects.values():
         if each.section is None:
             yield Problem(each.place, f"[{each.place.name}] has no object [{each.index:04X}]")
 
 
-def sub_keys_on_variable(device: Device) -> Iterator[Problem]:
+def sub_keys_on_variable(device: LintedDevice) -> Iterator[Problem]:
     """Yield keys about sub-indices in a VAR."""
     for key in SUB_KEYS:
         for section, entry in device.entries(key):
-            kind = _object_of(device, section).kind
+            kind = _object_of(device, section).code
             number = parse_number(entry.value)
-            if kind in (Kind.VAR, Kind.DOMAIN) and entry.value and number != Number(0):
+            if kind in (ObjectCode.VAR, ObjectCode.DOMAIN) and entry.value and number != Number(0):
                 yield Problem(entry, f"{entry.key} does not belong to [{section.name}], which has no sub-indices")
 
 
-def _object_of(device: Device, section: Section) -> Object:
+def _object_of(device: LintedDevice, section: Section) -> DescribedObject:
     """Return the object a section describes; a sub-index counts as an object of its own."""
-    name = parse_object_name(section.name.strip())
+    name = parse_section_name(section.name.strip())
     whole = device.objects[name.object_index] if name and name.sub < 0 else None
-    return whole or Object(0, section, {}, {})
+    return whole or DescribedObject(0, section, {}, {})
 
 
-def value_keys_on_record(device: Device) -> Iterator[Problem]:
+def value_keys_on_record(device: LintedDevice) -> Iterator[Problem]:
     """Yield keys about a value in an array or a record."""
     for each, section in _composed(device):
         for key in VALUE_KEYS if not each.compact else ():
@@ -135,22 +135,22 @@ def value_keys_on_record(device: Device) -> Iterator[Problem]:
                 )
 
 
-def subs_of_variable(device: Device) -> Iterator[Problem]:
+def subs_of_variable(device: LintedDevice) -> Iterator[Problem]:
     """Yield VARs that have sections for sub-indices."""
     for each in device.objects.values():
         sub = next((s for s in each.subs.values() if s.section is not each.section), None)
-        if sub and each.kind in (Kind.VAR, Kind.DOMAIN):
+        if sub and each.code in (ObjectCode.VAR, ObjectCode.DOMAIN):
             yield Problem(sub.section, f"[{sub.section.name}] is a sub-index, but 0x{each.index:04X} is a VAR")
 
 
-def without_sub_number(device: Device) -> Iterator[Problem]:
+def without_sub_number(device: LintedDevice) -> Iterator[Problem]:
     """Yield arrays and records that do not say how many sub-indices they have."""
     for each, section in _composed(device):
         if not section.text("subnumber") and not each.compact:
             yield Problem(section.at("subnumber"), f"[{section.name}] has no SubNumber")
 
 
-def wrong_sub_number(device: Device) -> Iterator[Problem]:
+def wrong_sub_number(device: LintedDevice) -> Iterator[Problem]:
     """Yield a SubNumber that is not the number of sub-indices."""
     for each, section in _composed(device):
         said, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
@@ -160,14 +160,14 @@ def wrong_sub_number(device: Device) -> Iterator[Problem]:
             )
 
 
-def without_sub_0(device: Device) -> Iterator[Problem]:
+def without_sub_0(device: LintedDevice) -> Iterator[Problem]:
     """Yield arrays and records without sub-index 0."""
     for each, section in _composed(device):
         if 0 not in each.subs and each.subs and not each.compact:
             yield Problem(section, f"0x{each.index:04X} has no sub-index 0")
 
 
-def type_of_sub_0(device: Device) -> Iterator[Problem]:
+def type_of_sub_0(device: LintedDevice) -> Iterator[Problem]:
     """Yield sub-indices 0 that are no UNSIGNED8."""
     for each, _ in _composed(device):
         zero = each.subs.get(0)
@@ -175,13 +175,13 @@ def type_of_sub_0(device: Device) -> Iterator[Problem]:
             yield Problem(zero.section.at("datatype"), f"[{zero.section.name}] is no UNSIGNED8")
 
 
-def highest_sub(device: Device) -> Iterator[Problem]:
+def highest_sub(device: LintedDevice) -> Iterator[Problem]:
     """Yield constant sub-indices 0 whose value is not the highest sub-index; a writable one is a number of its own."""
     for each, _ in _composed(device):
         zero, highest = each.subs.get(0), max((sub for sub in each.subs if sub != 0xFF), default=0)
         value = zero.value if zero and not zero.is_writable and each.index != 0x1003 else None
         if zero and value and highest and not _is_mapping(each.index) and value.value != highest:
-            at = zero.value_entry or zero.section
+            at = zero.place
             yield Problem(at, f"[{zero.section.name}] is {value.value}, but the highest sub-index is {highest}")
 
 
@@ -190,22 +190,22 @@ def _is_mapping(index: int) -> bool:
     return 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00
 
 
-def mixed_array(device: Device) -> Iterator[Problem]:
+def mixed_array(device: LintedDevice) -> Iterator[Problem]:
     """Yield sub-indices of an array whose type is not that of sub-index 1."""
     for each, _ in _composed(device):
         types = {sub: v.section.text("datatype") for sub, v in each.subs.items() if 0 < sub < 0xFF}
         wrong = next(
             (sub for sub, text in types.items() if parse_number(text) != parse_number(types.get(1, text))), None
         )
-        if wrong and each.kind is Kind.ARRAY:
+        if wrong and each.code is ObjectCode.ARRAY:
             at = each.subs[wrong].section.at("datatype")
             yield Problem(at, f"sub {wrong} of array 0x{each.index:04X} has another type than sub 1")
 
 
-def same_names(device: Device) -> Iterator[Problem]:
+def same_names(device: LintedDevice) -> Iterator[Problem]:
     """Yield sub-indices that are named like another one of the same object."""
     for each, _ in _composed(device):
-        first: dict[str, Variable] = {}
+        first: dict[str, DescribedVariable] = {}
         for sub in each.subs.values():
             if sub.name and first.setdefault(sub.name, sub) is not sub:
                 text = f"sub {sub.sub} of 0x{each.index:04X} is named like sub {first[sub.name].sub}"
@@ -238,18 +238,18 @@ OBJECT_RULES = (
 # CompactSubObj
 
 
-def _compact(device: Device) -> Iterator[tuple[Object, Section]]:
+def _compact(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]:
     return ((o, o.section) for o in device.objects.values() if o.section and o.section.text("compactsubobj"))
 
 
-def compact_kind(device: Device) -> Iterator[Problem]:
+def compact_kind(device: LintedDevice) -> Iterator[Problem]:
     """Yield compact descriptions of something else than an array."""
     for each, section in _compact(device):
-        if each.compact and each.kind not in (Kind.ARRAY, Kind.VAR, Kind.DOMAIN, None):
+        if each.compact and each.code not in (ObjectCode.ARRAY, ObjectCode.VAR, ObjectCode.DOMAIN, None):
             yield Problem(section.at("objecttype"), f"[{section.name}] has CompactSubObj, but is no array")
 
 
-def compact_count(device: Device) -> Iterator[Problem]:
+def compact_count(device: LintedDevice) -> Iterator[Problem]:
     """Yield counts of compact sub-indices outside 0 to 254."""
     for _, section in _compact(device):
         number = parse_number(section.text("compactsubobj"))
@@ -257,7 +257,7 @@ def compact_count(device: Device) -> Iterator[Problem]:
             yield Problem(section.at("compactsubobj"), f"CompactSubObj of [{section.name}] is no number from 0 to 254")
 
 
-def compact_and_sub_number(device: Device) -> Iterator[Problem]:
+def compact_and_sub_number(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects described both ways."""
     for each, section in _compact(device):
         number = parse_number(section.text("subnumber"))
@@ -265,7 +265,7 @@ def compact_and_sub_number(device: Device) -> Iterator[Problem]:
             yield Problem(section.at("subnumber"), f"[{section.name}] has both SubNumber and CompactSubObj")
 
 
-def entry_lists(device: Device) -> Iterator[Problem]:
+def entry_lists(device: LintedDevice) -> Iterator[Problem]:
     """Yield [xxxxName] and [xxxxValue] whose NrOfEntries is not the number of their entries."""
     for name, section in device.object_sections:
         if name.list:
@@ -276,7 +276,7 @@ def entry_lists(device: Device) -> Iterator[Problem]:
                 )
 
 
-def entry_list_keys(device: Device) -> Iterator[Problem]:
+def entry_list_keys(device: LintedDevice) -> Iterator[Problem]:
     """Yield entries of [xxxxName] and [xxxxValue] for sub-indices that are not there."""
     for name, section in device.object_sections:
         highest = device.objects[name.object_index].compact if name.list else 0
@@ -303,7 +303,7 @@ BOTH = (Number(0), Number(1))
 NUMERIC_KEYS = ("subnumber", "objflags", "pdomapping", "objecttype", "datatype", "compactsubobj")
 
 
-def no_number(device: Device) -> Iterator[Problem]:
+def no_number(device: LintedDevice) -> Iterator[Problem]:
     """Yield entries that have to be numbers and are none."""
     numeric = (entry for key in NUMERIC_KEYS[:3] for _, entry in device.entries(key) if entry.value)
     malformed = [e for e in numeric if parse_number(e.value) is None]
@@ -319,7 +319,7 @@ def is_wrong_octal(text: str) -> bool:
     return digits[:1] == "0" and digits.isdecimal() and len(digits) > 1 and bool(set(digits) & {"8", "9"})
 
 
-def _octals(device: Device) -> Iterator[Entry]:
+def _octals(device: LintedDevice) -> Iterator[Entry]:
     """Give the entries whose value starts with a 0 and a further digit."""
     entries = [entry for key in NUMERIC_KEYS for _, entry in device.entries(key)]
     for entry in entries + [each.entry for each in device.integers]:
@@ -327,14 +327,14 @@ def _octals(device: Device) -> Iterator[Entry]:
             yield entry
 
 
-def wrong_octal(device: Device) -> Iterator[Problem]:
+def wrong_octal(device: LintedDevice) -> Iterator[Problem]:
     """Yield octal numbers with an 8 or a 9."""
     for entry in _octals(device):
         if is_wrong_octal(entry.value):
             yield Problem(entry, f"{entry.key} {entry.value[:40]} is octal (it starts with 0), but has an 8 or a 9")
 
 
-def octal(device: Device) -> Iterator[Problem]:
+def octal(device: LintedDevice) -> Iterator[Problem]:
     """Yield octal numbers."""
     for entry in _octals(device):
         number = parse_number(entry.value)
@@ -342,7 +342,7 @@ def octal(device: Device) -> Iterator[Problem]:
             yield Problem(entry, f"{entry.key} {entry.value[:40]} is octal, that is {number.value}; is that meant?")
 
 
-def misplaced_node_id(device: Device) -> Iterator[Problem]:
+def misplaced_node_id(device: LintedDevice) -> Iterator[Problem]:
     """Yield values with $NODEID that are not `$NODEID` or `$NODEID+number`."""
     for each in device.integers:
         if each.number is None and NODE_ID in each.entry.value.upper():
@@ -352,14 +352,14 @@ def misplaced_node_id(device: Device) -> Iterator[Problem]:
             )
 
 
-def node_id_in_text(device: Device) -> Iterator[Problem]:
+def node_id_in_text(device: LintedDevice) -> Iterator[Problem]:
     """Yield $NODEID in values that are no integers."""
     for each in device.others:
         if each.type and NODE_ID in each.entry.value.upper():
             yield Problem(each.entry, f"$NODEID in a {each.type.name}, where it means nothing")
 
 
-def _extremes(device: Device, number: Number) -> tuple[int, int]:
+def _extremes(device: LintedDevice, number: Number) -> tuple[int, int]:
     """Return the lowest and highest value a number has, for the node-IDs there can be."""
     return number.at(device.node_ids[0]), number.at(device.node_ids[-1])
 
@@ -367,7 +367,7 @@ def _extremes(device: Device, number: Number) -> tuple[int, int]:
 def outside_type_of(keys: tuple[str, ...]) -> Check:
     """Make the rule that limits, or values, fit into the variable's type."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         for each in device.integers:
             if (
                 each.key in keys
@@ -381,12 +381,12 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
     return check
 
 
-def _reach(device: Device, value: Value) -> int:
+def _reach(device: LintedDevice, value: GivenValue) -> int:
     """Return what the node-ID adds to a value at most."""
     return device.node_ids[-1] if value.number and value.number.relative else 0
 
 
-def crossed_limits(device: Device) -> Iterator[Problem]:
+def crossed_limits(device: LintedDevice) -> Iterator[Problem]:
     """Yield a LowLimit above its HighLimit."""
     for section, entry in device.entries("lowlimit"):
         low, high = parse_number(entry.value), parse_number(section.text("highlimit"))
@@ -400,7 +400,7 @@ def crossed_limits(device: Device) -> Iterator[Problem]:
 def outside_limits_of(key: str) -> Check:
     """Make the rule that a value is inside its limits."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         for each in (value for value in device.integers if value.key == key):
             low, high = (each.variable.number(limit) for limit in LIMITS)
             lowest, highest = _extremes(device, each.number) if each.number else (0, 0)
@@ -411,10 +411,10 @@ def outside_limits_of(key: str) -> Check:
     return check
 
 
-def limits_without_meaning(device: Device) -> Iterator[Problem]:
+def limits_without_meaning(device: LintedDevice) -> Iterator[Problem]:
     """Yield limits of a variable that is no number."""
     for each in (value for value in device.others if value.key in LIMITS):
-        if each.type and each.type.name not in REALS:
+        if each.type and each.type not in REALS:
             yield Problem(
                 each.entry, f"{each.entry.key} of {each.variable.where}, a {each.type.name}, which has no order"
             )
@@ -431,39 +431,39 @@ def real_form(text: str) -> str:
     return "decimal"
 
 
-def malformed_real(device: Device) -> Iterator[Problem]:
+def malformed_real(device: LintedDevice) -> Iterator[Problem]:
     """Yield REAL values that are neither decimal nor a bit pattern."""
     for each in device.others:
         if (
             each.type
-            and each.type.name in REALS
+            and each.type in REALS
             and not real_form(each.entry.value)
             and NODE_ID not in each.entry.value.upper()
         ):
             yield Problem(each.entry, f"{each.entry.value[:40]} is no {each.type.name}")
 
 
-def ambiguous_real(device: Device) -> Iterator[Problem]:
+def ambiguous_real(device: LintedDevice) -> Iterator[Problem]:
     """Yield REAL values that tools read in different ways; 0 is the same in all of them."""
     for each in device.others:
-        if each.type and each.type.name in REALS and real_form(each.entry.value) and each.number != Number(0):
+        if each.type and each.type in REALS and real_form(each.entry.value) and each.number != Number(0):
             text = (
                 f"{each.entry.key} {each.entry.value[:40]} is a {each.type.name}: some tools read decimals, others bits"
             )
             yield Problem(each.entry, text)
 
 
-def odd_octets(device: Device) -> Iterator[Problem]:
+def odd_octets(device: LintedDevice) -> Iterator[Problem]:
     """Yield OCTET_STRING values that are no bytes in hexadecimal."""
     for each in (value for value in device.others if value.key in VALUES):
         text = each.entry.value.replace(" ", "")
-        if each.type is TYPES[0x0A] and (len(text) % 2 or text.strip("0123456789abcdefABCDEF")):
+        if each.type is OCTET_STRING and (len(text) % 2 or text.strip("0123456789abcdefABCDEF")):
             yield Problem(
                 each.entry, f"{each.entry.value[:40]} is no OCTET_STRING, bytes as two hexadecimal digits each"
             )
 
 
-def pdo_mapping_flag(device: Device) -> Iterator[Problem]:
+def pdo_mapping_flag(device: LintedDevice) -> Iterator[Problem]:
     """Yield a PDOMapping other than 0 and 1."""
     for section, entry in device.entries("pdomapping"):
         number = parse_number(entry.value)
@@ -471,7 +471,7 @@ def pdo_mapping_flag(device: Device) -> Iterator[Problem]:
             yield Problem(entry, f"PDOMapping of [{section.name}] is {entry.value[:20]}, not 0 or 1")
 
 
-def object_flags(device: Device) -> Iterator[Problem]:
+def object_flags(device: LintedDevice) -> Iterator[Problem]:
     """Yield ObjFlags with bits that mean nothing."""
     for section, entry in device.entries("objflags"):
         number = parse_number(entry.value)
@@ -481,14 +481,14 @@ def object_flags(device: Device) -> Iterator[Problem]:
             )
 
 
-def constant_without_value(device: Device) -> Iterator[Problem]:
+def constant_without_value(device: LintedDevice) -> Iterator[Problem]:
     """Yield constants without a value."""
     for each in device.variables:
         if each.access == "const" and not (each.value_entry and each.value_entry.value):
             yield Problem(each.section.at("defaultvalue"), f"{each.where} is const, but has no value")
 
 
-def mappable_rw(device: Device) -> Iterator[Problem]:
+def mappable_rw(device: LintedDevice) -> Iterator[Problem]:
     """Yield mappable variables whose access does not say into which PDOs they may be mapped."""
     for each in device.variables:
         if each.access == "rw" and each.is_mappable:
@@ -498,7 +498,7 @@ def mappable_rw(device: Device) -> Iterator[Problem]:
             )
 
 
-def mappable_text(device: Device) -> Iterator[Problem]:
+def mappable_text(device: LintedDevice) -> Iterator[Problem]:
     """Yield mappable variables of a type that fits into no PDO."""
     for each in device.variables:
         if each.is_mappable and each.type and each.type.bits == 0:
@@ -507,14 +507,14 @@ def mappable_text(device: Device) -> Iterator[Problem]:
             )
 
 
-def mappable_without_pdo(device: Device) -> Iterator[Problem]:
+def mappable_without_pdo(device: LintedDevice) -> Iterator[Problem]:
     """Yield the first variable that may be mapped in a device without a PDO."""
     first = next((each for each in device.variables if each.is_mappable), None)
     if first and not device.pdos:
         yield Problem(first.section.at("pdomapping"), f"{first.where} is mappable, but the device has no PDO")
 
 
-def finer_than_granularity(device: Device) -> Iterator[Problem]:
+def finer_than_granularity(device: LintedDevice) -> Iterator[Problem]:
     """Yield mappable BOOLEANs in a device that maps no single bits."""
     bits = granularity(device) or 0
     for each in device.variables:
@@ -554,7 +554,6 @@ VALUE_RULES = (
 
 # What CiA 301 and 302 say of single objects
 
-EMCY, SDO_REQUEST, SDO_RESPONSE = 0x80, 0x600, 0x580
 READ_ONLY, ANY = ("ro", "const"), ("rw", "ro", "const", "wo")
 
 
@@ -581,9 +580,9 @@ KNOWN = (
     Known(*_at(0x1005), UNSIGNED32),
     Known(*_at(0x1006), UNSIGNED32),
     Known(*_at(0x1007), UNSIGNED32),
-    Known(*_at(0x1008), TYPES[0x09], READ_ONLY),
-    Known(*_at(0x1009), TYPES[0x09], READ_ONLY),
-    Known(*_at(0x100A), TYPES[0x09], READ_ONLY),
+    Known(*_at(0x1008), VISIBLE_STRING, READ_ONLY),
+    Known(*_at(0x1009), VISIBLE_STRING, READ_ONLY),
+    Known(*_at(0x100A), VISIBLE_STRING, READ_ONLY),
     Known(*_at(0x100C), UNSIGNED16),
     Known(*_at(0x100D), UNSIGNED8),
     Known(range(0x1010, 0x1012), DATA_SUBS, UNSIGNED32),
@@ -595,7 +594,7 @@ KNOWN = (
     Known(range(0x1018, 0x1019), range(1, 5), UNSIGNED32, READ_ONLY),
     Known(*_at(0x1019), UNSIGNED8),
     Known(range(0x1020, 0x1021), range(1, 3), UNSIGNED32),
-    Known(*_at(0x1021), TYPES[0x0F], READ_ONLY),
+    Known(*_at(0x1021), DOMAIN, READ_ONLY),
     Known(range(0x1029, 0x102A), DATA_SUBS, UNSIGNED8),
     Known(range(0x1200, 0x1300), range(1, 3), UNSIGNED32),
     *(
@@ -609,7 +608,7 @@ KNOWN = (
 )
 
 
-def _known(device: Device) -> Iterator[tuple[Variable, Known]]:
+def _known(device: LintedDevice) -> Iterator[tuple[DescribedVariable, Known]]:
     """Give every variable of the communication profile that the standard says something about."""
     for each in KNOWN:
         for index in each.indices if len(each.indices) == 1 else _within(device, each.indices):
@@ -619,11 +618,11 @@ def _known(device: Device) -> Iterator[tuple[Variable, Known]]:
                     yield variable, each
 
 
-def _within(device: Device, indices: range) -> Iterator[int]:
+def _within(device: LintedDevice, indices: range) -> Iterator[int]:
     return (index for index in device.objects if index in indices)
 
 
-def known_types(device: Device) -> Iterator[Problem]:
+def known_types(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects of the communication profile with another type than the standard's."""
     for variable, known in _known(device):
         if variable.section.text("datatype") and variable.type != known.type:
@@ -634,15 +633,15 @@ def known_types(device: Device) -> Iterator[Problem]:
             )
 
 
-def known_access(device: Device) -> Iterator[Problem]:
+def known_access(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects that can be written, but are read-only in the standard."""
     for variable, known in _known(device):
-        if known.access and variable.access in ACCESS and variable.access not in known.access:
+        if known.access and variable.access in ACCESS_TYPES and variable.access not in known.access:
             at = variable.section.at("accesstype")
             yield Problem(at, f"{variable.where} is {variable.access}, CiA 301 says {' or '.join(known.access)}")
 
 
-def mappable_communication(device: Device) -> Iterator[Problem]:
+def mappable_communication(device: LintedDevice) -> Iterator[Problem]:
     """Yield objects of the communication profile that are mappable; only 0x1001 and 0x1002 may be."""
     for variable, _ in _known(device):
         if variable.is_mappable and variable.index not in (0x1001, 0x1002):
@@ -654,7 +653,7 @@ def mappable_communication(device: Device) -> Iterator[Problem]:
 def value_of(index: int, subs: range, fits: Callable[[int], bool], sentence: str) -> Check:
     """Make the rule that the values of an object's sub-indices are such and such, for every node-ID."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         found = device.objects.get(index)
         for sub, variable in found.subs.items() if found else ():
             at, value = variable.value_entry, variable.value
@@ -669,42 +668,42 @@ def is_cob_id(value: int) -> bool:
     return 0 <= value <= UNSIGNED32.high and (bool(value & EXTENDED) or not value & 0x1FFFF800)
 
 
-def heartbeats(device: Device) -> list[tuple[Variable, int, int]]:
+def heartbeats(device: LintedDevice) -> list[tuple[DescribedVariable, int, int]]:
     """Return what the device listens to: the variable of 0x1016, the node-ID and the time in ms."""
     found = device.objects.get(0x1016)
     values = ((each, each.value) for sub, each in found.subs.items() if sub) if found else ()
     return [(each, v.value >> 16 & 0xFF, v.value & 0xFFFF) for each, v in values if v and v.value & 0xFFFF]
 
 
-def double_heartbeats(device: Device) -> Iterator[Problem]:
+def double_heartbeats(device: LintedDevice) -> Iterator[Problem]:
     """Yield nodes whose heartbeat is consumed twice."""
-    first: dict[int, Variable] = {}
+    first: dict[int, DescribedVariable] = {}
     for variable, node_id, _ in heartbeats(device):
         if node_id and first.setdefault(node_id, variable) is not variable:
-            at = variable.value_entry or variable.section
+            at = variable.place
             yield Problem(at, f"{variable.where} waits for node {node_id}, as sub {first[node_id].sub} does")
 
 
-def no_error_control(device: Device) -> Iterator[Problem]:
+def no_error_control(device: LintedDevice) -> Iterator[Problem]:
     """Yield devices with neither heartbeat nor node guarding."""
     if device.objects and not {0x1017, 0x100C} & device.objects.keys():
         at = next(iter(device.objects.values())).place
         yield Problem(at, "neither heartbeat (0x1017) nor node guarding (0x100C): nobody can see this device fail")
 
 
-def both_error_controls(device: Device) -> Iterator[Problem]:
+def both_error_controls(device: LintedDevice) -> Iterator[Problem]:
     """Yield devices where heartbeat and node guarding are both on."""
     values = [device.value(index) for index in (0x1017, 0x100C, 0x100D)]
     variable = device.variable(0x1017)
     if variable and all(each and each.value for each in values):
-        at = variable.value_entry or variable.section
+        at = variable.place
         yield Problem(at, "heartbeat and node guarding are both on; a device uses one of them")
 
 
 def needs_of(index: int, needed: int, why: str) -> Check:
     """Make the rule that an object needs another one."""
 
-    def check(device: Device) -> Iterator[Problem]:
+    def check(device: LintedDevice) -> Iterator[Problem]:
         found = device.objects.get(index)
         if found and needed not in device.objects:
             yield Problem(found.place, f"0x{index:04X} without 0x{needed:04X}: {why}")
@@ -712,9 +711,9 @@ def needs_of(index: int, needed: int, why: str) -> Check:
     return check
 
 
-def first_server(device: Device) -> Iterator[Problem]:
+def first_server(device: LintedDevice) -> Iterator[Problem]:
     """Yield a first SDO server with other identifiers than the fixed ones."""
-    for sub, base in ((1, SDO_REQUEST), (2, SDO_RESPONSE)):
+    for sub, base in ((1, SDO_REQUEST_BASE), (2, SDO_RESPONSE_BASE)):
         variable = device.variable(0x1200, sub)
         at, value = (variable.value_entry, variable.value) if variable else (None, None)
         fixed = value and all(value.at(n) == base + n for n in device.node_ids)
@@ -722,7 +721,7 @@ def first_server(device: Device) -> Iterator[Problem]:
             yield Problem(at, f"{variable.where} is {at.value[:40]}; the first SDO server has $NODEID+0x{base:X}")
 
 
-def profile_objects(device: Device) -> Problems:
+def profile_objects(device: LintedDevice) -> Problems:
     """Yield objects of a device profile in a device that claims none."""
     type_ = device.value(0x1000)
     first = next((each for index, each in device.objects.items() if 0x6000 <= index < 0xA000), None)
@@ -747,7 +746,7 @@ KNOWN_RULES = (
          value_of(0x1014, ALL_SUBS, lambda v: is_cob_id(v) and not v & 1 << 30,
                   "bits 11 to 28 are 0 for a base frame, bit 30 always")),
     Rule("W507", "COB-ID EMCY is $NODEID+0x80 by default, if it is valid.", "CiA 301, object 0x1014",
-         value_of(0x1014, ALL_SUBS, lambda v: bool(v & NOT_VALID) or EMCY < v <= EMCY + 127,
+         value_of(0x1014, ALL_SUBS, lambda v: bool(v & NOT_VALID) or v - EMCY_BASE in NODE_IDS,
                   "the default is $NODEID+0x80")),
     Rule("E508", "A consumer heartbeat time has a node-ID from 0 to 127 in bits 16 to 23, and bits 24 to 31 are 0.",
          "CiA 301, object 0x1016",

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
 from eurobot_od.lint.findings import Finding, Rule
-from eurobot_od.lint.model import Device
-from eurobot_od.od.document import read
+from eurobot_od.lint.model import LintedDevice, load
 
 FILE_RULES: tuple[Rule, ...] = file_rules.RULES + object_rules.RULES + pdo_rules.RULES + dcf_rules.RULES
 """The rules for one file, by code."""
@@ -20,12 +19,7 @@ def lint(data: bytes, file: str) -> list[Finding]:
     return lint_device(load(data, file), file)
 
 
-def load(data: bytes, file: str) -> Device:
-    """Read the bytes of an EDS or DCF as a device; nothing raises."""
-    return Device(read(data), file.replace("\\", "/").rpartition("/")[2])
-
-
-def lint_device(device: Device, file: str) -> list[Finding]:
+def lint_device(device: LintedDevice, file: str) -> list[Finding]:
     """Check a device that is read already."""
     found = {
         Finding(file, at.line, at.column, rule.code, text) for rule in FILE_RULES for at, text in rule.check(device)

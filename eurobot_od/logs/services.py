@@ -12,13 +12,18 @@ from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import error_words
-from eurobot_od.device.nmt import ALL_NODES, ERROR_CONTROL_BASE, NMT_COB_ID, NmtCommand, NmtState
-from eurobot_od.od.dictionary import NOT_VALID, Address
-from eurobot_od.od.outline import Described, Outline
-
-NODE_IDS = range(1, 128)
-EMCY_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE = 0x080, 0x580, 0x600
-"""COB-IDs of the predefined connection set are these plus the node-ID (CiA 301, 7.3.3)."""
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
+from eurobot_od.od.outline import Outline
+from eurobot_od.od.values import (
+    EMCY_BASE,
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    NODE_IDS,
+    NOT_VALID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Address,
+)
 
 EMCY_ENTRY: Address = (0x1014, 0)
 SDO_REQUEST_ENTRY: Address = (0x1200, 1)
@@ -58,14 +63,14 @@ def services(outlines: Iterable[Outline], errors: Mapping[int, str] = MappingPro
 def _predefined(node_id: int, node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, Service]]:
     yield EMCY_BASE + node_id, _emcy(node, errors)
     yield SDO_REQUEST_BASE + node_id, _sdo(node, REQUESTS)
-    yield SDO_ANSWER_BASE + node_id, _sdo(node, ANSWERS)
+    yield SDO_RESPONSE_BASE + node_id, _sdo(node, ANSWERS)
     yield ERROR_CONTROL_BASE + node_id, Service("Heartbeat", node.name, 1, heartbeat_text)
 
 
 def _configured(node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, Service]]:
     services = _emcy(node, errors), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
     for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
-        value = node.outline.default(address) if node.outline else None
+        value = node.outline.number(address) if node.outline else None
         if value is not None and not value & NOT_VALID:
             yield value, service
 
@@ -141,27 +146,9 @@ def _expedited(outline: Outline | None, data: bytes) -> str:
 
 def _value(outline: Outline | None, address: Address, value: bytes) -> str:
     described = outline.described(address) if outline else None
-    if outline is None or described is None:
-        return value.hex(" ")
-    return _integer(described, value) if described.size else _by_type(outline, address, value)
-
-
-def _integer(described: Described, value: bytes) -> str:
-    if len(value) != described.size:
-        return value.hex(" ")
-    return str(int.from_bytes(value, "little", signed=described.signed))
-
-
-def _by_type(outline: Outline, address: Address, value: bytes) -> str:
-    """Read what is no integer as canopen does."""
-    from canopen.objectdictionary import ObjectDictionaryError
-
-    variable = outline.dictionary.variable(address)
-    assert variable is not None, address
-
     try:
-        return str(variable.decode_raw(value))
-    except (ObjectDictionaryError, ValueError):
+        return str(described.type.read(value)) if described else value.hex(" ")
+    except ValueError:  # a length that the type does not have
         return value.hex(" ")
 
 

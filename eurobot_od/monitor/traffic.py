@@ -18,8 +18,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.logs.raw import REMEMBERED, Damage, Raw
 from eurobot_od.logs.statistics import Tally
-from eurobot_od.od.dictionary import Address
 from eurobot_od.od.outline import Outline
+from eurobot_od.od.values import Address
 
 OVERHEAD_BITS = 47
 """Bits of a classic base frame beside its data, interframe space included and stuff bits not (ISO 11898-1)."""
@@ -148,7 +148,7 @@ class Traffic:
 
 
 def _heartbeat_period(outline: Outline) -> float:
-    return (outline.default(HEARTBEAT_PERIOD) or 0) / 1000
+    return (outline.number(HEARTBEAT_PERIOD) or 0) / 1000
 
 
 def _beat(health: NodeHealth, time: float, state: str) -> None:

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 
 COUNT = struct.Struct("<I")
 HEAD = struct.Struct("<HBI")

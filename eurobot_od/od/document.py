@@ -1,26 +1,30 @@
-"""Reads the bytes of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
+"""Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
 
-Rule of this file: nothing raises and nothing is passed over in silence; what is no EDS becomes an `Oddity`, which rules
-turn into findings. For checking only: the product loads files through canopen.
+Rule of this file: reading never raises, and passes nothing over in silence. What does not belong in an EDS becomes an
+`Oddity`; lint turns each into a finding, and `outline` refuses a file with those that may hide an object.
 """
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
+from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+from eurobot_od.errors import DictionaryError
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 LONGEST = 254
 """Most characters of a key and its value together (CiA 306: shorter than 255)."""
-
-BYTE_ORDER_MARK = "\u00ef\u00bb\u00bf"
-"""The UTF-8 byte order mark, read as Latin-1."""
 
 WIDE_MARKS = (b"\xff\xfe", b"\xfe\xff")
 """How a UTF-16 text starts."""
 
 
 class Odd(Enum):
-    """What the reader stumbles over; the rules of `file_rules` say how bad each is."""
+    """What the reader stumbles over."""
 
     BINARY = "a NUL byte"
     WIDE = "UTF-16 text"
@@ -34,13 +38,13 @@ class Odd(Enum):
     TWO_ENTRIES = "an entry twice"
     NO_KEY = "no key"
     TOO_LONG = "a long line"
-    COMMENT_BEHIND = "a comment behind a value"
+    COMMENT_AFTER_VALUE = "a comment after a value"
     HASH = "a comment with #"
     INDENTED = "an indented line"
 
 
 class Oddity(NamedTuple):
-    """One odd thing: its kind, its place (both from 1) and the words that belong into the message."""
+    """One odd thing: its kind, its line and column (both from 1) and the words about it for a message."""
 
     kind: Odd
     line: int
@@ -76,66 +80,76 @@ class Section(NamedTuple):
 
 
 class Document(NamedTuple):
-    """A file as read: the sections by lower-case name (of a section given twice the first), and what was odd."""
+    """A file as read: its sections by lower-case name (of a section given twice the first), and what was odd.
+
+    `lines` is the whole text and `headers` the line numbers of all section headers, so that the text can be written
+    again with single lines changed; `encoding` is the one in which that gives the same bytes.
+    """
 
     sections: dict[str, Section]
-    oddities: list[Oddity]
+    oddities: Sequence[Oddity] = ()
+    lines: Sequence[str] = ()
+    headers: Sequence[int] = ()
+    encoding: str = "utf-8"
+
+    def text(self, section: str, key: str) -> str:
+        """Return the value of a key in a section (both in lower case), the empty text if either is missing."""
+        found = self.sections.get(section)
+        return found.text(key) if found else ""
+
+
+def read_bytes(file: str | Path) -> bytes:
+    """Return what a file holds; raises DictionaryError if it cannot be read."""
+    try:
+        with open(file, "rb") as stream:  # noqa: PTH123  # `lint` starts without pathlib
+            return stream.read()
+    except (OSError, ValueError) as error:
+        raise DictionaryError(file, None, getattr(error, "strerror", None) or str(error)) from error
 
 
 def read(data: bytes) -> Document:
     """Read the bytes of an EDS or DCF."""
     oddities: list[Oddity] = []
-    lines = _lines(_text(data, oddities), oddities)
-    if not data.isascii():
-        oddities.extend(_not_ascii(lines))
-    reader = _Reader(oddities)
-    reader.read(lines)
-    return Document(reader.sections, oddities)
+    encoding, text = _decoded(data, oddities)
+    return _Reader(oddities).read(text, encoding)
 
 
-def _text(data: bytes, oddities: list[Oddity]) -> str:
-    """Decode; Latin-1 gives every byte a character, so that nothing can fail and columns are bytes."""
+def parse(text: str) -> Document:
+    """Read the text of an EDS or DCF."""
+    return _Reader([]).read(text, "utf-8")
+
+
+def _decoded(data: bytes, oddities: list[Oddity]) -> tuple[str, str]:
+    """Return encoding and text. CiA 306 asks for ASCII; files come in UTF-8 and in Windows' code pages, too.
+
+    Latin-1 gives every byte a character, so it cannot fail, and writing gives the same bytes back.
+    """
     if data.startswith(WIDE_MARKS):
         oddities.append(Oddity(Odd.WIDE, 1, 1, ""))
-        return data.decode("utf-16", "replace")
-    text = data.decode("latin-1")
-    if "\0" in text:
-        before = text[: text.index("\0")]
-        oddities.append(Oddity(Odd.BINARY, before.count("\n") + 1, len(before) - before.rfind("\n"), ""))
-    if text.startswith(BYTE_ORDER_MARK):
+        return "utf-16", data.decode("utf-16", "replace")
+    if data.startswith(BOM_UTF8):
         oddities.append(Oddity(Odd.BYTE_ORDER_MARK, 1, 1, ""))
-        return text[len(BYTE_ORDER_MARK) :]
-    return text
-
-
-def _lines(text: str, oddities: list[Oddity]) -> list[str]:
-    """Split at LF, CRLF and CR."""
-    if "\r" not in text:
-        return text.split("\n")
-    pairs, returns, feeds = text.count("\r\n"), text.count("\r"), text.count("\n")
-    if len({pairs, returns, feeds} - {0}) > 1 or (not pairs and feeds):
-        oddities.append(Oddity(Odd.LINE_ENDS, 1, 1, ""))
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
-def _not_ascii(lines: list[str]) -> list[Oddity]:
-    return [
-        Oddity(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if each > "\x7f"), "")
-        for number, line in enumerate(lines, start=1)
-        if not line.isascii()
-    ]
+        data = data[len(BOM_UTF8) :]
+    try:
+        return "utf-8", data.decode()
+    except UnicodeDecodeError:
+        return "latin-1", data.decode("latin-1")
 
 
 class _Reader:
     """Walks over the lines of one file; the usual line takes the short way, any other `_other`."""
 
     def __init__(self, oddities: list[Oddity]) -> None:
-        self.sections: dict[str, Section] = {}
+        self._sections: dict[str, Section] = {}
+        self._headers: list[int] = []
         self._oddities = oddities
         self._before: dict[str, Entry] = {}  # what stands before the first section
         self._entries = self._before
 
-    def read(self, lines: list[str]) -> None:
+    def read(self, text: str, encoding: str) -> Document:
+        lines = self._split(text)
+        if not text.isascii():
+            self._note_other_characters(lines)
         for number, line in enumerate(lines, start=1):
             key, equals, value = line.partition("=")
             is_plain = equals and key.isalnum() and value.strip() is value and ";" not in value
@@ -143,6 +157,24 @@ class _Reader:
                 self._keep(Entry(key, value, number, len(key) + 2), 0)
             elif line:
                 self._other(number, line)
+        return Document(self._sections, self._oddities, lines, self._headers, encoding)
+
+    def _split(self, text: str) -> list[str]:
+        """Split at LF, CRLF and CR; str.splitlines would split at form feeds and others, too."""
+        if "\0" in text:
+            before = text[: text.index("\0")]
+            self._note(Odd.BINARY, before.count("\n") + 1, len(before) - before.rfind("\n"))
+        if "\r" not in text:
+            return text.split("\n")
+        pairs, returns, feeds = text.count("\r\n"), text.count("\r"), text.count("\n")
+        if len({pairs, returns, feeds} - {0}) > 1 or (not pairs and feeds):
+            self._note(Odd.LINE_ENDS, 1, 1)
+        return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+    def _note_other_characters(self, lines: Sequence[str]) -> None:
+        for number, line in enumerate(lines, start=1):
+            if not line.isascii():
+                self._note(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if not each.isascii()))
 
     def _other(self, number: int, line: str) -> None:
         text = line.strip()
@@ -163,12 +195,13 @@ class _Reader:
             self._note(Odd.NOT_AN_ENTRY, number, indent + 1, text[:40])
 
     def _header(self, number: int, text: str, indent: int) -> None:
-        name, bracket, behind = text[1:].partition("]")
-        behind = behind.strip()
-        if not bracket or not name.strip() or (behind and not behind.startswith(";")):
+        name, bracket, rest = text[1:].partition("]")
+        rest = rest.strip()
+        if not bracket or not name.strip() or (rest and not rest.startswith(";")):
             self._note(Odd.HEADER, number, indent + 1, text[:40])
         section = Section(name, number, indent + 1, {})
-        first = self.sections.setdefault(name.strip().lower(), section)
+        self._headers.append(number)
+        first = self._sections.setdefault(name.strip().lower(), section)
         if first is not section:
             self._note(Odd.TWO_SECTIONS, number, indent + 1, f"[{name}], first in line {first.line}")
         self._entries = section.entries
@@ -205,7 +238,7 @@ class _Reader:
         start = 0 if value.startswith(";") else value.find(" ;") + 1 or value.find("\t;") + 1
         if not start and not value.startswith(";"):
             return value
-        self._note(Odd.COMMENT_BEHIND, number, column + start)
+        self._note(Odd.COMMENT_AFTER_VALUE, number, column + start)
         return value[:start].rstrip()
 
     def _note(self, kind: Odd, line: int, column: int, text: str = "") -> None:

@@ -1,4 +1,4 @@
-"""Reads the network file: a YAML that names the nodes' files and node-IDs, and what is declared of the network.
+"""Which nodes there are, by a network file: a YAML with their files and node-IDs, and what is declared of them.
 
 Rule of this file: YAML is only taken apart into nodes with marks, so that every complaint has a line; numbers are read
 as in an EDS (decimal or 0x), never as YAML 1.1 guesses them.
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import yaml
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.lint.model import NODE_IDS, parse_number
+from eurobot_od.od.values import NODE_IDS, parse_number
 
 
 class NetworkFile(NamedTuple):
@@ -50,7 +50,7 @@ class _File:
             root = yaml.compose(text, yaml.SafeLoader)
         except yaml.YAMLError as error:
             what = str(error).replace("\n", " ")
-            raise DictionaryError(self._file, None, f"no readable YAML: {what}") from error
+            raise DictionaryError(self._file, None, f"not readable YAML: {what}") from error
         top = self._mapping(root, KEYS)
         nodes = {name: self._mapping(node, NODE_KEYS) for name, node in self._mapping(top.get("nodes"), None).items()}
         if not nodes:
@@ -58,7 +58,9 @@ class _File:
         return NetworkFile(
             files={name: self._path(each.get("file"), root) for name, each in nodes.items()},
             node_ids={
-                name: self._number(each["node_id"], *NODE_IDS) for name, each in nodes.items() if "node_id" in each
+                name: self._number(each["node_id"], NODE_IDS[0], NODE_IDS[-1])
+                for name, each in nodes.items()
+                if "node_id" in each
             },
             shared=self._names(top.get("shared")),
             order=self._names(top.get("order")),
@@ -90,7 +92,7 @@ class _File:
     def _number(self, node: yaml.Node, low: int, high: int) -> int:
         number = parse_number(self._text(node))
         if number is None or number.relative or not low <= number.value <= high:
-            raise self._error(node, f"{self._text(node)!r} is no number from {low} to {high}")
+            raise self._error(node, f"{self._text(node)!r} is not a number from {low} to {high}")
         return number.value
 
     def _text(self, node: yaml.Node) -> str:

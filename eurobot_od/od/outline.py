@@ -1,114 +1,350 @@
-"""What decoding needs of an EDS or DCF: PDOs, defaults of the services, and what the objects are called.
+"""An EDS or DCF for one node-ID: values, names and PDOs, straight from the document.
 
-Rule of this file: everything in an outline was read by `Dictionary`, and so by canopen; an outline is plain data and
-back, so that it can be kept (see `outline_cache`). For whatever it does not say, `dictionary` loads the file.
+This is all that decoding, showing and checking frames need, and it does without canopen, whose import alone takes
+longer than to decode 50 000 lines of a log. `dictionary` adds canopen's objects to it.
+
+Rule of this file: what is read wrongly by guessing is refused, with file and index; everything else is taken as it was
+meant (a byte order mark, comments after values, sections twice, numbers in any base).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple
 
-from eurobot_od.od.dictionary import Address, Dictionary, MappedObject, Pdo, PdoDirection
-from eurobot_od.pdo.kinds import Limits
+from eurobot_od.errors import DictionaryError, MappingError
+from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
+from eurobot_od.od.document import Odd, read, read_bytes
+from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo
+from eurobot_od.od.values import (
+    BASE_IDENTIFIER,
+    DATA_TYPES,
+    DOMAIN,
+    DUMMIES,
+    EXTENDED,
+    MANUFACTURER,
+    MAPPING_OFFSET,
+    NODE_ID,
+    NODE_IDS,
+    NOT_VALID,
+    OCTET_STRING,
+    PDO_COUNT,
+    REALS,
+    SLICE,
+    UNICODE_STRING,
+    VISIBLE_STRING,
+    Address,
+    DataType,
+    Limits,
+    PdoDirection,
+    Value,
+    parse_number,
+)
 
 if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
+    from typing_extensions import Self
 
-SERVICES = range(0x1000, 0x1400)
-"""Indices of the objects that the services have, without the PDOs (CiA 301, 7.5.2)."""
+SLICES = " slices"
+"""End of the ParameterName of a record that holds another record's values in parts."""
 
-Plain: TypeAlias = "dict[str, Any]"
-"""A part of an outline as JSON can write it, by address or by name."""
+MOST_BITS = 64
+"""Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
+
+HIDING = (Odd.BINARY, Odd.NOT_AN_ENTRY, Odd.HEADER, Odd.NO_SECTION, Odd.NO_KEY)
+"""Oddities after which nobody knows what the file was to say: it is cut off, or not an EDS at all."""
+
+NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
+"""Objects that hold nothing: a placeholder, and a type that is only named."""
+
+
+SIMPLE = (ObjectCode.VAR, ObjectCode.DOMAIN)
+"""Objects without sub-indices."""
+
+REQUIRED = ("ParameterName", "DataType", "AccessType")
+"""Keys without which a variable cannot be used (CiA 306-1, 4.6.3.2)."""
 
 
 class Described(NamedTuple):
-    """An object: its `name` with that of its record, `size` in bytes and `signed` of an integer (0: no integer)."""
+    """An object: its ParameterName, after that of its record and a dot, and its data type."""
 
     name: str
-    size: int
-    signed: bool
+    type: DataType
 
 
 class Outline:
-    """The outline of one file; `name` is the file's stem, as a dictionary's is.
+    """The outline of one file: its `file`, `name` (the file's stem), `node_id`, and the `device` it describes.
 
-    `plain` is what `plain_outline` gives; `objects` is asked for what `plain_objects` gives if a description is wanted.
+    `members` are the variables that can be used, by index and sub-index; a VAR is its own member 0.
     """
 
-    def __init__(self, file: Path, plain: Plain, objects: Callable[[], Plain]) -> None:
-        self.file, self.name = file, file.stem
-        self.node_id: int = plain["node_id"]
-        self.pdos = tuple(map(_pdo, plain["pdos"]))
-        self._defaults: Mapping[str, int] = plain["defaults"]
-        self._load_objects = objects
+    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None) -> None:
+        self.file, self.name, self.device = file, file.stem, device
+        self._refuse_what_hides_objects()
+        self.members = {index: self._members(each) for index, each in self._usable_objects()}
+        if not self.members:
+            raise self._error(None, "not an EDS: it describes no object")
+        self.node_id = self._checked(self._said_node_id() if node_id is None else node_id)
 
     @classmethod
-    def of(cls, dictionary: Dictionary) -> Outline:
-        """Return the outline of a loaded dictionary; raises MappingError if a mapping does not hold."""
-        made = cls(dictionary.file, plain_outline(dictionary), lambda: plain_objects(dictionary))
-        made.dictionary = dictionary
-        return made
+    def load(cls, file: str | Path, node_id: int | None = None) -> Self:
+        """Read an EDS or DCF for a node-ID.
 
-    def default(self, address: Address) -> int | None:
-        """Return the number that an object of the SERVICES has by default; None if it has none."""
-        return self._defaults.get(_key(address))
+        Without one it is the NodeID of a DCF's commissioning, or else the value of the object that holds the device's
+        own node-ID. Raises DictionaryError if there is none, or if the file cannot be read as an EDS.
+        """
+        return cls.read(read_bytes(file), Path(file), node_id)
+
+    @classmethod
+    def read(cls, data: bytes, file: Path, node_id: int | None = None) -> Self:
+        """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
+        return cls(file, DescribedDevice(read(data)), node_id)
+
+    # What must hold
+
+    def _error(self, index: int | None, what: str) -> DictionaryError:
+        return DictionaryError(self.file, index, what)
+
+    def _refuse_what_hides_objects(self) -> None:
+        for each in self.device.document.oddities:
+            if each.kind in HIDING:
+                what = f"{each.kind.value} ({each.text})" if each.text else each.kind.value
+                raise self._error(None, f"not a readable EDS: line {each.line}: {what}")
+
+    def _usable_objects(self) -> Iterator[tuple[int, DescribedObject]]:
+        for index, each in self.device.objects.items():
+            if each.section is None:
+                raise self._error(index, f"[{each.place.name}] has no object [{index:04X}]")
+            if each.code is None:
+                raise self._error(index, f"ObjectType {each.section.text('objecttype')!r} is not one of CiA 301")
+            if each.code not in NO_VALUE:
+                yield index, each
+
+    def _members(self, each: DescribedObject) -> dict[int, DescribedVariable]:
+        section, variables = each.section, each.variables()
+        if section and each.code in SIMPLE and not each.compact and section.text("datatype"):
+            # a VAR by its own description, whatever sections for sub-indices there are
+            variables = iter(
+                [each.subs[0] if section is each.subs[0].section else DescribedVariable(each.index, 0, section)]
+            )
+        return {variable.sub: self._checked_variable(variable) for variable in variables}
+
+    def _checked_variable(self, variable: DescribedVariable) -> DescribedVariable:
+        section, index = variable.section, variable.index
+        keys = ("ParameterName", "AccessType") if self._is_domain(variable) else REQUIRED
+        missing = next((key for key in keys if not section.text(key.lower())), None)
+        if missing:
+            raise self._error(index, f"sub {variable.sub} has no {missing}")
+        if variable.type is None and not self._is_domain(variable) and not variable.number("datatype"):
+            raise self._error(index, f"sub {variable.sub}: DataType {section.text('datatype')!r} is not a number")
+        return variable
+
+    def _is_domain(self, variable: DescribedVariable) -> bool:
+        code = variable.number("objecttype")
+        return code is not None and code.value == ObjectCode.DOMAIN.value and not variable.section.text("datatype")
+
+    def _said_node_id(self) -> Value:
+        commissioned, own = self.device.commissioned_node_id, self.node_id_address
+        if commissioned is not None:
+            return commissioned.value
+        return self.default(own) if own else None
+
+    def _checked(self, node_id: Value) -> int:
+        if node_id is None:
+            raise self._error(None, "the file names no node-ID; give one")
+        if not isinstance(node_id, int) or node_id not in NODE_IDS:
+            raise self._error(None, f"node-ID {node_id!r} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+        return node_id
+
+    # Objects
+
+    @cached_property
+    def node_id_address(self) -> Address | None:
+        """Where the device keeps its own node-ID among its settings; None if it does not."""
+        own = self.device.own_node_id
+        return (own.index, own.sub) if own else None
+
+    def type(self, variable: DescribedVariable) -> DataType:
+        """Return a variable's data type.
+
+        CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
+        type. Any other type is taken as DOMAIN: bytes.
+        """
+        if variable.type:
+            return variable.type
+        code = variable.number("datatype")
+        basic = parse_number(self.device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
+        return DATA_TYPES.get(basic.value, DOMAIN) if basic else DOMAIN
 
     def described(self, address: Address) -> Described | None:
-        """Return what is known of an object, None if there is none."""
-        entry = self._objects.get(_key(address))
-        return None if entry is None else Described(*entry)
+        """Return what an object is called and its type, None if there is none."""
+        variable = self._at(address)
+        if variable is None:
+            return None
+        record = f"{self.device.objects[address[0]].name}." if self.is_composed(address[0]) else ""
+        return Described(record + variable.name, self.type(variable))
+
+    def is_composed(self, index: int) -> bool:
+        """Whether an object has sub-indices; a VAR's only member is described by the object's own section."""
+        only = self.members[index].get(0)
+        return only is None or only.section is not self.device.objects[index].section
+
+    def _at(self, address: Address) -> DescribedVariable | None:
+        return self.members.get(address[0], {}).get(address[1])
+
+    def addresses(self) -> Iterator[Address]:
+        """Give the addresses of all variables, in the file's order."""
+        return ((index, sub) for index, subs in self.members.items() for sub in subs)
+
+    def default(self, address: Address) -> Value:
+        """Return an object's ParameterValue (DCF) or DefaultValue; None if it has neither."""
+        if address not in self._defaults:
+            self._defaults[address] = self._default(address)
+        return self._defaults[address]
 
     @cached_property
-    def _objects(self) -> Mapping[str, Sequence[Any]]:
-        return self._load_objects()
+    def _defaults(self) -> dict[Address, Value]:
+        return {}
+
+    def _default(self, address: Address) -> Value:
+        variable = self._at(address)
+        if variable is None:
+            return None
+        value = self.typed(variable, "parametervalue")
+        return self.typed(variable, "defaultvalue") if value is None else value
+
+    def number(self, address: Address) -> int | None:
+        """Return the number that an object has by default; None if it has none."""
+        value = self.default(address)
+        return value if isinstance(value, int) else None
+
+    def typed(self, variable: DescribedVariable, key: str) -> Value:
+        """Return what an entry of a variable (its key in lower case) says, in the variable's data type.
+
+        None without one, or if it is nothing of that type. Raises DictionaryError for a malformed `$NODEID+...`.
+        """
+        entry, type_ = variable.section.entries.get(key), self.type(variable)
+        if entry is None:
+            return None
+        if type_ in (VISIBLE_STRING, UNICODE_STRING):
+            return entry.value
+        try:
+            if type_ in (OCTET_STRING, DOMAIN):
+                return bytes.fromhex(entry.value)
+            if type_ in REALS:
+                return float(entry.value)
+        except ValueError:
+            return None
+        return self._integer(variable, entry.value, type_)
+
+    def _integer(self, variable: DescribedVariable, text: str, type_: DataType) -> int | None:
+        first, plus, last = text.partition("+")
+        number = parse_number(text) or (parse_number(f"{last}+{first}") if plus else None)  # 0x80+$NODEID is common
+        if number is None:
+            if NODE_ID in text.upper():
+                raise self._error(variable.index, f"sub {variable.sub}: {text!r} is not a number with $NODEID")
+            return None
+        value = number.at(self.node_id) if number.relative else number.value
+        # many editors write negative numbers as their bits
+        return value - (1 << type_.bits) if type_.is_signed and type_.high < value < 1 << type_.bits else value
 
     @cached_property
-    def dictionary(self) -> Dictionary:
-        """The whole dictionary, loaded if need be; raises DictionaryError."""
-        return Dictionary.load(self.file, self.node_id)
+    def _by_name(self) -> dict[str, Address]:
+        names = {self.device.objects[index].name: (index, 0) for index in self.members}
+        return names | {entry.name: address for address in self.addresses() if (entry := self.described(address))}
 
+    def address(self, name: str) -> Address:
+        """Return index and sub-index of `record.member` or `object` by ParameterName.
 
-def plain_outline(dictionary: Dictionary) -> Plain:
-    """Return node-ID, PDOs and defaults; raises MappingError if a mapping does not hold."""
-    defaults = ((address, dictionary.default(address)) for address, _ in _variables(dictionary))
-    return {
-        "node_id": dictionary.node_id,
-        "pdos": list(map(_plain_pdo, dictionary.pdos)),
-        "defaults": {_key(a): value for a, value in defaults if a[0] in SERVICES and isinstance(value, int)},
-    }
+        Raises DictionaryError if there is none of that name.
+        """
+        if name not in self._by_name:
+            raise self._error(None, f"no object is named {name!r}")
+        return self._by_name[name]
 
+    # PDOs
 
-def plain_objects(dictionary: Dictionary) -> Plain:
-    """Return the descriptions of all objects."""
-    return {_key(address): Described(each.qualname, *_integer(each)) for address, each in _variables(dictionary)}
+    @cached_property
+    def pdos(self) -> tuple[Pdo, ...]:
+        """All PDOs with their default communication and mapping parameters; see `read_pdos`."""
+        return self.read_pdos(self.default)
 
+    def read_pdos(self, value: Callable[[Address], Value]) -> tuple[Pdo, ...]:
+        """Read RPDOs, then TPDOs, from the parameter values that `value` gives.
 
-def _variables(dictionary: Dictionary) -> Iterator[tuple[Address, ODVariable]]:
-    for entry in dictionary.objects.values():
-        for subindex, variable in getattr(entry, "subindices", {0: entry}).items():
-            yield (entry.index, subindex), variable
+        Raises MappingError with file and index if a mapping does not hold.
+        """
+        return tuple(
+            self._pdo(direction, index, value)
+            for direction in PdoDirection
+            for index in sorted(self.members)
+            if direction.value <= index < direction.value + PDO_COUNT
+        )
 
+    def _pdo(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> Pdo:
+        entry = self._parameter((index, 1), value)
+        if entry & EXTENDED:
+            raise MappingError(self.file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
+        return Pdo(
+            direction=direction,
+            index=index,
+            name=self.device.objects[index].name,
+            cob_id=entry & BASE_IDENTIFIER,
+            valid=not entry & NOT_VALID,
+            transmission_type=self._parameter((index, 2), value),
+            mapping=tuple(self._mapping(index + MAPPING_OFFSET, value)),
+        )
 
-def _key(address: Address) -> str:
-    return f"{address[0]:X}:{address[1]:X}"
+    def _mapping(self, index: int, value: Callable[[Address], Value]) -> Iterator[MappedObject]:
+        for subindex in range(1, self._parameter((index, 0), value) + 1):
+            yield self.mapped_object(index, self._parameter((index, subindex), value))
 
+    def _parameter(self, address: Address, value: Callable[[Address], Value]) -> int:
+        number = value(address)
+        if not isinstance(number, int):
+            raise MappingError(self.file, address[0], f"sub {address[1]} is missing or has no number as its value")
+        return number
 
-def _integer(variable: ODVariable) -> tuple[int, bool]:
-    from canopen.objectdictionary import datatypes
+    def mapped_object(self, mapping_index: int, entry: int) -> MappedObject:
+        """Return what a mapping entry (index, sub-index, length in one UNSIGNED32) stands for.
 
-    if variable.data_type not in datatypes.INTEGER_TYPES:
-        return 0, False
-    return len(variable) // 8, variable.data_type in datatypes.SIGNED_TYPES
+        Raises MappingError if the object is missing or longer than its type.
+        """
+        index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
+        if index in DUMMIES:
+            return MappedObject(index, subindex, bits, PADDING, Limits(0, 0))
+        variable = self._at((index, subindex))
+        where = f"maps 0x{index:04X} sub {subindex}"
+        if variable is None:
+            raise MappingError(self.file, mapping_index, f"{where}, which is missing")
+        most = self.type(variable).size * 8 or MOST_BITS
+        if not 1 <= bits <= most:
+            raise MappingError(self.file, mapping_index, f"{where} with {bits} bits, its type has {most}")
+        part = self.part((index, subindex))
+        whole = self._at(part.whole) if part else None
+        return MappedObject(index, subindex, bits, variable.name, self._limits(whole or variable))
 
+    def _limits(self, variable: DescribedVariable) -> Limits:
+        low, high = self.typed(variable, "lowlimit"), self.typed(variable, "highlimit")
+        return Limits(low if isinstance(low, int) else 0, high if isinstance(high, int) else (1 << MOST_BITS) - 1)
 
-def _plain_pdo(pdo: Pdo) -> Pdo:
-    return pdo._replace(direction=pdo.direction.value)  # type: ignore[arg-type]  # an enum's member is no JSON
+    def part(self, address: Address) -> Part | None:
+        """Return what a slice is a part of: the member so named of the record without ` slices`.
 
+        None for an object that is not a slice, and for a slice without a whole.
+        """
+        variable = self._at(address)
+        match = SLICE.match(variable.name) if variable else None
+        if match is None:
+            return None
+        record = self.device.objects[address[0]].name.removesuffix(SLICES)
+        whole = self._wholes.get(f"{record}.{match['name']}")
+        high, low = int(match["high"]), int(match["low"])
+        return None if whole is None else Part(whole, low, high - low + 1)
 
-def _pdo(plain: Sequence[Any]) -> Pdo:
-    direction, index, name, cob_id, valid, transmission_type, mapping = plain
-    mapped = tuple(MappedObject(*entry)._replace(limits=Limits(*entry[-1])) for entry in mapping)
-    return Pdo(PdoDirection(direction), index, name, cob_id, valid, transmission_type, mapped)
+    @cached_property
+    def _wholes(self) -> dict[str, Address]:
+        """The members of records, by both names, of which slices may be parts."""
+        found = [address for address in self.addresses() if address[0] >= MANUFACTURER[0]]
+        return {entry.name: address for address in reversed(found) if (entry := self.described(address))}

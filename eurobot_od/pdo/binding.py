@@ -13,11 +13,12 @@ from typing import Any
 
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
-from eurobot_od.od.dictionary import MappedObject, Pdo
+from eurobot_od.od.pdos import MappedObject, Pdo
+from eurobot_od.od.values import Limits
 from eurobot_od.pdo import codec
 from eurobot_od.pdo.catalogue import Entry, field_name, first_free, made_type
 from eurobot_od.pdo.codec import Column, Unknown
-from eurobot_od.pdo.kinds import Kind, Limits, OutOfRange
+from eurobot_od.pdo.kinds import Kind, OutOfRange
 from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
 from eurobot_od.pdo.message import Message, kinds
 

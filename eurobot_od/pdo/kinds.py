@@ -11,12 +11,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-
-class Limits(NamedTuple):
-    """LowLimit and HighLimit of an object in the EDS, both inclusive."""
-
-    low: int
-    high: int
+from eurobot_od.od.values import Limits
 
 
 class OutOfRange(int):

@@ -6,15 +6,13 @@ mapped in slices, `X position [11:4]` and so on, at any places: some controllers
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
+from eurobot_od.od.values import SLICE
+
 MAX_BITS = 64
 """A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
-
-SLICE = re.compile(r"(?P<name>.+) \[(?P<high>\d+):(?P<low>\d+)\]$")
-"""ParameterName of a part of a value: `X position [11:4]` is its bits 11 down to 4."""
 
 
 class LayoutError(ValueError):

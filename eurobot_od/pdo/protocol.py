@@ -12,8 +12,10 @@ from typing import Any, TypeAlias
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary, Pdo, PdoDirection
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Entry, plain_name
 from eurobot_od.pdo.message import Message

@@ -6,14 +6,12 @@ Rule of this file: the only place that names a dialect or a folder. Adding a dia
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
 
-from eurobot_od.errors import DictionaryError, UnknownName
-from eurobot_od.od import outline_cache
+from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.folder import dictionaries as dictionaries_in
+from eurobot_od.od.folder import outlines as outlines_in
 from eurobot_od.od.outline import Outline
 
 DEFAULT = "canopen"
@@ -21,8 +19,6 @@ DEFAULT = "canopen"
 
 VARIABLE = "EUROBOT_OD_DIALECT"
 """Environment variable that names the dialect where a command line does not."""
-
-Loaded = TypeVar("Loaded", Dictionary, Outline)
 
 
 def eds_folder() -> Path:
@@ -65,20 +61,9 @@ def load_all(dialect: str | Path | None = None) -> tuple[Dictionary, ...]:
 
     Raises DictionaryError if two of them have one node-ID.
     """
-    return _each(Dictionary.load, dialect)
+    return dictionaries_in(folder(dialect))
 
 
 def outlines(dialect: str | Path | None = None) -> tuple[Outline, ...]:
-    """Return the outlines of the EDS files of all nodes of a dialect, ordered by node-ID; errors as `load_all`.
-
-    That is all that decoding needs, and comes from `outline_cache` if these files have been loaded before.
-    """
-    return _each(outline_cache.load, dialect)
-
-
-def _each(load: Callable[[Path], Loaded], dialect: str | Path | None) -> tuple[Loaded, ...]:
-    loaded = sorted(map(load, sorted(folder(dialect).glob("*.eds"))), key=lambda each: each.node_id)
-    for one, other in pairwise(loaded):
-        if one.node_id == other.node_id:
-            raise DictionaryError(other.file, None, f"node-ID {other.node_id} is taken by {one.file.name}")
-    return tuple(loaded)
+    """Return the outlines of the EDS files of all nodes of a dialect, ordered by node-ID; errors as `load_all`."""
+    return outlines_in(folder(dialect))

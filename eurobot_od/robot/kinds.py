@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from eurobot_od.pdo.kinds import KeyedForm, Kind, Limits, whole_number, words_of
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import KeyedForm, Kind, whole_number, words_of
 from eurobot_od.robot.values import BARRIER_NAMES, Barriers, GotoFault, Passage, barrier_number
 
 

@@ -12,7 +12,7 @@ from enum import IntEnum
 from math import inf
 from typing import ClassVar, NamedTuple, Protocol, TypeAlias
 
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import Abort, AbortCode
 
 LENGTH = 8

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import pytest
 
 from eurobot_od.check.sdo import OddAnswer, SdoAborted, download, upload
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, AbortCode
 

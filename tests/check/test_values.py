@@ -8,7 +8,8 @@ import pytest
 
 from eurobot_od.check.values import NotSaved, Scale, ValueProblem, expectation
 from eurobot_od.errors import UnknownName
-from eurobot_od.pdo.kinds import Choice, Kind, Limits, OutOfRange
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
 from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.values import Barriers, GotoFault, Passage, Source
 

@@ -12,8 +12,9 @@ from interop_rows.bench import new_channel as new_channel
 from interop_rows.bench import open_bus as open_bus
 from interop_rows.bench import robot as robot
 
-from eurobot_od.client.master import REQUEST_BASE, RESPONSE_BASE, Master
+from eurobot_od.client.master import Master
 from eurobot_od.od import dictionary
+from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.robot import dialects
 
 EDS = dialects.eds_folder() / "canopen"
@@ -44,9 +45,9 @@ def peer(answers: Callable[[bytes], list[bytes]], node_id: int = 2) -> Iterator[
     bus = open_bus(channel)
 
     def received(message: can.Message) -> None:
-        if message.arbitration_id == REQUEST_BASE + node_id:
+        if message.arbitration_id == SDO_REQUEST_BASE + node_id:
             for data in answers(bytes(message.data)):
-                bus.send(can.Message(arbitration_id=RESPONSE_BASE + node_id, data=data, is_extended_id=False))
+                bus.send(can.Message(arbitration_id=SDO_RESPONSE_BASE + node_id, data=data, is_extended_id=False))
 
     notifier = can.Notifier(bus, [received], timeout=0.01)
     try:

@@ -17,7 +17,7 @@ from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Address, Value
+from eurobot_od.od.values import Address, Value
 from eurobot_od.robot.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.client.pdo_order import Step, pdo_of, procedure_objects, steps
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 
 COB_ID = {(0x1403, 1): bytes.fromhex("08000000")}
 COUNT = {(0x1603, 0): b"\x02"}

@@ -7,7 +7,7 @@ from canopen.objectdictionary import ODVariable, datatypes
 
 from eurobot_od.client.objects import Object, decode, encode, find, find_one, integer_range, parse, written
 from eurobot_od.errors import FieldError, UnknownName
-from eurobot_od.od.dictionary import Value
+from eurobot_od.od.values import Value
 from eurobot_od.robot import dialects
 
 DRIVE = dialects.load("drive", "canopen")

@@ -12,10 +12,10 @@ import pytest
 from canopen import SdoAbortedError
 
 from eurobot_od.device.device import Device, Reaction
-from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.store import Store
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import NMT_COB_ID, Address
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.sdo.wire import AbortCode

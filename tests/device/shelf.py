@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import Abort, AbortCode
 
 NUMBER: Address = (0x2000, 1)

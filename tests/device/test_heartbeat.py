@@ -7,8 +7,9 @@ from math import inf
 import pytest
 
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NmtState, error_control
+from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import ERROR_CONTROL_BASE
 from tests.device.master import Wire, wired
 
 DRIVE = 2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from canopen import SdoAbortedError
 
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import wired
 

@@ -10,7 +10,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 from eurobot_od.robot.messages import CheckDriveResponse, GotoStateResponse, GotoXY, KalmanPositionResponse, StopDrive
 from eurobot_od.robot.values import Source
 from eurobot_od.sdo.wire import AbortCode

@@ -8,15 +8,13 @@ import pytest
 
 from eurobot_od.cli.diff import read_node
 from eurobot_od.errors import NoAnswer
-from eurobot_od.lint.diff import NO_DATA, NO_OBJECT, Reading, compare, compare_live, readable
-from eurobot_od.lint.files import read_device
-from eurobot_od.lint.model import Device
-from eurobot_od.lint.rules import load
+from eurobot_od.lint.diff import NO_DATA, NO_OBJECT, Reading, compare, compare_live, read_device, readable
+from eurobot_od.lint.model import LintedDevice, load
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
 from tests.lint.mutations import BASES, CLEAN
 
 
-def device(text: str, name: str = "a.eds") -> Device:
+def device(text: str, name: str = "a.eds") -> LintedDevice:
     return load(text.encode(), name)
 
 

@@ -12,8 +12,8 @@ import yaml
 from eurobot_od.cli.lint import read_network
 from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.findings import Severity
+from eurobot_od.lint.model import load
 from eurobot_od.lint.network import RULES, Member, Network, lint_network, nodes_of, overview
-from eurobot_od.lint.rules import load
 
 ROOT = Path(__file__).resolve().parents[2]
 NETWORK_FILE = ROOT / "eds/network.yaml"
@@ -195,11 +195,11 @@ MALFORMED = [
     ("", "line 1: expected `key: value` lines"),
     ("nodes: {}\n", "line 1: it names no nodes"),
     ("nodes:\n  core: {node_id: 1}\n", "a node without `file`"),
-    ("nodes: {core: {file: core.eds, node_id: 128}}", "'128' is no number from 1 to 127"),
+    ("nodes: {core: {file: core.eds, node_id: 128}}", "'128' is not a number from 1 to 127"),
     ("nodes: {core: {file: core.eds, colour: red}}", "unknown key 'colour'"),
     ("nodes: {core: {file: core.eds}}\nnodes: {}", "line 2: repeated key 'nodes'"),
     ("nodes: {core: {file: core.eds}}\nshared: x", "line 2: expected a list of names"),
-    ("nodes: [", "no readable YAML"),
+    ("nodes: [", "not readable YAML"),
     ("nodes: {core: {file: [a]}}", "expected one word or number"),
     ("nodes: {core: {file: none.eds}}", "No such file"),
 ]

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.lint.findings import Severity
-from eurobot_od.lint.rules import lint, load
+from eurobot_od.lint.model import load
+from eurobot_od.lint.rules import lint
 
 SAMPLES = Path(__file__).parent / "samples"
 

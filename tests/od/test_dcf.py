@@ -10,7 +10,8 @@ import pytest
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Address, Dictionary, Value
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 
 FILES = sorted(dialects.eds_folder().glob("*/*.eds"))

@@ -1,182 +1,147 @@
-"""Outlines say what the dictionaries say; what is kept of them counts only for the very same file."""
+"""An outline says what the dictionary says, without canopen; what is common practice is read as it was meant."""
 
 from __future__ import annotations
 
-import json
-import os
-import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.od import outline_cache
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.outline import SERVICES, Described, Outline
-from eurobot_od.robot import dialects
+from eurobot_od.od.outline import Described, Outline
+from eurobot_od.od.values import DATA_TYPES, UNSIGNED32, VISIBLE_STRING, Value
 
-EDS = sorted(dialects.eds_folder().glob("*/*.eds"))
+ROOT = Path(__file__).parents[2]
+OWN = sorted(ROOT.glob("eds/*/*.eds"))
+SAMPLES = sorted((ROOT / "tests" / "lint" / "samples").iterdir())
+DRIVE = ROOT / "eds" / "canopen" / "drive.eds"
+BROKEN = {"broken_by_hand.eds"}
+"""Samples that nobody can load."""
 
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder of what is kept, empty."""
-    monkeypatch.setenv(outline_cache.VARIABLE, str(tmp_path / "kept"))
-    return tmp_path / "kept"
-
-
-@pytest.fixture
-def eds(tmp_path: Path) -> Path:
-    file = tmp_path / "drive.eds"
-    file.write_bytes(Path(dialects.eds_folder(), "canopen", "drive.eds").read_bytes())
-    return file
+UNMAPPED = {"compact_drive.eds": 0x1600}
+"""Samples with a mapping that does not hold, and its index."""
 
 
-@pytest.fixture
-def read(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
-    """The files that canopen was asked to read."""
-    asked: list[Path] = []
-    load = Dictionary.load
-
-    def noted(file: Path) -> Dictionary:
-        asked.append(file)
-        return load(file)
-
-    monkeypatch.setattr(Dictionary, "load", noted)
-    return asked
-
-
-@pytest.mark.parametrize("file", EDS, ids=lambda file: f"{file.parent.name}-{file.stem}")
-def test_an_outline_says_what_the_dictionary_says(file: Path, folder: Path) -> None:
-    dictionary = Dictionary.load(file)
-    made, kept = outline_cache.load(file), outline_cache.load(file)
-    assert len(list(folder.iterdir())) == 1
-    for outline in (Outline.of(dictionary), made, kept):
-        assert (outline.file, outline.name, outline.node_id) == (file, dictionary.name, dictionary.node_id)
+@pytest.mark.parametrize("file", OWN + SAMPLES, ids=lambda file: f"{file.parent.name}-{file.name}")
+def test_outline_and_dictionary_agree(file: Path) -> None:
+    if file.name in BROKEN:
+        with pytest.raises(DictionaryError, match="not a readable EDS: line 25"):
+            Outline.load(file, 5)
+        return
+    outline, dictionary = Outline.load(file, 5), Dictionary.load(file, 5)
+    assert (outline.file, outline.name, outline.node_id) == (file, dictionary.name, dictionary.node_id)
+    assert set(outline.addresses()) == {a for a in dictionary.addresses() if dictionary.variable(a)}
+    for address in outline.addresses():
+        variable, described = dictionary.variable(address), outline.described(address)
+        assert variable is not None
+        assert described is not None
+        assert (described.name, described.type.code) == (variable.qualname, variable.data_type)
+        assert outline.default(address) == (variable.default if variable.value is None else variable.value)
+    if file.name in UNMAPPED:
+        for each in (outline, dictionary):
+            with pytest.raises(MappingError, match=f"0x{UNMAPPED[file.name]:04X}"):
+                _ = each.pdos
+    else:
         assert outline.pdos == dictionary.pdos
-        for entry in dictionary.objects.values():
-            for subindex, variable in getattr(entry, "subindices", {0: entry}).items():
-                described = outline.described((entry.index, subindex))
-                assert described is not None
-                assert described.name == variable.qualname
-                default = dictionary.default((entry.index, subindex)) if entry.index in SERVICES else None
-                assert outline.default((entry.index, subindex)) == (default if isinstance(default, int) else None)
 
 
 @pytest.mark.parametrize(
     ("address", "expected"),
     [
-        ((0x1018, 1), Described("Identity object.Vendor-ID", 4, False)),
-        ((0x1008, 0), Described("Manufacturer device name", 0, False)),  # text is no integer
+        ((0x1018, 1), Described("Identity object.Vendor-ID", UNSIGNED32)),
+        ((0x1008, 0), Described("Manufacturer device name", VISIBLE_STRING)),
         ((0x2000, 99), None),
         ((0x5FFF, 0), None),
     ],
 )
-def test_objects_are_described(address: tuple[int, int], expected: Described | None, eds: Path) -> None:
-    assert outline_cache.load(eds).described(address) == expected
+def test_objects_are_described(address: tuple[int, int], expected: Described | None) -> None:
+    assert Outline.load(DRIVE).described(address) == expected
 
 
-@pytest.mark.usefixtures("folder")
-def test_the_second_time_canopen_is_not_asked(eds: Path, read: list[Path]) -> None:
-    outline_cache.load(eds)
-    outline_cache.load(eds)
-    assert read == [eds]
+def test_an_outline_does_without_canopen() -> None:
+    code = (
+        f"import sys; from eurobot_od.od.outline import Outline; Outline.load({str(DRIVE)!r}).pdos; print(*sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert {"canopen", "can", "yaml", "logging"} & set(done.stdout.split()) == set()
 
 
-@pytest.mark.usefixtures("folder")
-def test_a_changed_file_is_read_anew(eds: Path, read: list[Path]) -> None:
-    before, times = outline_cache.load(eds), eds.stat()
-    eds.write_bytes(eds.read_bytes().replace(b"0x00000008", b"0x00000009"))
-    os.utime(eds, ns=(times.st_atime_ns, times.st_mtime_ns))  # same size, same time: only the content tells
-    after = outline_cache.load(eds)
-    assert read == [eds, eds]
-    assert {each.cob_id for each in before.pdos} ^ {each.cob_id for each in after.pdos} == {8, 9}
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    with pytest.raises(DictionaryError, match="No such file"):
+        Outline.load(tmp_path / "missing.eds")
+    (tmp_path / "empty.eds").touch()
+    with pytest.raises(DictionaryError, match="it describes no object"):
+        Outline.load(tmp_path / "empty.eds")
 
 
-SPOILT: tuple[Callable[[bytes], bytes], ...] = (
-    lambda content: content[:0],
-    lambda content: content[:100],  # cut off
-    lambda content: b"[1]\n" + content.partition(b"\n")[2],  # JSON of another kind
-    lambda content: b"\xff" + content,
-    lambda content: content.replace(b"[[", b"[[1", 1),  # another version of the reader
-    lambda content: content.replace(b'"node_id"', b'"node"'),
-)
+def test_a_mapping_that_does_not_hold_is_told(spoil_eds: Callable[..., Path]) -> None:
+    broken = spoil_eds(("drive", "1600sub0", "DefaultValue", None)) / "drive.eds"
+    with pytest.raises(MappingError):
+        _ = Outline.load(broken).pdos
 
 
-@pytest.mark.parametrize("spoil", SPOILT)
-def test_a_spoilt_entry_is_as_good_as_none(
-    eds: Path, folder: Path, read: list[Path], spoil: Callable[[bytes], bytes]
-) -> None:
-    expected = outline_cache.load(eds).pdos
-    (entry,) = folder.iterdir()
-    entry.write_bytes(spoil(entry.read_bytes()))
-    assert outline_cache.load(eds).pdos == expected
-    assert outline_cache.load(eds).pdos == expected
-    assert read == [eds, eds]
+def variable(**entries: str) -> bytes:
+    """Describe 0x2000 by entries added to a mandatory few, of which they replace some."""
+    lines = {"ParameterName": "Value", "DataType": "0x0003", "AccessType": "rw"} | entries
+    return "\n".join(["[2000]", *(f"{key}={value}" for key, value in lines.items())]).encode()
 
 
-@pytest.mark.parametrize("variable", ["", "a file"])
-def test_without_a_folder_nothing_is_kept(
-    eds: Path, read: list[Path], variable: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "a file").touch()
-    monkeypatch.setenv(outline_cache.VARIABLE, variable and str(tmp_path / variable))
-    assert outline_cache.load(eds).pdos == outline_cache.load(eds).pdos
-    assert read == [eds, eds]
+VALUES: list[tuple[bytes, Value]] = [
+    # INTEGER16
+    (variable(DefaultValue="-5"), -5),
+    (variable(DefaultValue="0xFFFB"), -5),  # its bits, as many editors write it
+    (variable(DefaultValue="010"), 8),  # octal
+    (variable(DefaultValue="0x10 ; sixteen"), 16),
+    (variable(defaultvalue="3"), 3),  # any letter case
+    (variable(DefaultValue="3", ParameterValue="4"), 4),
+    (variable(DefaultValue="3", ParameterValue=""), 3),
+    (variable(DefaultValue="three"), None),
+    (variable(), None),
+    (variable(DataType="0x07", DefaultValue="$NODEID+0x180"), 0x185),
+    (variable(DataType="0x07", DefaultValue="0x180+$NODEID"), 0x185),
+    (variable(DataType="0x07", DefaultValue="$nodeid"), 5),
+    (variable(DataType="0x08", DefaultValue="1.5"), 1.5),
+    (variable(DataType="0x09", DefaultValue="a = b"), "a = b"),
+    (variable(DataType="0x0A", DefaultValue="01 AB"), b"\x01\xab"),
+    (variable(DataType="0x0A", DefaultValue="words"), None),
+    (variable(ObjectType="2", DataType=""), None),  # a DOMAIN needs no data type
+    (b"\xef\xbb\xbf" + variable(DefaultValue="1"), 1),  # a byte order mark
+    (variable(DefaultValue="1") + b"\n[2000]\nDefaultValue=2\n", 1),  # of a section given twice the first
+    (variable(ParameterName="M\u00f6tor", DefaultValue="1"), 1),
+]
+
+
+@pytest.mark.parametrize(("data", "value"), VALUES)
+def test_a_value_is_read_as_it_was_meant(data: bytes, value: Value) -> None:
+    for kind in (Outline, Dictionary):
+        assert kind.read(data, Path("a.eds"), 5).default((0x2000, 0)) == value
 
 
 @pytest.mark.parametrize(
-    ("environment", "expected"),
+    ("encoding", "name"), [("utf-8", "M\u00f6tor"), ("latin-1", "M\u00f6tor"), ("utf-16", "Motor")]
+)
+def test_names_are_read_in_the_encodings_of_editors(encoding: str, name: str) -> None:
+    data = variable(ParameterName=name).decode().encode(encoding)
+    assert Outline.read(data, Path("a.eds"), 5).address(name) == (0x2000, 0)
+
+
+def test_an_enumeration_of_canfestival_has_its_basic_type() -> None:
+    data = variable(DataType="0x00A0") + b"\n[A0]\n[A0sub1]\nDefaultValue=0x05\n"
+    described = Outline.read(data, Path("a.eds"), 5).described((0x2000, 0))
+    assert described == Described("Value", DATA_TYPES[0x05])
+
+
+@pytest.mark.parametrize(
+    ("data", "node_id"),
     [
-        ({"XDG_CACHE_HOME": "/somewhere"}, "/somewhere/eurobot-od"),
-        ({"XDG_CACHE_HOME": "relative"}, None),  # the XDG specification: to be ignored
-        ({"XDG_CACHE_HOME": "/a", outline_cache.VARIABLE: "/b"}, "/b"),
-        ({outline_cache.VARIABLE: ""}, None),
+        (variable(ParameterName="Node-ID", DefaultValue="7"), 7),
+        (variable(ParameterName="Node-ID", DefaultValue="7") + b"\n[DeviceComissioning]\nNodeID=0x09\n", 9),
+        (variable() + b"\n[DeviceCommissioning]\nNodeID=9\n", 9),
     ],
 )
-def test_the_folder(environment: dict[str, str], expected: str | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(outline_cache.VARIABLE)
-    for name, value in environment.items():
-        monkeypatch.setenv(name, value)
-    assert outline_cache.folder() == (expected and Path(expected))
-
-
-def test_files_that_cannot_be_read(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(DictionaryError):
-        outline_cache.load(tmp_path / "missing.eds")
-    empty = tmp_path / "empty.eds"
-    empty.touch()
-    with pytest.raises(DictionaryError):
-        outline_cache.load(empty)
-    assert not folder.exists()
-
-
-def test_a_mapping_that_does_not_hold_is_not_kept(spoil_eds: Callable[..., Path], folder: Path) -> None:
-    broken = spoil_eds(("drive", "1600sub0", "DefaultValue", None)) / "drive.eds"
-    for _ in range(2):
-        with pytest.raises(MappingError):
-            outline_cache.load(broken)
-    assert not folder.exists()
-
-
-def test_the_whole_dictionary_is_loaded_on_demand(eds: Path, read: list[Path]) -> None:
-    outline = Outline.of(Dictionary.load(eds))
-    assert outline.dictionary.objects[0x1018].name == "Identity object"
-    assert read == [eds]
-
-
-def test_what_is_kept_is_json_and_the_file(eds: Path, folder: Path) -> None:
-    outline_cache.load(eds)
-    (entry,) = folder.iterdir()
-    _, outline, objects, content = entry.read_bytes().split(b"\n", 3)
-    assert json.loads(outline)["node_id"] == 2
-    assert json.loads(objects)["1018:1"] == ["Identity object.Vendor-ID", 4, False]
-    assert content == eds.read_bytes()
-
-
-def test_objects_are_described_after_the_entry_is_gone(eds: Path, folder: Path) -> None:
-    outline_cache.load(eds)
-    kept = outline_cache.load(eds)
-    shutil.rmtree(folder)
-    assert kept.described((0x1018, 1)) == Described("Identity object.Vendor-ID", 4, False)
+def test_the_file_may_name_the_node_id(data: bytes, node_id: int) -> None:
+    assert Outline.read(data, Path("a.eds")).node_id == node_id
+    assert Outline.read(data, Path("a.eds"), 5).node_id == 5

@@ -7,9 +7,10 @@ from typing import Annotated, NamedTuple
 import pytest
 
 from eurobot_od.errors import MappingError
-from eurobot_od.od.dictionary import MappedObject, Pdo, PdoDirection
+from eurobot_od.od.pdos import MappedObject, Pdo
+from eurobot_od.od.values import Limits, PdoDirection
 from eurobot_od.pdo.catalogue import Catalogue, field_name, first_free, made_type
-from eurobot_od.pdo.kinds import Kind, Limits
+from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 

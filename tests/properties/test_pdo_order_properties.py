@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from eurobot_od.client.configure import Change, Plan
 from eurobot_od.client.objects import Object
 from eurobot_od.client.pdo_order import Step, pdo_of, procedure_objects, steps
-from eurobot_od.od.dictionary import MAPPING_OFFSET, NOT_VALID, Address
+from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address
 from eurobot_od.robot import dialects
 
 PDOS = (0x1400, 0x1401, 0x1800)

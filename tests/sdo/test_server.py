@@ -7,7 +7,7 @@ from math import inf
 
 import pytest
 
-from eurobot_od.od.dictionary import Address
+from eurobot_od.od.values import Address
 from eurobot_od.sdo.server import TIMEOUT, SdoServer
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.shelf import NUMBER, TEXT, Shelf

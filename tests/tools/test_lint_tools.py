@@ -7,7 +7,8 @@ import lint_mutants
 import pytest
 from bench.eds import make_eds
 
-from eurobot_od.lint.rules import lint, load
+from eurobot_od.lint.model import load
+from eurobot_od.lint.rules import lint
 
 INPUTS = range(1200)
 

@@ -15,7 +15,8 @@ from typing import IO, Any
 
 import can
 
-from eurobot_od.od.dictionary import Dictionary, PdoDirection
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import PdoDirection
 from eurobot_od.robot import dialects
 from interop_rows.bench import PATIENCE, open_bus, robot
 from interop_rows.row import Answer, Differs, agree

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand, NmtState, error_control
+from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
     Change,

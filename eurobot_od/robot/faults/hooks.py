@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT
-from eurobot_od.device.nmt import ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.device.node import Node
 from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -36,9 +36,6 @@ Which: TypeAlias = type[Message] | Service
 React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
 """What a node does with a message: the node, the message, and the healthy reaction to call or not."""
 
-COB_ID_BITS = 0x7FF
-"""Bits of an entry such as 0x1014 that are the COB-ID."""
-
 UNREADABLE = (FrameLengthError, FieldError)
 """What a frame with a wrong length, or a message with a value out of range, raises: such a frame stays as it is."""
 
@@ -50,17 +47,17 @@ def heartbeat(node: Node) -> int:
 
 def emcy(node: Node) -> int:
     """Emergency messages."""
-    return node.device.number(EMCY_COB_ID) & COB_ID_BITS
+    return node.device.number(EMCY_COB_ID) & BASE_IDENTIFIER
 
 
 def sdo_answer(node: Node) -> int:
     """Answers of the SDO server."""
-    return node.device.number(SDO_TRANSMIT) & COB_ID_BITS
+    return node.device.number(SDO_TRANSMIT) & BASE_IDENTIFIER
 
 
 def sdo_request(node: Node) -> int:
     """Requests to the SDO server."""
-    return node.device.number(SDO_RECEIVE) & COB_ID_BITS
+    return node.device.number(SDO_RECEIVE) & BASE_IDENTIFIER
 
 
 def nmt(_node: Node) -> int:

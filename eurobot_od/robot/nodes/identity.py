@@ -12,7 +12,8 @@ from typing import NamedTuple
 from eurobot_od.device.device import Device
 from eurobot_od.errors import DictionaryError, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Address, Dictionary
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 from eurobot_od.sdo.server import EXPEDITED, Client, Request, Server
 

@@ -6,9 +6,10 @@ import re
 
 import pytest
 
-from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects, faults
 from eurobot_od.robot.faults import hooks

@@ -17,7 +17,7 @@ from eurobot_od.client.scan import scan
 from eurobot_od.frame import Frame
 from eurobot_od.live import Live, Watch
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Address, PdoDirection, Value
+from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import Event, EventKind, Options, stage
 from eurobot_od.robot.match.play import Player

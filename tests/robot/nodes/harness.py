@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Coroutine
 from typing import Any, NamedTuple, TypeVar
 
-from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.station import Station
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import Pose

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects

@@ -28,7 +28,7 @@ from eurobot_od.client.pdo_order import Step, pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import NODE_ID, Address
+from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 
@@ -61,7 +61,12 @@ def other_values(description: Description) -> Iterator[tuple[Address, int]]:
     """Give another value to every parameter that can have any; PDOs another transmission type."""
     for thing in parameters(description.dictionary):
         value = description.dictionary.default(thing.address)
-        if thing.address == NODE_ID or thing.address[0] in SAME or thing.variable is None or not isinstance(value, int):
+        if (
+            thing.address == description.dictionary.node_id_address
+            or thing.address[0] in SAME
+            or thing.variable is None
+            or not isinstance(value, int)
+        ):
             continue
         if pdo_of(thing.address) is None:
             low, high = integer_range(thing.variable)

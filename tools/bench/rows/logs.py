@@ -30,9 +30,6 @@ OUR_FIELDS, PEER_FIELDS = re.compile(r"(\w+)=([^,\s]*)"), re.compile(r"(\w+): ([
 UNKNOWN = ":: Unknown frame id"
 """What cantools says of CANopen's own services."""
 
-COLD = {"EUROBOT_OD_CACHE": ""}
-"""Keeps nothing of the EDS files from one run to the next."""
-
 Traffic = Callable[[int], Iterable[Timed]]
 
 
@@ -69,10 +66,10 @@ def agree(ours: str, peer: str) -> bool:
 # What is run
 
 
-def decoded(log: Path, peer: Path, count: int, variables: Mapping[str, str]) -> Figures:
+def decoded(log: Path, peer: Path, count: int) -> Figures:
     """Run ours, and compare its output with the peer's, which has run before."""
     output = log.with_suffix(".ours")
-    figures = run([*OURS, "decode", log], target=output, variables=variables)
+    figures = run([*OURS, "decode", log], target=output)
     compare(output, peer, count)
     return figures
 
@@ -86,8 +83,7 @@ def candump(traffic: Traffic, full: int, scale: Scale) -> Iterator[Mapping[str, 
         write_candump(log, traffic(count))
         yield {
             "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log, peer),
-            "ours": partial(decoded, log, peer, count, {}),
-            "ours, cold": partial(decoded, log, peer, count, COLD),
+            "ours": partial(decoded, log, peer, count),
         }
 
 
@@ -135,7 +131,7 @@ def other_format(suffix: str, scale: Scale) -> Iterator[Mapping[str, Contender]]
         write_log(log, WRITERS[suffix], random_traffic(count))
         yield {
             "peer": partial(run, [PYTHON, PROGRAMS / "peer_decode.py", log, dbc], target=peer),
-            "ours": partial(decoded, log, peer, count, {}),
+            "ours": partial(decoded, log, peer, count),
         }
 
 
@@ -165,7 +161,6 @@ SERIES = (
         "decode 1000 lines",
         1000,
         Claim("decode 1000 lines: cantools decode", "ours", "cantools", Way.RATIO, 1.0),
-        Claim("decode 1000 lines, EDS read anew: cantools", "ours, cold", "cantools", Way.RATIO),
     ),
     _candump(
         "decode 100 000 lines",

@@ -1,0 +1,260 @@
+"""The object dictionary a document describes: objects, their sub-indices, and the entries that say something of them.
+
+Rule of this file: asking never raises and never guesses. What is missing or malformed is None or an empty text, so that
+lint can look at any file; `outline` decides what a file must have to be used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import Enum
+from functools import cached_property
+from typing import NamedTuple
+
+from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.values import (
+    DATA_TYPES,
+    DIGITS,
+    MANUFACTURER,
+    MOST_SUBS,
+    NODE_ID_NAMES,
+    WRITABLE,
+    Number,
+    parse_number,
+)
+
+COMMISSIONING = "DeviceComissioning"
+"""The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
+
+OBJECT_LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
+"""The sections that list the objects of a file (CiA 306-1, 4.6.1)."""
+
+
+class ObjectCode(Enum):
+    """What an object is (CiA 301, object codes)."""
+
+    NULL = 0x0
+    DOMAIN = 0x2
+    DEFTYPE = 0x5
+    DEFSTRUCT = 0x6
+    VAR = 0x7
+    ARRAY = 0x8
+    RECORD = 0x9
+
+
+COMPOSED = (ObjectCode.DEFSTRUCT, ObjectCode.ARRAY, ObjectCode.RECORD)
+"""Objects with sub-indices."""
+
+_CODES = {each.value: each for each in ObjectCode}
+
+
+class SectionName(NamedTuple):
+    """What the name of an object's section says: index, sub-index (-1 without one) and list (`name`, `value`, ``)."""
+
+    object_index: int
+    sub: int = -1
+    list: str = ""
+
+
+COMPACT_LISTS = ("name", "value", "denotation")
+"""Sections `[xxxxName]` and their like, which give a compact object's sub-indices their own texts and values."""
+
+
+def parse_section_name(name: str) -> SectionName | None:
+    """Read the name of an object's section: `1018`, `1018sub1`, `2000Name`; None if it is not one."""
+    head, tail = name[:4], name[4:].lower()
+    if len(head) != 4 or head.strip(DIGITS[16]):
+        return None
+    if tail in COMPACT_LISTS:
+        return SectionName(int(head, 16), list=tail)
+    sub = tail.removeprefix("sub")
+    if not tail:
+        return SectionName(int(head, 16))
+    if sub == tail or not 1 <= len(sub) <= 2 or sub.strip(DIGITS[16]) or (sub[0] == "0" and sub != "0"):
+        return None
+    return SectionName(int(head, 16), int(sub, 16))
+
+
+class DescribedVariable:
+    """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it.
+
+    `type` is its basic data type (None: missing, unknown or not a basic one), `access` its AccessType in lower case,
+    `value_entry` the entry with its value, the ParameterValue (DCF) or else the DefaultValue, `value` that as a number.
+    """
+
+    def __init__(self, index: int, sub: int, section: Section) -> None:
+        self.index, self.sub, self.section = index, sub, section
+        entries = section.entries
+        code = parse_number(section.text("datatype"))
+        self.type = DATA_TYPES.get(code.value) if code else None
+        self.access = section.text("accesstype").lower()
+        self.value_entry = entries.get("parametervalue") or entries.get("defaultvalue")
+        self.value = parse_number(self.value_entry.value) if self.value_entry else None
+        self.is_mappable = parse_number(section.text("pdomapping")) == (1, False)
+        self.is_writable = self.access in WRITABLE
+
+    @property
+    def name(self) -> str:
+        """Return its ParameterName."""
+        return self.section.text("parametername")
+
+    def number(self, key: str) -> Number | None:
+        """Return the number a key (in lower case) has; None without one."""
+        return parse_number(self.section.text(key))
+
+    @property
+    def where(self) -> str:
+        """Name it: 0x1018 sub 1."""
+        return f"0x{self.index:04X} sub {self.sub}"
+
+    @property
+    def place(self) -> Entry | Section:
+        """Return where its value stands, or else its section."""
+        return self.value_entry or self.section
+
+
+class DescribedObject:
+    """An object: its section (None if only sub-indices are described), its sub-indices, its lists."""
+
+    def __init__(
+        self, index: int, section: Section | None, subs: dict[int, DescribedVariable], lists: dict[str, Section]
+    ) -> None:
+        self.index, self.section, self.subs, self.lists = index, section, subs, lists
+        # a VAR and a DOMAIN are their own and only variable
+        if section and not subs and self.code not in COMPOSED and not self.compact:
+            self.subs = {0: DescribedVariable(index, 0, section)}
+
+    @property
+    def name(self) -> str:
+        """Return its ParameterName."""
+        return self.section.text("parametername") if self.section else ""
+
+    @cached_property
+    def code(self) -> ObjectCode | None:
+        """Return its object code, VAR if it says none; None for an unknown one."""
+        if self.section is None:
+            return None
+        text = self.section.text("objecttype")
+        number = parse_number(text) if text else Number(ObjectCode.VAR.value)
+        return _CODES.get(number.value) if number else None
+
+    @cached_property
+    def compact(self) -> int:
+        """Return how many sub-indices CompactSubObj describes at once, 0 for none, never more than there can be."""
+        count = parse_number(self.section.text("compactsubobj")) if self.section else None
+        return max(0, min(count.value, MOST_SUBS)) if count else 0
+
+    @property
+    def place(self) -> Section:
+        """Return the section to point at: its own, or else the first of its sub-indices or lists."""
+        return self.section or next(iter([*(each.section for each in self.subs.values()), *self.lists.values()]))
+
+    @cached_property
+    def is_writable(self) -> bool:
+        """Whether an SDO may write any of its sub-indices but 0."""
+        if self.compact and self.section:
+            return DescribedVariable(self.index, 1, self.section).is_writable
+        return any(each.is_writable for sub, each in self.subs.items() if sub)
+
+    def variable(self, sub: int) -> DescribedVariable | None:
+        """Return the variable at a sub-index, also one that CompactSubObj describes; None if there is none."""
+        found = self.subs.get(sub)
+        if found or self.section is None or not self.compact or sub > self.compact:
+            return found
+        return DescribedVariable(self.index, sub, self._written_out(sub, self.section))
+
+    def variables(self) -> Iterator[DescribedVariable]:
+        """Give all variables, compact ones written out."""
+        for sub in sorted({*self.subs, *range(self.compact + 1 if self.compact else 0)}):
+            variable = self.variable(sub)
+            if variable:
+                yield variable
+
+    def _written_out(self, sub: int, template: Section) -> Section:
+        """Describe a compact sub-index by the entries it would have if it were written out (CiA 306-1, 4.6.3.2)."""
+        if sub == 0:
+            count = template.entries["compactsubobj"]
+            zero = {key: count._replace(key=key, value=text) for key, text in _COMPACT_ZERO.items()}
+            return template._replace(entries={**zero, "defaultvalue": count})
+        entries = {key: each for key, each in template.entries.items() if key not in _COMPACT_ONLY}
+        for list_name, key in (("value", "parametervalue"), ("name", "parametername")):
+            own = self.lists[list_name].entries.get(str(sub)) if list_name in self.lists else None
+            if own:
+                entries[key] = own
+        return template._replace(entries=entries)
+
+
+_COMPACT_ONLY = ("compactsubobj", "objecttype", "subnumber")
+_COMPACT_ZERO = {"parametername": "NrOfObjects", "datatype": "0x0005", "accesstype": "ro"}
+
+
+class DescribedDevice:
+    """The device that a document describes."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+
+    def section(self, name: str) -> Section | None:
+        """Return a section by its name in lower case."""
+        return self.document.sections.get(name)
+
+    @cached_property
+    def commissioning(self) -> Section | None:
+        """Return [DeviceComissioning], in the standard's spelling or in the dictionary's."""
+        return self.section(COMMISSIONING.lower()) or self.section("devicecommissioning")
+
+    @cached_property
+    def _named_sections(self) -> list[tuple[SectionName | None, Section]]:
+        return [(parse_section_name(each.name.strip()), each) for each in self.document.sections.values()]
+
+    @cached_property
+    def object_sections(self) -> list[tuple[SectionName, Section]]:
+        """All sections of objects, in the file's order."""
+        return [(name, each) for name, each in self._named_sections if name]
+
+    @cached_property
+    def other_sections(self) -> list[Section]:
+        """All sections that are not an object's, in the file's order."""
+        return [each for name, each in self._named_sections if name is None]
+
+    @cached_property
+    def objects(self) -> dict[int, DescribedObject]:
+        """All objects by index; one that has no section of its own, but sub-indices, too."""
+        heads: dict[int, Section] = {}
+        subs: dict[int, dict[int, DescribedVariable]] = {}
+        lists: dict[int, dict[str, Section]] = {}
+        for (index, sub, list_name), section in self.object_sections:
+            subs.setdefault(index, {})
+            if list_name:
+                lists.setdefault(index, {})[list_name] = section
+            elif sub >= 0:
+                subs[index][sub] = DescribedVariable(index, sub, section)
+            else:
+                heads[index] = section
+        return {index: DescribedObject(index, heads.get(index), subs[index], lists.get(index, {})) for index in subs}
+
+    def variable(self, index: int, sub: int = 0) -> DescribedVariable | None:
+        """Return the variable at an index and sub-index; None if there is none."""
+        found = self.objects.get(index)
+        return found.variable(sub) if found else None
+
+    def value(self, index: int, sub: int = 0) -> Number | None:
+        """Return the value a variable has in the file."""
+        variable = self.variable(index, sub)
+        return variable.value if variable else None
+
+    @cached_property
+    def commissioned_node_id(self) -> Number | None:
+        """Return the NodeID that a DCF gives to the device, in the range of node-IDs or not."""
+        return parse_number(self.commissioning.text("nodeid")) if self.commissioning else None
+
+    @cached_property
+    def own_node_id(self) -> DescribedVariable | None:
+        """Return the manufacturer-specific setting that holds the device's own node-ID, by its name; None without."""
+        variables = (
+            variable
+            for index in sorted(self.objects)
+            if index in MANUFACTURER
+            for variable in self.objects[index].subs.values()
+        )
+        return next((each for each in variables if each.name.lower() in NODE_ID_NAMES), None)

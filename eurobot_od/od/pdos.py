@@ -1,0 +1,55 @@
+"""PDOs as an object dictionary describes them: communication parameters and what is mapped (CiA 301, 7.5.2.35)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from eurobot_od.od.values import DUMMIES, MAPPING_OFFSET, Address, Limits, PdoDirection
+
+PADDING = "Padding"
+"""ParameterName, with or without a number after it, of a mapped object that fills bits nobody uses."""
+
+
+class MappedObject(NamedTuple):
+    """One entry of a mapping: the object, its mapped length in bits, its ParameterName and its limits."""
+
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    subindex: int
+    bits: int
+    name: str
+    limits: Limits
+
+    @property
+    def is_padding(self) -> bool:
+        """Whether these bits carry nothing."""
+        return self.index in DUMMIES or self.name.startswith(PADDING)
+
+
+class Pdo(NamedTuple):
+    """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping."""
+
+    direction: PdoDirection
+    index: int  # type: ignore[assignment]  # as above
+    name: str
+    cob_id: int
+    valid: bool
+    transmission_type: int
+    mapping: tuple[MappedObject, ...]
+
+    @property
+    def mapping_index(self) -> int:
+        """Index of the mapping record."""
+        return self.index + MAPPING_OFFSET
+
+    @property
+    def number(self) -> int:
+        """Number of the PDO in its direction, from 1 (CiA 301: TPDO 1 has its records at 0x1800 and 0x1A00)."""
+        return self.index - self.direction.value + 1
+
+
+class Part(NamedTuple):
+    """What a slice is: `bits` bits of the object at `whole`, from its bit `low` on."""
+
+    whole: Address
+    low: int
+    bits: int

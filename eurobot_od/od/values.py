@@ -1,0 +1,260 @@
+"""What CiA 301 and 306 fix for every object dictionary: numbers, data types, access, COB-IDs, PDO numbering.
+
+Rule of this file: the only copy in the package. Whoever needs one of these bits, ranges or indices imports it.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from enum import Enum
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias
+
+Address: TypeAlias = tuple[int, int]
+"""Index and sub-index of an object."""
+
+Value: TypeAlias = "int | float | str | bytes | None"
+"""What an object may hold; None is no value at all."""
+
+NODE_IDS = range(1, 128)
+"""The node-IDs there are (CiA 301, 7.3.3); a value with `$NODEID` has to hold for all of them."""
+
+
+class Limits(NamedTuple):
+    """LowLimit and HighLimit of an object in the EDS, both inclusive."""
+
+    low: int
+    high: int
+
+
+# Numbers, as a file writes them
+
+NODE_ID = "$NODEID"
+"""Stands in a file for the node-ID, which is to be added to a number."""
+
+DIGITS = {8: "01234567", 10: "0123456789", 16: "0123456789ABCDEFabcdef"}
+"""The digits of each base."""
+
+LONGEST_NUMBER = 100
+"""More digits than any type has. What is longer is not a number, so that nobody has to convert a megabyte of digits."""
+
+
+class Number(NamedTuple):
+    """A number of a file: its value, and whether the node-ID is to be added."""
+
+    value: int
+    relative: bool = False
+
+    def at(self, node_id: int) -> int:
+        """Return the value for a node-ID."""
+        return self.value + node_id if self.relative else self.value
+
+
+@lru_cache(maxsize=4096)
+def parse_number(text: str) -> Number | None:
+    """Read a number as CiA 306 writes it: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either."""
+    upper = text.strip().upper()
+    if not upper.startswith(NODE_ID):
+        value = _integer(upper)
+        return None if value is None else Number(value)
+    plus, rest = upper[len(NODE_ID) :].strip()[:1], upper[len(NODE_ID) :].strip()[1:].strip()
+    offset = 0 if not plus else _integer(rest) if plus == "+" and rest[:1] != "-" else None
+    return None if offset is None else Number(offset, relative=True)
+
+
+def _integer(text: str) -> int | None:
+    """Read a whole number; its digits are looked at first, because int() takes blanks, underscores and more signs."""
+    digits = text.removeprefix("-")
+    base = 16 if digits.startswith("0X") else 8 if digits.startswith("0") else 10
+    digits = digits.removeprefix("0X")
+    if not digits or digits.strip(DIGITS[base]) or len(digits) > LONGEST_NUMBER:
+        return None
+    return -int(digits, base) if text.startswith("-") else int(digits, base)
+
+
+# Data types and access
+
+
+class DataType(NamedTuple):
+    """A data type: its code, name, bits (0: no fixed length), and the lowest and highest value of an integer."""
+
+    code: int
+    name: str
+    bits: int
+    low: int = 0
+    high: int = -1
+
+    @property
+    def is_integer(self) -> bool:
+        """Whether values are whole numbers."""
+        return self.low <= self.high
+
+    @property
+    def is_signed(self) -> bool:
+        """Whether values may be negative."""
+        return self.low < 0
+
+    @property
+    def size(self) -> int:
+        """Bytes of a value in an SDO, 0 if they vary."""
+        return (self.bits + 7) // 8
+
+    def read(self, data: bytes) -> Value:
+        """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have."""
+        if self.size not in (0, len(data)):
+            raise ValueError(f"{len(data)} bytes are not {self.name}")
+        if self.bits == 1:
+            return data != b"\0"
+        if self.is_integer:
+            return int.from_bytes(data, "little", signed=self.is_signed)
+        if self.code in _REAL_FORMATS:
+            number: float = struct.unpack(_REAL_FORMATS[self.code], data)[0]
+            return number
+        encoding = _TEXT_ENCODINGS.get(self.code)
+        return data.decode(encoding, "ignore").rstrip("\0") if encoding else data
+
+
+_REAL_FORMATS = {0x08: "<f", 0x11: "<d"}
+_TEXT_ENCODINGS = {0x09: "ascii", 0x0B: "utf-16-le"}
+
+
+def _integers(bits_of: dict[int, int], name: str) -> list[DataType]:
+    signed = name == "INTEGER"
+    return [
+        DataType(code, f"{name}{bits}", bits, -(1 << bits - 1) if signed else 0, (1 << bits - signed) - 1)
+        for code, bits in bits_of.items()
+    ]
+
+
+BOOLEAN = DataType(0x01, "BOOLEAN", 1, 0, 1)
+REAL32, REAL64 = DataType(0x08, "REAL32", 32), DataType(0x11, "REAL64", 64)
+VISIBLE_STRING, OCTET_STRING = DataType(0x09, "VISIBLE_STRING", 0), DataType(0x0A, "OCTET_STRING", 0)
+UNICODE_STRING, DOMAIN = DataType(0x0B, "UNICODE_STRING", 0), DataType(0x0F, "DOMAIN", 0)
+
+DATA_TYPES: dict[int, DataType] = {
+    each.code: each
+    for each in (
+        *(BOOLEAN, REAL32, REAL64, VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN),
+        *(DataType(0x0C, "TIME_OF_DAY", 48), DataType(0x0D, "TIME_DIFFERENCE", 48)),
+        *_integers({0x02: 8, 0x03: 16, 0x04: 32, 0x10: 24, 0x12: 40, 0x13: 48, 0x14: 56, 0x15: 64}, "INTEGER"),
+        *_integers({0x05: 8, 0x06: 16, 0x07: 32, 0x16: 24, 0x18: 40, 0x19: 48, 0x1A: 56, 0x1B: 64}, "UNSIGNED"),
+    )
+}
+"""The basic data types by code (CiA 301, Table 44)."""
+
+UNSIGNED8, UNSIGNED16, UNSIGNED32 = DATA_TYPES[0x05], DATA_TYPES[0x06], DATA_TYPES[0x07]
+REALS = (REAL32, REAL64)
+
+ACCESS_TYPES = ("ro", "wo", "rw", "rwr", "rww", "const")
+"""AccessTypes of an EDS (CiA 306-1, 4.6.3.2); rwr and rww are rw, mappable into TPDOs, or into RPDOs."""
+
+WRITABLE = ("rw", "wo", "rwr", "rww")
+"""Access types that let an SDO write."""
+
+DUMMIES = range(0x0001, 0x0008)
+"""Data types 1 to 7 stand for bits to be skipped when they are mapped (CiA 301, 7.4.8.2; RPDO only)."""
+
+MOST_SUBS = 254
+"""Highest sub-index of data (CiA 301: 0xFF is the object's structure)."""
+
+MANUFACTURER = range(0x2000, 0x6000)
+"""Indices of manufacturer-specific objects (CiA 301, 7.4.1)."""
+
+NODE_ID_NAMES = ("node-id", "node id", "nodeid", "node_id")
+"""ParameterNames, in lower case, of a manufacturer-specific object that holds the device's own node-ID."""
+
+# PDOs
+
+
+class PdoDirection(Enum):
+    """RPDO or TPDO, seen from the device; the value is the index of its first communication record (CiA 301)."""
+
+    RPDO = 0x1400
+    TPDO = 0x1800
+
+
+MAPPING_OFFSET = 0x200
+"""From a PDO's communication record to its mapping record (CiA 301, 7.5.2.35)."""
+
+PDO_COUNT = 0x200
+"""How many RPDOs, or TPDOs, a device may have (CiA 301)."""
+
+MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
+"""Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
+
+SLICE = re.compile(r"(?P<name>.+) \[(?P<high>\d+):(?P<low>\d+)\]$")
+"""ParameterName of a part of a value: `X position [11:4]` is its bits 11 down to 4."""
+
+# COB-IDs
+
+NOT_VALID, NO_RTR, EXTENDED = 1 << 31, 1 << 30, 1 << 29
+"""Bits of a COB-ID entry: the service is off, no remote frames, a 29-bit identifier (CiA 301, Tables 67 and 71)."""
+
+BASE_IDENTIFIER = 0x7FF
+"""Bits of a COB-ID entry that hold an 11-bit identifier."""
+
+NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID = 0x000, 0x080, 0x100
+"""Broadcast services of the pre-defined connection set (CiA 301, 7.3.3)."""
+
+EMCY_BASE, SDO_RESPONSE_BASE, SDO_REQUEST_BASE, ERROR_CONTROL_BASE = 0x080, 0x580, 0x600, 0x700
+"""COB-IDs of a node's services in the pre-defined connection set are these plus the node-ID (CiA 301, 7.3.3)."""
+
+LSS_COB_IDS = (0x7E4, 0x7E5)
+"""Identifiers of the layer setting services, answer and request (CiA 305)."""
+
+DEFAULT_PDO_BASES = {PdoDirection.TPDO: range(0x180, 0x580, 0x100), PdoDirection.RPDO: range(0x200, 0x600, 0x100)}
+"""COB-IDs of a node's first four PDOs in the pre-defined connection set are these plus the node-ID."""
+
+
+class IdentifierRange(NamedTuple):
+    """A range of identifiers, both ends included, and whose it is."""
+
+    low: int
+    high: int
+    owner: str
+    is_per_node: bool = False
+
+    def whose(self, identifier: int) -> str:
+        """Say whose an identifier of the range is: SYNC, or EMCY of node 64."""
+        return f"{self.owner} of node {identifier - self.low + 1}" if self.is_per_node else self.owner
+
+
+def _per_node(base: int, owner: str) -> IdentifierRange:
+    return IdentifierRange(base + NODE_IDS[0], base + NODE_IDS[-1], owner, is_per_node=True)
+
+
+RESTRICTED = (
+    IdentifierRange(NMT_COB_ID, NMT_COB_ID, "NMT"),
+    _per_node(SDO_RESPONSE_BASE, "the SDO answer"),
+    _per_node(SDO_REQUEST_BASE, "the SDO request"),
+    _per_node(ERROR_CONTROL_BASE, "the heartbeat"),
+    IdentifierRange(0x780, 0x7FF, "LSS and further services"),
+)
+"""Restricted identifiers under which every device, or every tool, speaks (CiA 301, 7.3.5)."""
+
+CIA_EXTENSIONS = IdentifierRange(0x6E0, 0x6FF, "extensions of CiA")
+
+RESERVED = (
+    IdentifierRange(0x001, 0x07F, "safety (GFC) and flying NMT masters"),
+    IdentifierRange(0x101, 0x180, "safety (SRDO)"),
+    CIA_EXTENSIONS,
+)
+"""Restricted identifiers of services that a network need not have (CiA 301, 7.3.5)."""
+
+PREDEFINED = (
+    IdentifierRange(SYNC_COB_ID, SYNC_COB_ID, "SYNC"),
+    _per_node(EMCY_BASE, "EMCY"),
+    IdentifierRange(TIME_COB_ID, TIME_COB_ID, "TIME"),
+    *(
+        _per_node(base, f"{direction.name} {number}")
+        for direction, bases in DEFAULT_PDO_BASES.items()
+        for number, base in enumerate(bases, start=1)
+    ),
+)
+"""The pre-defined connection set (CiA 301, 7.3.3), as far as it is not restricted."""
+
+
+def owner(identifier: int, ranges: tuple[IdentifierRange, ...]) -> IdentifierRange | None:
+    """Return the range an identifier is in, None if it is in none of them."""
+    return next((each for each in ranges if each.low <= identifier <= each.high), None)

@@ -1,0 +1,101 @@
+"""Numbers are read as CiA 306 writes them, bytes as CiA 301 does; identifiers have the owners of CiA 301."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.od.values import (
+    DATA_TYPES,
+    PREDEFINED,
+    REAL32,
+    RESERVED,
+    RESTRICTED,
+    UNICODE_STRING,
+    VISIBLE_STRING,
+    DataType,
+    Number,
+    Value,
+    owner,
+    parse_number,
+)
+
+NUMBERS = [
+    ("0", Number(0)),
+    ("12", Number(12)),
+    ("-5", Number(-5)),
+    ("0x1F", Number(31)),
+    ("0X1f", Number(31)),
+    ("-0x10", Number(-16)),
+    ("010", Number(8)),  # octal
+    ("00", Number(0)),
+    ("$NODEID", Number(0, relative=True)),
+    ("$NODEID+0x180", Number(0x180, relative=True)),
+    ("$nodeid + 384", Number(384, relative=True)),
+]
+NO_NUMBERS = [
+    *["", " ", "-", "0x", "x10", "1.5", "1e3", "five", "0b1", "0o7"],
+    *["018", "09"],  # octal digits end at 7
+    *["1_000", "+5", "1 000", "--5"],  # what int() would take, or nearly
+    *["0x80+$NODEID", "$NODEID-1", "$NODEID+", "$NODEID+-1", "$NODEIDX", "$NODEID 5"],
+]
+
+
+@pytest.mark.parametrize(("text", "number"), NUMBERS)
+def test_a_number_is_read(text: str, number: Number) -> None:
+    assert parse_number(text) == number
+
+
+@pytest.mark.parametrize("text", NO_NUMBERS)
+def test_what_is_no_number_is_none(text: str) -> None:
+    assert parse_number(text) is None
+
+
+BYTES: list[tuple[DataType, str, Value]] = [
+    (DATA_TYPES[0x01], "01", True),
+    (DATA_TYPES[0x05], "ff", 255),
+    (DATA_TYPES[0x02], "ff", -1),
+    (DATA_TYPES[0x16], "01 02 03", 0x030201),  # UNSIGNED24
+    (DATA_TYPES[0x10], "ff ff 7f", 0x7FFFFF),  # INTEGER24
+    (REAL32, "00 00 c0 3f", 1.5),
+    (VISIBLE_STRING, "61 62 00 00", "ab"),
+    (UNICODE_STRING, "61 00 62 00", "ab"),
+    (DATA_TYPES[0x0F], "00 01", b"\0\1"),
+]
+
+
+@pytest.mark.parametrize(("type_", "data", "value"), BYTES)
+def test_bytes_are_read_by_their_type(type_: DataType, data: str, value: Value) -> None:
+    assert type_.read(bytes.fromhex(data)) == value
+
+
+@pytest.mark.parametrize(("type_", "data"), [(DATA_TYPES[0x05], b"12"), (DATA_TYPES[0x07], b"123"), (REAL32, b"")])
+def test_bytes_of_another_length_are_refused(type_: DataType, data: bytes) -> None:
+    with pytest.raises(ValueError, match=type_.name):
+        type_.read(data)
+
+
+@pytest.mark.parametrize(
+    ("identifier", "whose"),
+    [
+        (0x000, "NMT"),
+        (0x080, "SYNC"),
+        (0x0C0, "EMCY of node 64"),
+        (0x100, "TIME"),
+        (0x181, "TPDO 1 of node 1"),
+        (0x57F, "RPDO 4 of node 127"),
+        (0x581, "the SDO answer of node 1"),
+        (0x67F, "the SDO request of node 127"),
+        (0x6E0, "extensions of CiA"),
+        (0x77F, "the heartbeat of node 127"),
+        (0x7E5, "LSS and further services"),
+    ],
+)
+def test_an_identifier_has_an_owner(identifier: int, whose: str) -> None:
+    found = owner(identifier, RESTRICTED + PREDEFINED + RESERVED)
+    assert found is not None
+    assert found.whose(identifier) == whose
+
+
+@pytest.mark.parametrize("identifier", [0x580, 0x600, 0x680, 0x6DF, 0x700])
+def test_an_identifier_between_the_ranges_has_none(identifier: int) -> None:
+    assert owner(identifier, RESTRICTED + PREDEFINED + RESERVED) is None
