@@ -9,12 +9,13 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import make_eds
 import pytest
 
 import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, RemoteError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od.make.files import make_files, write_files
+from eurobot_od.od.make.table import read_table
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
@@ -656,12 +657,10 @@ def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
 
 
 def test_the_codec_follows_the_table(tmp_path: Path) -> None:
-    table, source = (ROOT / "eds" / "protocol.yaml").read_text(), tmp_path / "protocol.yaml"
+    table = (ROOT / "eds" / "protocol.yaml").read_text()
     wider, count = re.subn(r"(Goto XY:.*\n.*\n.*\n *X position: \{bits: )12", r"\g<1>14", table)
     assert count == 1
-    source.write_text(wider)
-    assert make_eds.main(["--source", str(source), "--output", str(tmp_path), "--check"]) == 1
-    assert make_eds.main(["--source", str(source), "--output", str(tmp_path)]) == 0
+    write_files(make_files(read_table(wider, "protocol.yaml")), tmp_path)
     protocol = EurobotProtocol.load(tmp_path / "canopen")
     word = 1234 | 567 << 14 | 89 << 26 | 75 << 36 | 0xA5C3 << 44
     assert protocol.encode(GOTO._replace(barriers=Barriers(0xA5C3))) == Frame(0x008, word.to_bytes(8, "little"))
