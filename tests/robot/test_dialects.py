@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -17,6 +18,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, Source
+from tests.robot.document import NAMES
 
 ROOT = Path(__file__).parents[2]
 EDS = ROOT / "eds"
@@ -125,9 +127,9 @@ def test_a_new_dialect_is_found_and_plays_a_match(made_up: Path) -> None:
     shutil.copytree(
         ROOT / "eurobot_od", made_up.parents[1] / "eurobot_od", ignore=shutil.ignore_patterns("__pycache__")
     )
-    command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--duration", "4"]
+    command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--duration", "4", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=made_up.parents[1])
     assert (done.returncode, done.stderr) == (0, "")
-    assert "EDS files: made_up" in done.stdout
-    count = len(Protocol.load(made_up).bindings)
-    assert f"{count - 1} of {count} messages" in done.stdout
+    match = json.loads(done.stdout)
+    assert match["timeline"][0]["text"].endswith("EDS files: made_up")
+    assert [name for name in NAMES if not match["summary"]["frames"][name]] == ["Emergency Shutdown"]
