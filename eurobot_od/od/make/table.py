@@ -317,7 +317,7 @@ def repeated(kind: str, values: Iterable[Number] | Iterable[Text]) -> Iterator[P
     """Yield a problem for each value that occurred at an earlier place."""
     first: dict[int | str, Place] = {}
     for each in values:
-        # an alias of YAML, or a setting that all nodes share, is met again at the same place: that is no repetition
+        # an alias of YAML, or a setting that all nodes share, comes again with its first place: not a repetition
         if first.setdefault(each, each.place) != each.place:
             value = FORMS.get(kind, "{}").format(each)
             yield Problem(each.place, f"{kind} {value} is used twice, first in line {first[each].line}")

@@ -126,5 +126,5 @@ def entry_keys(entry: SubObject) -> list[tuple[str, object]]:
 
 
 def value_text(type_: Type, value: int | str) -> str:
-    """Write a number as its type is written; a text is written as it stands."""
+    """Write a number in the form of its type; a text is written as it is."""
     return value if isinstance(value, str) else NUMBER_FORMS.get(type_, "{:d}").format(value)

@@ -17,8 +17,8 @@ INVALID = {
     # keys
     "unknown key": ("heartbeat: 1000", "^heart: 5\nheartbeat: 1000", "unknown key 'heart'"),
     "missing key": ("{name: Somebody, number: 0}", "^{name: Somebody}", "key 'number' is missing"),
-    "key twice": ("serial_number: 1", "serial_number: 1\n^serial_number: 1", "key 'serial_number' stands twice"),
-    "name twice": ("  drive:\n", "  ^core: *core\n  drive:\n", "key 'core' stands twice"),
+    "key twice": ("serial_number: 1", "serial_number: 1\n^serial_number: 1", "key 'serial_number' is given twice"),
+    "name twice": ("  drive:\n", "  ^core: *core\n  drive:\n", "key 'core' is given twice"),
     "merge key": ("nodes:\n", "nodes:\n  ^<<: {}\n", "expected a text, found '<<', which needs quotes to be one"),
     # YAML 1.1 turns these into other values without a word
     "octal": ("heartbeat: 1000", "heartbeat: ^010", f"{NUMBER} '010'"),
