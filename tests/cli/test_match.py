@@ -14,7 +14,7 @@ from typing import Any
 import can
 import pytest
 
-from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.robot.document import NAMES
 
@@ -45,7 +45,7 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
 def test_json_has_every_message(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(run(capsys, "match", "--duration", "10", "--json").out)
     frames = data["summary"]["frames"]
-    assert list(frames) == Protocol.load().names()
+    assert list(frames) == EurobotProtocol.load().names()
     assert data["summary"]["messages_sent"] == sum(count > 0 for count in frames.values())
     assert [name for name in NAMES if not frames[name]] == ["Emergency Shutdown"]
     assert data["timeline"][0]["kind"] == "start"

@@ -164,8 +164,9 @@ def frame(text: str) -> Frame:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_messages_are_those_of_the_documents_tables(dialect: str) -> None:
-    bindings = (each for each in EurobotProtocol.load(dialect).bindings if each.name in NAMES)
-    assert tuple((each.cob_id, each.name, each.senders, each.receivers) for each in bindings) == TABLES_4_AND_5
+    bindings = [each for each in EurobotProtocol.load(dialect).bindings if each.name in NAMES]
+    rows = [(row.cob_id, row.name, row.senders, row.receivers) for row in TABLES_4_AND_5]
+    assert [(each.cob_id, each.name, each.senders, each.receivers) for each in bindings] == rows
 
 
 @pytest.mark.parametrize(("cob_id", "name"), [row[:2] for row in TABLES_4_AND_5])
