@@ -1,8 +1,8 @@
 """Reads YAML into typed values that know their place in the file.
 
-Rule of this file: nothing is converted by YAML 1.1's rules (`010` is 8, `12:30` is 750, `off` is False, the second of
-two equal keys wins); a reader takes a composed node, and says with line and column what it cannot take. All problems
-of a file are collected, so one run shows them all.
+Nothing is converted by the rules of YAML 1.1 (`010` is 8, `12:30` is 750, `off` is False, the second of two equal keys
+wins): a reader takes a composed node, and says with line and column what it cannot take. All problems of a file are
+collected, so one run shows them all.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ TAG = "tag:yaml.org,2002:"
 
 
 class Place(NamedTuple):
-    """Where something stands in a file: `line` and `column`, both from 1."""
+    """A place in a file: `line` and `column`, both from 1."""
 
     line: int
     column: int
@@ -108,7 +108,7 @@ def text(node: yaml.Node, problems: Problems) -> Text:
 
 
 def scalar(node: yaml.Node, problems: Problems) -> Text:
-    """Read what stands there as it is written, whatever YAML takes it for."""
+    """Read a single value as it is written, whatever YAML takes it for."""
     if not isinstance(node, yaml.ScalarNode):
         refuse(node, problems, f"expected a single value, found {shown(node)}")
     return Text(node.value, place_of(node.start_mark))
@@ -178,20 +178,20 @@ def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mappi
 
 
 def pairs_of(node: yaml.Node, problems: Problems) -> dict[Text, yaml.Node]:
-    """Give a mapping's keys with their values' nodes; a key that stands twice is a problem."""
+    """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
     if not isinstance(node, yaml.MappingNode):
         refuse(node, problems, f"expected a mapping, found {shown(node)}")
     pairs: dict[Text, yaml.Node] = {}
     for key_node, value_node in node.value:
         key = text(key_node, problems)
         if key in pairs:
-            problems.append(Problem(key.place, f"key '{key}' stands twice"))
+            problems.append(Problem(key.place, f"key '{key}' is given twice"))
         pairs.setdefault(key, value_node)
     return pairs
 
 
 def read_all(parts: Iterator[tuple[Reader[T], yaml.Node]], problems: Problems) -> list[T]:
-    """Read every part, also behind a faulty one, so that all problems are found; then give up if there was one."""
+    """Read every part, also after a faulty one, to find all problems; then give up if there was one."""
     before, values = len(problems), []
     for reader, node in parts:
         try:
@@ -212,7 +212,7 @@ def read_yaml(source: str, reader: Reader[T], problems: Problems) -> T:
 
 
 def compose(source: str, problems: Problems) -> yaml.Node:
-    """Parse the one document of `source` into nodes; what is no YAML at all is one problem."""
+    """Parse the one document of `source` into nodes; text that is not YAML is one problem."""
     node = _parsed(lambda: yaml.compose(source, Loader=yaml.SafeLoader), source, problems)
     if node is None:
         problems.append(Problem(START, "the file is empty"))
@@ -221,7 +221,7 @@ def compose(source: str, problems: Problems) -> yaml.Node:
 
 
 def compose_all(source: str, problems: Problems) -> list[yaml.Node]:
-    """Parse all documents of `source`; what is no YAML at all is one problem."""
+    """Parse all documents of `source`; text that is not YAML is one problem."""
     nodes = _parsed(lambda: list(yaml.compose_all(source, Loader=yaml.SafeLoader)), source, problems)
     if not nodes:
         problems.append(Problem(START, "the file is empty"))
@@ -247,7 +247,7 @@ def _parsed(parse: Callable[[], T], source: str, problems: Problems) -> T:
 
 
 def refuse_aliases(root: yaml.Node, problems: Problems) -> None:
-    """Note every part that an alias uses again: what stands there once should be read once, and in one place."""
+    """Note every part that an alias uses again: it would be read twice, and its problems have only one place."""
     seen: set[int] = set()
     waiting = [root]
     while waiting:

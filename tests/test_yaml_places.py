@@ -56,7 +56,7 @@ INVALID = [
     (choice("a", "b"), "c", "1:1: expected one of a, b, found 'c'"),
     (listing(number, 2), "[1]", "1:1: expected a list of 2, found 1"),
     (mapping(number), "a: 1\nb: x\n", "2:4: expected a whole number, decimal or 0x hexadecimal, found 'x'"),
-    (mapping(number), "a: 1\na: 2\n", "2:1: key 'a' stands twice"),
+    (mapping(number), "a: 1\na: 2\n", "2:1: key 'a' is given twice"),
     (PAIR, "{two: x}", "1:1: key 'one' is missing"),
     (PAIR, "{one: 1, three: 3}", "1:10: unknown key 'three'"),
 ]

@@ -1,6 +1,7 @@
 """Sets up the repository's own virtual environment, for the tools that a newcomer starts with a plain Python.
 
-Rule of this file: standard library only; it does nothing while `pyproject.toml` is what it was at the last set-up.
+It runs before anything is installed, so it uses the standard library only. It does nothing while `pyproject.toml` is
+what it was at the last set-up.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 OLDEST = (3, 10)
 
 ENSURED = "EUROBOT_OD_ENSURED"
-"""Environment variable that tells a script started again for which module that was."""
+"""Environment variable with the module for which a script was started again; one that is still missing ends it."""
 
 
 def prepare(extras: str = "") -> Path:
@@ -49,7 +50,7 @@ def _install(extras: str) -> None:
 
 
 def ensure(module: str, extras: str = "") -> None:
-    """Run this very script again in the environment if the Python that runs it lacks a module."""
+    """Run the script that calls this again, in the environment, if the Python that runs it lacks a module."""
     if find_spec(module) is not None:
         return
     if os.environ.get(ENSURED) == module:
@@ -59,7 +60,7 @@ def ensure(module: str, extras: str = "") -> None:
 
 
 def call(*command: str | Path) -> int:
-    """Run a command in the repository's folder's environment and return its exit status."""
+    """Run a command and return its exit status; 130 if it was interrupted."""
     try:
         return subprocess.run([str(word) for word in command], check=False).returncode
     except KeyboardInterrupt:

@@ -1,7 +1,7 @@
-"""Kills a device with SIGKILL in the midst of storing its settings, again and again, and looks what a restart finds.
+"""Kills a device with SIGKILL while it stores its settings, again and again, and checks what a restart finds.
 
-Rule of this file: a child process stores one generation of settings after the other, telling each that is done; after
-the kill the settings on the disk must be those of one generation, the last one told or the one after it.
+A child process stores one generation of settings after the other and reports each that is done. After the kill, the
+settings on the disk must all be of one generation: the last one reported, or the one after it, whose report was lost.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 
 SETTINGS: tuple[Address, ...] = tuple((index, 1) for index in (0x2101, 0x2102, 0x2103, 0x2104, 0x2105))
-"""Settings of the core that all get the generation as their value: UNSIGNED16, 1..65535."""
+"""Settings of the core that all take the generation as their value: UNSIGNED16, 1..65535."""
 
 FIRST = 1
 """The generation that is on the disk before the first kill."""
 
 LONGEST = 0.02
-"""Seconds after which a child is killed at the latest, counted from its first word."""
+"""The longest time in seconds that a child lives, counted from its first report."""
 
 
 def store_once(device: Device, generation: int) -> None:
@@ -39,7 +39,7 @@ def store_once(device: Device, generation: int) -> None:
 
 
 def store_for_ever(store: FileStore, dictionary: Dictionary, generation: int, told: int) -> None:
-    """Store generations from this one on, and write each that is done to the pipe `told`."""
+    """Store generations from this one on, and report each that is done to the pipe `told`."""
     device = Device(dictionary, store)
     os.write(told, b"\n")
     while True:
@@ -49,9 +49,9 @@ def store_for_ever(store: FileStore, dictionary: Dictionary, generation: int, to
 
 
 def killed(store: FileStore, dictionary: Dictionary, generation: int, after: float) -> int:
-    """Have a child store from `generation` on, kill it `after` seconds, and return the last generation it told of.
+    """Have a child store from `generation` on, kill it `after` seconds, and return the last generation it reported.
 
-    That is `generation` - 1 if it told of none.
+    That is `generation` - 1 if it reported none.
     """
     read, write = os.pipe()
     child = os.fork()
@@ -74,7 +74,7 @@ def restarted(store: FileStore, dictionary: Dictionary) -> set[int]:
 
 
 def run(times: int, seed: int, folder: Path) -> list[str]:
-    """Kill so many times; return what was wrong, one line each."""
+    """Kill a child `times` times; return what was wrong, one line each."""
     random_number = random.Random(seed)
     dictionary = dialects.load("core")
     store = FileStore(folder / "core.dcf", dictionary)
@@ -84,7 +84,7 @@ def run(times: int, seed: int, folder: Path) -> list[str]:
         told = killed(store, dictionary, generation, random_number.uniform(0.0, LONGEST))
         found = restarted(store, dictionary)
         if len(found) != 1 or not found <= {told, told + 1}:
-            faults.append(f"kill {kill + 1}: told of {told}, found {sorted(found)}")
+            faults.append(f"kill {kill + 1}: reported {told}, found {sorted(found)}")
         generation = max(found) + 1
     return faults
 

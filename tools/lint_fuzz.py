@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Feeds the EDS checker with random and mutated files: no exception, and no file that takes longer than a limit.
+"""Feeds the EDS checker random and mutated files: none may raise an exception or take longer than a limit.
 
-Rule of this file: an input follows from its number alone, so that every failure can be had again by that number.
+An input follows from its number alone, so a failure can be repeated with `--first NUMBER` and a count of 1.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from eurobot_od.lint.rules import lint_device
 ROOT = Path(__file__).resolve().parent.parent
 SAMPLES = ROOT / "tests" / "lint" / "samples"
 LIMIT = 2.0
-"""Seconds that no input may take."""
+"""The longest time in seconds that an input may take."""
 
 KEYS = (
     b"ParameterName ObjectType DataType AccessType LowLimit HighLimit DefaultValue ParameterValue PDOMapping SubNumber "
@@ -46,7 +46,7 @@ def soup(dice: random.Random) -> bytes:
 
 
 def grammar(dice: random.Random) -> bytes:
-    """Return sections and entries that look right one by one."""
+    """Return sections and entries, each of them plausible by itself."""
     lines = []
     for _ in range(dice.randrange(120)):
         is_section = dice.random() < 0.3
@@ -97,7 +97,7 @@ def make_input(number: int) -> bytes:
 
 
 def check(data: bytes) -> float:
-    """Let every part of the checker have an input; return the seconds it took."""
+    """Give an input to every part of the checker; return the seconds that took."""
     start = time.perf_counter()
     device = load(data, "fuzz.eds")
     lint_device(device, "fuzz.eds")
@@ -118,7 +118,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number in range(options.first, options.first + options.count):
         try:
             seconds = check(make_input(number))
-        except Exception as error:  # whatever it is, it must not be
+        except Exception as error:  # no input may raise anything
             seconds = LIMIT + 1
             print(f"input {number}: {type(error).__name__}: {error}")
         slowest = max(slowest, seconds)

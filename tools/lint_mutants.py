@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Makes docs/lint-rules.md: every rule of the EDS checker, and what dcfchk and odg say to the same seeded defects.
+"""Makes docs/lint-rules.md: every rule of the EDS checker, and what dcfchk and odg say about the same seeded defects.
 
-Rule of this file: rules come from the rule tables, defects from the tests; nothing is written here twice. `odg` is the
-command of objdictgen; without it (or without dcfchk) its column says so. `--check` compares instead of writing, without
-what other programs say.
+The rules come from the rule tables, the defects from the tests. `odg` is the command of objdictgen; a program that is
+not installed is said to be so in its column. `--check` compares the document instead of writing it, except for what
+other programs say.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ no word; what a program says to the clean file already does not count.
 
 
 class Verdict(NamedTuple):
-    """What a program said to a file: its exit status and its words, without the file's own name."""
+    """What a program said about a file: its exit status, and its output without the file's own name."""
 
     status: int
     words: str
@@ -85,7 +85,7 @@ PROGRAMS = {"dcfchk": program_of("dcfchk", "-n", NODE_ID), "odg list": program_o
 
 
 def say(program: Program | None, defect: Defect) -> str:
-    """Return what a program says to a defect, in one word or two."""
+    """Return what a program says about a defect, in a word or two."""
     if program is None:
         return "not installed"
     name = BASES[defect.base][0]
@@ -177,7 +177,7 @@ def check() -> int:
     text = OUTPUT.read_text("utf-8")
     rows = re.findall(r"^\| ([EWI]\d{3}) \| (.*?) \| [^|]* \| [^|]* \|$", text, flags=re.MULTILINE)
     is_today = text.startswith(rules_text()) and rows == [(each.code, _cell(each.what)) for each in DEFECTS]
-    print(f"{OUTPUT.name}: {'up to date' if is_today else 'make it anew with tools/lint_mutants.py'}")
+    print(f"{OUTPUT.name}: {'up to date' if is_today else 'out of date; run tools/lint_mutants.py'}")
     return 0 if is_today else 1
 
 

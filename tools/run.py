@@ -1,7 +1,7 @@
 """Runs `eurobot-od` with the arguments given, in an environment that it sets up itself: `python3 tools/run.py match`.
 
-Rule of this file: standard library only, and nothing but the call. `bench` is no command of `eurobot-od`, but the
-repository's own: `tools/bench`.
+It runs before anything is installed, so it uses the standard library only. `bench` is not a command of `eurobot-od`
+but the repository's own, `tools/bench`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from environment import ROOT, call, prepare
 
 
 def command(words: list[str]) -> tuple[str | Path, ...]:
-    """Return what is to be called for the arguments given."""
+    """Return the command that the arguments stand for."""
     if words[:1] == ["bench"]:
         return prepare("bench"), ROOT / "tools" / "bench", *words[1:]
     return prepare(), "-m", "eurobot_od", *words

@@ -1,7 +1,7 @@
 """Sends random SDO requests to a node, valid, damaged and out of order, and judges every answer by CiA 301, 7.2.4.3.
 
-Rule of this file: the judge knows the standard and the EDS, and nothing of the server: what it expects of a request
-follows from the requests and answers so far. A wrong answer is a `Fault`; an exception in the node ends the program.
+The judge knows the standard and the EDS, and nothing of the server: what it expects of a request follows from the
+requests and answers so far. A wrong answer is a `Fault`; an exception in the node ends the program.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 SILENCE = 5.0
-"""Seconds after which every server has given up a transfer."""
+"""Seconds of silence after which any server has given up a transfer."""
 
 
 class Fault(AssertionError):
@@ -33,7 +33,7 @@ class Fault(AssertionError):
 
 
 class Phase(Enum):
-    """What the server is in the midst of."""
+    """Which transfer is under way, and how far it is."""
 
     IDLE = auto()
     UPLOAD = auto()
@@ -92,7 +92,7 @@ class Judge:
         self.state = self._continued(request, answers) or self._initiated(request, answers)
 
     def silence(self, answers: list[bytes]) -> None:
-        """Judge what a server says when its client says nothing."""
+        """Judge what a server says while its client is silent."""
         if self.state.phase is Phase.IDLE:
             demand(not answers, "an answer without a request")
         else:

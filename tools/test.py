@@ -1,6 +1,7 @@
 """Sets up an environment and runs all checks in it: tests, types, style, EDS files. `python3 tools/test.py`
 
-Rule of this file: standard library only; what is given as arguments goes to pytest, and then only pytest runs.
+It runs before anything is installed, so it uses the standard library only. With arguments, only pytest runs, and gets
+them.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ CHECKS = (
 
 
 def main(arguments: list[str]) -> int:
-    """Run the checks one after the other, all of them, and return 1 if one failed."""
+    """Run all checks, also after one that failed; return 1 if any did."""
     python = prepare("test")
     os.chdir(ROOT)
     if arguments:

@@ -30,6 +30,7 @@ COMMANDS = {
     "lint": "check EDS and DCF files, one by one or as a network",
     "diff": "compare two EDS or DCF files, or one with a live node",
     "export": "turn EDS and DCF files into other forms",
+    "make-eds": "make EDS files from a protocol table, or check them against it",
     "scan": "list the CANopen nodes of a bus",
     "read": "read objects of a CANopen node, by number or name",
     "write": "write one object of a CANopen node",

@@ -56,11 +56,11 @@ def _count(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the suites, run them, and report."""
-    from eurobot_od.check.reader import SuiteError, SuiteReader
+    from eurobot_od.check.reader import SuiteError, SuiteReader, schema
     from eurobot_od.robot.check import shipped
 
     if arguments.schema:
-        print(shipped.SCHEMA.read_text(encoding="utf-8"), end="")
+        print(json.dumps(schema(), indent=1))
         return FINE
     files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
     if arguments.fault and not arguments.simulate:

@@ -24,7 +24,7 @@ WRONG_STEPS = {
     "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key beside send 'within'"),
     "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
     "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
-    "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' stands twice"),
+    "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
     "no mapping": ("- ^Stop Drive", "expected a mapping, found 'Stop Drive'"),
     # durations
     "no unit": ("- wait: ^500", "'500' is no duration; write a number and one of us, ms, s, min"),
@@ -36,7 +36,7 @@ WRONG_STEPS = {
     "unknown message": ("- send: ^Stop Drove", "unknown message 'Stop Drove'; did you mean Stop Drive?"),
     "unknown expected message": ("- expect: ^Goto Confrm", "unknown message 'Goto Confrm'; did you mean"),
     "unknown field": ("- expect: {Goto State Response: {^tme: 3}}", "unknown field of Goto State Response 'tme'"),
-    "field twice": ("- expect: {Goto State Response: {time: 3, ^time: 4}}", "key 'time' stands twice"),
+    "field twice": ("- expect: {Goto State Response: {time: 3, ^time: 4}}", "key 'time' is given twice"),
     "field missing": ("- send: ^{Goto XY: {x: 1, y: 2}}", "Goto XY: angle, speed missing"),
     "two messages": ("- send: ^{Stop Drive: {}, Goto Confirm: {}}", "expected one message, found 2 keys"),
     "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, found a list"),

@@ -13,6 +13,7 @@ import pytest
 from junitparser import JUnitXml
 
 from eurobot_od import cli
+from eurobot_od.check.reader import schema
 from eurobot_od.robot.check import shipped
 from tests.check.suites import HEAD, document
 from tests.cli.console import run
@@ -127,6 +128,12 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
     data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
     assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
     assert run(capsys, "check", "green.yaml", "--simulate", "--tap").out.splitlines()[-1] == "1..2"
+
+
+def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", "--schema")
+    assert (said.status, said.err) == (0, "")
+    assert json.loads(said.out) == json.loads(json.dumps(schema()))
 
 
 def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:

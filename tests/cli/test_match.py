@@ -14,7 +14,9 @@ from typing import Any
 import can
 import pytest
 
+from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
+from tests.robot.document import NAMES
 
 SHORT = ["match", "--duration", "2"]
 SCRIPT = [sys.executable, "-m", "eurobot_od"]
@@ -40,18 +42,21 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
     assert "\x1b" not in said.out
 
 
-def test_json_has_22_messages(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_has_every_message(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(run(capsys, "match", "--duration", "10", "--json").out)
-    assert data["summary"]["messages_sent"] == 22
-    assert len(data["summary"]["frames"]) == 23
-    assert data["summary"]["frames"]["Emergency Shutdown"] == 0
+    frames = data["summary"]["frames"]
+    assert list(frames) == EurobotProtocol.load().names()
+    assert data["summary"]["messages_sent"] == sum(count > 0 for count in frames.values())
+    assert [name for name in NAMES if not frames[name]] == ["Emergency Shutdown"]
     assert data["timeline"][0]["kind"] == "start"
     assert data["timeline"][-1]["moved"] == 0
 
 
-def test_json_of_an_emergency_has_all_23_and_nothing_moves_afterwards(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     data = json.loads(run(capsys, "match", "--duration", "10", "--emergency-at", "4", "--json").out)
-    assert data["summary"]["messages_sent"] == 23
+    assert all(data["summary"]["frames"][name] for name in NAMES)
     kinds = [event["kind"] for event in data["timeline"]]
     assert "goto" not in kinds[kinds.index("emergency") :]
     assert data["timeline"][-1]["moved"] == 0

@@ -204,10 +204,20 @@ def test_an_object_that_the_node_does_not_have_is_the_files_fault(make: Callable
         assert writes.addresses == []
 
 
-@pytest.mark.parametrize("share", [0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99, 0.999])
-def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], share: float) -> None:
+def part(share: float) -> Callable[[str], str]:
+    return lambda text: text[: round(share * len(text))]
+
+
+CUTS = {str(share): part(share) for share in (0.001, 0.01, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99)} | {
+    "in the last object": lambda text: text[: text.rindex("DataType")],
+    "in the last line": lambda text: text[: text.rindex("=")],
+}
+
+
+@pytest.mark.parametrize("cut", CUTS.values(), ids=CUTS.keys())
+def test_a_file_that_was_cut_off_is_refused(make: Callable[..., Description], cut: Callable[[str], str]) -> None:
     with stock_drive() as (channel, _), master_on(channel) as master, pytest.raises(DictionaryError):
-        configure(master.node(2), make(NEW, change=lambda text: text[: round(share * len(text))]), NOW)
+        configure(master.node(2), make(NEW, change=cut), NOW)
 
 
 # The node is wrong

@@ -9,18 +9,18 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-import make_eds
 import pytest
 
 import eurobot_od
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, RemoteError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od.make.files import make_files, write_files
+from eurobot_od.od.make.table import read_table
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
-    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -47,6 +47,7 @@ from eurobot_od.robot.messages import (
 )
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
+from tests.robot.document import NAMES, TABLES_4_AND_5
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = EurobotProtocol.load("canopen")
@@ -55,38 +56,10 @@ GOLDEN = json.loads((ROOT / "tests" / "golden" / "firmware2014.json").read_text(
 
 Spoil = Callable[..., Path]
 
-# Document Table 4: identifiers, and Table 5: senders and receivers.
-EVERYBODY, CORE, DRIVE, NAVIGATION = ["drive", "navigation"], ["core"], ["drive"], ["navigation"]
-TABLES_4_AND_5 = [
-    (0x001, "Emergency Shutdown", CORE, EVERYBODY),
-    (0x002, "Emergency Stop", CORE, DRIVE),
-    (0x004, "Stop Drive", CORE, DRIVE),
-    (0x008, "Goto XY", CORE, DRIVE),
-    (0x00C, "Goto Confirm", DRIVE, CORE),
-    (0x010, "Goto State Request", CORE, DRIVE),
-    (0x014, "Goto State Response", DRIVE, CORE),
-    (0x040, "Navi Position Request", CORE, NAVIGATION),
-    (0x080, "Navi Position Response", NAVIGATION, DRIVE),
-    (0x0C0, "Kalman Position Request", CORE, DRIVE),
-    (0x100, "Kalman Position Response", DRIVE, CORE),
-    (0x140, "Enemy 1 Position Request", CORE, NAVIGATION),
-    (0x180, "Enemy 1 Position Response", NAVIGATION, CORE),
-    (0x1C0, "Enemy 2 Position Request", CORE, NAVIGATION),
-    (0x200, "Enemy 2 Position Response", NAVIGATION, CORE),
-    (0x240, "Confederate Position Request", CORE, NAVIGATION),
-    (0x280, "Confederate Position Response", NAVIGATION, CORE),
-    (0x2C0, "Start Configuration Set", CORE, EVERYBODY),
-    (0x300, "Start Configuration Confirm", EVERYBODY, CORE),
-    (0x340, "Check Navi Request", CORE, NAVIGATION),
-    (0x380, "Check Navi Response", NAVIGATION, CORE),
-    (0x3C0, "Check Drive Request", CORE, DRIVE),
-    (0x400, "Check Drive Response", DRIVE, CORE),
-]
-
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
 START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
 
-# Every message as it goes over the wire in CiA 301's order, and back.
+# The document's messages as they go over the wire in CiA 301's order, and back.
 FRAMES: list[tuple[Message, str]] = [
     (EmergencyShutdown(), "001#"),
     (EmergencyStop(Obstacle.OBJECT), "002#00"),
@@ -191,8 +164,9 @@ def frame(text: str) -> Frame:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_messages_are_those_of_the_documents_tables(dialect: str) -> None:
-    bindings = EurobotProtocol.load(dialect).bindings
-    assert [(each.cob_id, each.name, each.senders, each.receivers) for each in bindings] == TABLES_4_AND_5
+    bindings = [each for each in EurobotProtocol.load(dialect).bindings if each.name in NAMES]
+    rows = [(row.cob_id, row.name, row.senders, row.receivers) for row in TABLES_4_AND_5]
+    assert [(each.cob_id, each.name, each.senders, each.receivers) for each in bindings] == rows
 
 
 @pytest.mark.parametrize(("cob_id", "name"), [row[:2] for row in TABLES_4_AND_5])
@@ -204,11 +178,11 @@ def test_message_is_found_by_identifier_name_and_type(cob_id: int, name: str) ->
 
 
 def test_names_are_most_urgent_first() -> None:
-    assert PROTOCOL.names() == [name for _, name, *_ in TABLES_4_AND_5]
+    assert PROTOCOL.names() == sorted(PROTOCOL.names(), key=PROTOCOL.cob_id)
 
 
-def test_every_message_type_has_a_frame_in_the_table() -> None:
-    assert {type(message) for message, _ in FRAMES} == set(CATALOGUE.types)
+def test_every_message_of_the_document_has_a_frame_in_the_table() -> None:
+    assert {PROTOCOL.name(type(message)) for message, _ in FRAMES} == set(NAMES)
 
 
 def test_a_node_knows_its_own_messages_only() -> None:
@@ -410,8 +384,8 @@ def raw_values(protocol: Protocol, message: Message) -> dict[str, int]:
     return {f: int(v) if isinstance(v, OutOfRange) else binding.raw(f, v) for f, v in mapped.items()}
 
 
-def test_recordings_have_every_message() -> None:
-    assert {each["message"] for each in GOLDEN["encode"]} == set(FIRMWARE.names())
+def test_recordings_have_every_message_of_the_document() -> None:
+    assert {each["message"] for each in GOLDEN["encode"]} == set(NAMES)
 
 
 @pytest.mark.parametrize(("name", "frames"), golden("encode"))
@@ -656,12 +630,10 @@ def test_a_wide_field_is_written_as_its_kind_says_it(time: Any) -> None:
 
 
 def test_the_codec_follows_the_table(tmp_path: Path) -> None:
-    table, source = (ROOT / "eds" / "protocol.yaml").read_text(), tmp_path / "protocol.yaml"
+    table = (ROOT / "eds" / "protocol.yaml").read_text()
     wider, count = re.subn(r"(Goto XY:.*\n.*\n.*\n *X position: \{bits: )12", r"\g<1>14", table)
     assert count == 1
-    source.write_text(wider)
-    assert make_eds.main(["--source", str(source), "--output", str(tmp_path), "--check"]) == 1
-    assert make_eds.main(["--source", str(source), "--output", str(tmp_path)]) == 0
+    write_files(make_files(read_table(wider, "protocol.yaml")), tmp_path)
     protocol = EurobotProtocol.load(tmp_path / "canopen")
     word = 1234 | 567 << 14 | 89 << 26 | 75 << 36 | 0xA5C3 << 44
     assert protocol.encode(GOTO._replace(barriers=Barriers(0xA5C3))) == Frame(0x008, word.to_bytes(8, "little"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 import subprocess
@@ -9,14 +10,15 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import make_eds
 import pytest
 
+from eurobot_od import cli
 from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, Source
+from tests.robot.document import NAMES
 
 ROOT = Path(__file__).parents[2]
 EDS = ROOT / "eds"
@@ -42,7 +44,7 @@ def made_up(tmp_path: Path) -> Path:
     source.parent.mkdir()
     table = (EDS / "protocol.yaml").read_text() + MADE_UP
     source.write_text(re.sub(r"identifier: (0x[0-9A-F]{3})", lambda m: f"identifier: {int(m[1], 0) + 0x20:#x}", table))
-    assert make_eds.main(["--source", str(source), "--output", str(source.parent)]) == 0
+    assert cli.main(["make-eds", str(source), "-o", str(source.parent)]) == 0
     return source.parent / "made_up"
 
 
@@ -125,8 +127,9 @@ def test_a_new_dialect_is_found_and_plays_a_match(made_up: Path) -> None:
     shutil.copytree(
         ROOT / "eurobot_od", made_up.parents[1] / "eurobot_od", ignore=shutil.ignore_patterns("__pycache__")
     )
-    command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--duration", "4"]
+    command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--duration", "4", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=made_up.parents[1])
     assert (done.returncode, done.stderr) == (0, "")
-    assert "EDS files: made_up" in done.stdout
-    assert "22 of 23 messages" in done.stdout
+    match = json.loads(done.stdout)
+    assert match["timeline"][0]["text"].endswith("EDS files: made_up")
+    assert [name for name in NAMES if not match["summary"]["frames"][name]] == ["Emergency Shutdown"]

@@ -1,4 +1,4 @@
-"""The 23 message types: their names, fields, kinds, equality and words."""
+"""The message types: their names, fields, kinds, equality and words."""
 
 from __future__ import annotations
 
@@ -23,57 +23,27 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
+from tests.robot.document import NAMES, TABLES_4_AND_5
 
-# Document Table 5: name and protocol, in its order.
-TABLE_5 = {
-    "Emergency Shutdown": "GTP",
-    "Emergency Stop": "GTP",
-    "Stop Drive": "GTP",
-    "Goto XY": "GTP",
-    "Goto Confirm": "GTP",
-    "Goto State Request": "GTP",
-    "Goto State Response": "GTP",
-    "Navi Position Request": "ELP",
-    "Navi Position Response": "ELP",
-    "Kalman Position Request": "ELP",
-    "Kalman Position Response": "ELP",
-    "Enemy 1 Position Request": "ELP",
-    "Enemy 1 Position Response": "ELP",
-    "Enemy 2 Position Request": "ELP",
-    "Enemy 2 Position Response": "ELP",
-    "Confederate Position Request": "ELP",
-    "Confederate Position Response": "ELP",
-    "Start Configuration Set": "GIP",
-    "Start Configuration Confirm": "GIP",
-    "Check Navi Request": "GIP",
-    "Check Navi Response": "GIP",
-    "Check Drive Request": "GIP",
-    "Check Drive Response": "GIP",
-}
 POSITION = ("x", "y", "angle", "source")
 FIELDS = {
     "Emergency Stop": ("obstacle",),
     "Goto XY": ("x", "y", "angle", "speed", "barriers", "direction", "route"),
     "Goto State Response": ("time",),
     "Start Configuration Set": ("team_colour", "enemies", "confederates", "enemy_1_diameter", "enemy_2_diameter"),
-} | {name: POSITION for name in TABLE_5 if name.endswith("Position Response")}
+} | {name: POSITION for name in NAMES if name.endswith("Position Response")}
 
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
 START = StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)
 
 
-def test_there_is_one_type_for_each_row_of_table_5() -> None:
-    assert {each.__name__ for each in CATALOGUE.types} == {name.replace(" ", "") for name in TABLE_5}
-    assert len(CATALOGUE.types) == len(TABLE_5) == 23
-
-
-@pytest.mark.parametrize("name", TABLE_5)
-def test_type_has_the_fields_and_the_protocol_of_the_tables(name: str) -> None:
+@pytest.mark.parametrize(("name", "protocol"), [(row.name, row.protocol) for row in TABLES_4_AND_5])
+def test_type_has_the_fields_and_the_protocol_of_the_tables(name: str, protocol: str) -> None:
     entry = CATALOGUE.find(name)
     assert entry is not None
     assert entry.type.__name__ == name.replace(" ", "")
     assert tuple(kinds(entry.type)) == entry.type._fields == FIELDS.get(name, ())
-    assert entry.group == TABLE_5[name]
+    assert entry.group == protocol
 
 
 def test_stops_act_in_every_nmt_state() -> None:

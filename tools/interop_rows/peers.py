@@ -83,9 +83,10 @@ def pdos_by_stock_master(_: Path) -> Answer:
     """Read all PDOs, change an identifier, write all of them back."""
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
         node = patient(network.add_node(DRIVE, str(EDS)))
-        for pdos, count in ((node.rpdo, 9), (node.tpdo, 5)):
+        indices = Dictionary.load(EDS).objects.indices
+        for pdos, first in ((node.rpdo, 0x1400), (node.tpdo, 0x1800)):
             pdos.read()
-            agree("the number of PDOs", len(pdos), count)
+            agree("the number of PDOs", len(pdos), sum(first <= index < first + 0x200 for index in indices))
         request = next(each for each in node.rpdo.values() if each.cob_id == 0x3C0)
         request.cob_id = 0x3C5
         for pdos in (node.rpdo, node.tpdo):

@@ -1,4 +1,4 @@
-"""Makes the EDS files from the protocol table: YAML, table, layout, object dictionary, text, one module each.
+"""Makes the EDS files and the network file from a protocol table: table, layout, objects, text, files.
 
-Rule of this package: each module knows the one before it; only the command `make_eds` touches files.
+Each module knows only those before it in this list; `files` alone touches the disk.
 """

@@ -1,16 +1,19 @@
 """Where the bits of an object lie in its PDO: whole fields, or slices of them, in CiA 301's order.
 
-Rule of this file: CiA 301 fills a frame from the least significant bit of its first byte on and cannot say anything
-else; another order is told in its words, as slices, each a run of bits that follow each other in value and frame.
+CiA 301 fills a frame from the least significant bit of its first byte on, and cannot say anything else (7.5.2.36). A
+device with another bit order is described in these words all the same: its fields are cut into slices, each a run of
+bits that are neighbours both in the value and in the frame, and the slices are mapped in the order that gives the
+device's bytes. What loads such an EDS joins the slices again by their names, `X position [11:4]`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from typing import NamedTuple
 
-from eurobot_od.od.make.table import Dialect, Field, Record, Table
+from eurobot_od.od.make.table import DialectRow, Field, Record, Table
 from eurobot_od.yaml_places import Place, Text
 
 PADDING = Text("Padding", Place(0, 0))
@@ -43,7 +46,7 @@ def least_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
 
 
 def most_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
-    """Lay out the fields from the first byte's most significant bit on; left over bits of the last byte are padding."""
+    """Lay out the fields from the first byte's most significant bit on; left-over bits of the last byte are padding."""
     bits = [(name, bit) for name, each in fields.items() for bit in reversed(range(each.bits))]
     bits += [(PADDING, bit) for bit in reversed(range(-len(bits) % BYTE))]
     frame = [bit for start in range(0, len(bits), BYTE) for bit in reversed(bits[start : start + BYTE])]
@@ -51,22 +54,18 @@ def most_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
 
 
 def runs(frame: Iterable[tuple[Text, int]]) -> Iterator[Slice]:
-    """Join neighbouring bits of a field, given in CiA 301's order, into the longest slices."""
-    current: Slice | None = None
-    for name, bit in frame:
-        if current and (name, bit) == (current.field, current.high + 1):
-            current = current._replace(high=bit)
-            continue
-        if current:
-            yield current
-        current = Slice(name, bit, bit)
-    if current:
-        yield current
+    """Join neighbouring bits of a field, given in CiA 301's order, into the longest slices.
+
+    Within a slice, value and frame advance together: a bit and its place in the frame keep their distance.
+    """
+    for (name, _), run in groupby(enumerate(frame), key=lambda each: (each[1][0], each[1][1] - each[0])):
+        bits = [bit for _, (_, bit) in run]
+        yield Slice(name, bits[-1], bits[0])
 
 
 @dataclass(frozen=True)
-class Layout:
-    """An object in a dialect: its index and fields, the `parts` of it in a PDO, where the cut ones of them live."""
+class ObjectLayout:
+    """An object in a dialect: index and fields, the `parts` in a PDO, and the index of those that are slices."""
 
     name: Text
     index: int
@@ -76,7 +75,7 @@ class Layout:
 
     @property
     def cut(self) -> tuple[Slice, ...]:
-        """The parts that are no whole field, sub-indices 1, 2, ... of the slices' object."""
+        """The parts that are not a whole field: sub-indices 1, 2, ... of the slices' object."""
         return tuple(each for each in self.parts if not self.is_whole(each))
 
     @property
@@ -89,25 +88,22 @@ class Layout:
         return part.field in self.fields and part.bits == self.fields[part.field].bits
 
     def target(self, part: Slice) -> int:
-        """Give the mapping entry of a part."""
+        """Return the mapping entry of a part."""
         if self.is_whole(part):
-            return entry(self.index, list(self.fields).index(part.field) + 1, part.bits)
-        return entry(self.slices_index, self.cut.index(part) + 1, part.bits)
+            index, position = self.index, list(self.fields).index(part.field)
+        else:
+            index, position = self.slices_index, self.cut.index(part)
+        return index << 16 | position + 1 << 8 | part.bits
 
 
-def entry(index: int, sub_index: int, bits: int) -> int:
-    """Write a mapping entry."""
-    return index << 16 | sub_index << 8 | bits
-
-
-def layouts(table: Table, dialect: Dialect) -> dict[Text, Layout]:
+def layouts(table: Table, dialect: DialectRow) -> dict[Text, ObjectLayout]:
     """Lay out every object of the table in `dialect`."""
     return {name: layout(name, record, dialect) for name, record in table.objects_in(dialect).items()}
 
 
-def layout(name: Text, record: Record, dialect: Dialect) -> Layout:
+def layout(name: Text, record: Record, dialect: DialectRow) -> ObjectLayout:
     """Lay out one object."""
     if name not in dialect.most_significant_first:
-        return Layout(name, record.index, record.fields, least_significant_first(record.fields), 0)
+        return ObjectLayout(name, record.index, record.fields, least_significant_first(record.fields), 0)
     slices_index = FIRST_SLICES + dialect.most_significant_first.index(name)
-    return Layout(name, record.index, record.fields, most_significant_first(record.fields), slices_index)
+    return ObjectLayout(name, record.index, record.fields, most_significant_first(record.fields), slices_index)

@@ -1,15 +1,20 @@
 """The protocol table: what `protocol.yaml` says, as values, and what must hold between its parts.
 
-Rule of this file: the shape of the YAML is a table of readers, the rules between its parts a table of checks; a check
-yields problems and repairs nothing. Numbers that follow from others are properties.
+The shape of the YAML is a table of readers, the rules between its parts a table of checks. A check yields problems and
+repairs nothing, so that one run shows everything that has to be changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+import re
+from collections.abc import Callable, Iterable, Iterator, Sized
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
+import yaml
+
+from eurobot_od.errors import EurobotError
 from eurobot_od.yaml_places import (
     Number,
     Place,
@@ -18,7 +23,6 @@ from eurobot_od.yaml_places import (
     Reader,
     ReadError,
     Text,
-    choice,
     listing,
     mapping,
     matching,
@@ -26,15 +30,21 @@ from eurobot_od.yaml_places import (
     number_or_text,
     read_yaml,
     record,
+    refuse,
     text,
 )
 
 OWN_NODE_ID = "$NODEID"
-PDO_BITS = 64
-FIELD_BITS = 32
+"""As a setting's default: the node-ID of the node that has the setting, and how an EDS writes the same (CiA 306)."""
+BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+"""The bit rates in kbit/s that an EDS has keys for (CiA 306)."""
+PDO_BITS, FIELD_BITS = 64, 32
+HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
+FILE_NAME = re.compile(r"[A-Za-z0-9_-]+")
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
 T = TypeVar("T")
+SizedT = TypeVar("SizedT", bound=Sized)
 
 
 @dataclass(frozen=True)
@@ -67,21 +77,22 @@ class Record:
 
 
 @dataclass(frozen=True)
-class Message:
-    """A message (document, Tables 4 and 5): one PDO in each of its nodes; `object` is its data, None without any."""
+class MessageRow:
+    """A message: one PDO in each of its nodes; `object` is its data, None without any."""
 
     identifier: Number
-    priority: Text
-    protocol: Text
-    command: Text
     senders: tuple[Text, ...]
     receivers: tuple[Text, ...]
     listeners: tuple[Text, ...] = ()
     object: Text | None = None
+    # for readers of the table; an EDS has no keys for them
+    priority: str = ""
+    protocol: str = ""
+    command: str = ""
 
 
 @dataclass(frozen=True)
-class Node:
+class NodeRow:
     """A node: its identity, the nodes whose heartbeats it watches, its own settings."""
 
     node_id: Number
@@ -94,7 +105,7 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Dialect:
+class DialectRow:
     """How one dialect differs: its number in the identity, further fields, other widths, and its bit order."""
 
     revision_number: Number
@@ -113,13 +124,14 @@ class Vendor:
 
 @dataclass(frozen=True)
 class FileData:
-    """The fixed [FileInfo] of every EDS file: `time` hh:mmAM or PM, `date` mm-dd-yyyy (CiA 306)."""
+    """The fixed [FileInfo] of every EDS file: `time` hh:mmAM or PM, `date` mm-dd-yyyy, `comment` who made it."""
 
     version: Number
     revision: Number
     time: Text
     date: Text
     author: Text
+    comment: str = "Made by eurobot-od make-eds from a protocol table; change it there."
 
 
 @dataclass(frozen=True)
@@ -131,34 +143,40 @@ class Table:
     serial_number: Number
     hardware_version: Text
     software_version: Text
+    bit_rate: Number
     bit_rates: tuple[Number, ...]
     heartbeat: Number
     heartbeat_timeout: Number
-    nodes: dict[Text, Node]
+    nodes: dict[Text, NodeRow]
     settings: dict[Text, Record]
     objects: dict[Text, Record]
-    messages: dict[Text, Message]
-    dialects: dict[Text, Dialect]
+    messages: dict[Text, MessageRow]
+    dialects: dict[Text, DialectRow]
 
-    def objects_in(self, dialect: Dialect) -> dict[Text, Record]:
-        """Give the objects with the fields and widths of `dialect`."""
+    @property
+    def by_identifier(self) -> dict[Text, MessageRow]:
+        """The messages in the order of their identifiers, the most urgent first."""
+        return dict(sorted(self.messages.items(), key=lambda item: item[1].identifier))
+
+    def objects_in(self, dialect: DialectRow) -> dict[Text, Record]:
+        """Return the objects with the fields and widths of `dialect`."""
         return {name: in_dialect(each, name, dialect) for name, each in self.objects.items()}
 
 
-def in_dialect(plain: Record, name: Text, dialect: Dialect) -> Record:
-    """Give the object `name` with the further fields and the widths of `dialect`."""
+def in_dialect(plain: Record, name: Text, dialect: DialectRow) -> Record:
+    """Return the object `name` with the further fields and the widths of `dialect`."""
     fields = {**plain.fields, **dialect.fields.get(name, {})}
     widths = dialect.widths.get(name, {})
     return replace(plain, fields={each: replace(f, bits=widths.get(each, f.bits)) for each, f in fields.items()})
 
 
-class TableError(Exception):
-    """The file is no protocol table: `problems`, each once, in the file's order."""
+class TableError(EurobotError):
+    """A file that is not a protocol table: `problems`, each once, in the file's order; a line for each."""
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
-        """Sort the problems; what several nodes or dialects share is one problem."""
+    def __init__(self, file: str | Path, problems: Iterable[Problem]) -> None:
+        """Sort the problems; one that shows in several nodes or dialects is still one."""
         self.problems = sorted(set(problems))
-        super().__init__("; ".join(each.what for each in self.problems))
+        super().__init__("\n".join(f"{file}:{line}:{column}: {what}" for (line, column), what in self.problems))
 
 
 # The shape of the YAML
@@ -167,6 +185,35 @@ class TableError(Exception):
 def shape(make: Callable[..., T], may: dict[str, Reader[Any]] | None = None, **needed: Reader[Any]) -> Reader[T]:
     """Make a reader of a record with these keys."""
     return record(make, needed, may or {})
+
+
+def filled(reader: Reader[SizedT]) -> Reader[SizedT]:
+    """Make a reader that refuses an empty list or mapping."""
+
+    def read(node: yaml.Node, problems: Problems) -> SizedT:
+        value = reader(node, problems)
+        if not value:
+            refuse(node, problems, "expected at least one entry")
+        return value
+
+    return read
+
+
+def named_files(item: Reader[T]) -> Reader[dict[Text, T]]:
+    """Make a reader of a mapping whose keys become names of files or folders, on any system."""
+    read_pairs = filled(mapping(item))
+
+    def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
+        pairs = read_pairs(node, problems)
+        before = len(problems)
+        for name in pairs:
+            if not FILE_NAME.fullmatch(name):
+                problems.append(Problem(name.place, f"'{name}' cannot name a file: letters, digits, _ and - only"))
+        if len(problems) > before:
+            raise ReadError
+        return pairs
+
+    return read
 
 
 TIME = matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM")
@@ -178,21 +225,22 @@ FIELD = shape(
     range=listing(number, 2),
     default=number_or_text,
 )
-RECORDS = mapping(shape(Record, index=number, fields=mapping(FIELD)))
+RECORDS = mapping(shape(Record, index=number, fields=filled(mapping(FIELD))))
 NAMES = listing(text)
 TABLE = shape(
     Table,
-    file=shape(FileData, version=number, revision=number, time=TIME, date=DATE, author=text),
+    file=shape(FileData, {"comment": text}, version=number, revision=number, time=TIME, date=DATE, author=text),
     vendor=shape(Vendor, name=text, number=number),
     serial_number=number,
     hardware_version=text,
     software_version=text,
+    bit_rate=number,
     bit_rates=listing(number),
     heartbeat=number,
     heartbeat_timeout=number,
-    nodes=mapping(
+    nodes=named_files(
         shape(
-            Node,
+            NodeRow,
             node_id=number,
             product_name=text,
             product_number=number,
@@ -206,19 +254,16 @@ TABLE = shape(
     objects=RECORDS,
     messages=mapping(
         shape(
-            Message,
-            {"listeners": NAMES, "object": text},
+            MessageRow,
+            {"listeners": NAMES, "object": text, "priority": text, "protocol": text, "command": text},
             identifier=number,
-            priority=choice("emergency", "normal", "information"),
-            protocol=choice("GTP", "ELP", "GIP"),
-            command=text,
             senders=NAMES,
             receivers=NAMES,
         )
     ),
-    dialects=mapping(
+    dialects=named_files(
         shape(
-            Dialect,
+            DialectRow,
             {"fields": mapping(mapping(FIELD)), "widths": mapping(mapping(number)), "most_significant_first": NAMES},
             revision_number=number,
         )
@@ -248,8 +293,8 @@ def unknown_objects(table: Table) -> Iterator[Problem]:
 def unknown_fields(table: Table) -> Iterator[Problem]:
     """Check that dialects change the width of fields that are there."""
     for dialect in table.dialects.values():
-        for name, record_ in table.objects_in(dialect).items():
-            yield from unknown("field", dialect.widths.get(name, {}), record_.fields)
+        for name, each in table.objects_in(dialect).items():
+            yield from unknown("field", dialect.widths.get(name, {}), each.fields)
 
 
 def unknown(kind: str, names: Iterable[Text], known: Iterable[Text]) -> Iterator[Problem]:
@@ -259,61 +304,71 @@ def unknown(kind: str, names: Iterable[Text], known: Iterable[Text]) -> Iterator
 
 
 def repeated_values(table: Table) -> Iterator[Problem]:
-    """Check that identifiers, Node-IDs and, within one node, indices and names of settings belong to one each."""
+    """Check that identifiers, node-IDs and, within one node, indices and names of settings occur once."""
     yield from repeated("identifier", (each.identifier for each in table.messages.values()))
     yield from repeated("node_id", (each.node_id for each in table.nodes.values()))
     for node in table.nodes.values():
-        records = [*table.settings.values(), *table.objects.values(), *node.settings.values()]
-        yield from repeated("index", (each.index for each in records))
         settings = [*table.settings.values(), *node.settings.values()]
+        yield from repeated("index", (each.index for each in (*settings, *table.objects.values())))
         yield from repeated("setting", (name for each in settings for name in each.fields))
 
 
 def repeated(kind: str, values: Iterable[Number] | Iterable[Text]) -> Iterator[Problem]:
-    """Yield a problem for each value that stood at an earlier place already."""
+    """Yield a problem for each value that occurred at an earlier place."""
     first: dict[int | str, Place] = {}
     for each in values:
+        # an alias of YAML, or a setting that all nodes share, comes again with its first place: not a repetition
         if first.setdefault(each, each.place) != each.place:
-            what = f"{kind} {shown(kind, each)} is used twice, first in line {first[each].line}"
-            yield Problem(each.place, what)
+            value = FORMS.get(kind, "{}").format(each)
+            yield Problem(each.place, f"{kind} {value} is used twice, first in line {first[each].line}")
 
 
 def numbers_out_of_range(table: Table) -> Iterator[Problem]:
-    """Check the numbers whose range a standard fixes."""
-    for message in table.messages.values():
-        yield from outside("identifier", message.identifier, 1, 0x7FF)
-    for node in table.nodes.values():
-        yield from outside("node_id", node.node_id, 1, 127)
-        yield from outside("communication_error", node.communication_error, 0, 2)
-    for each in (*data_records(table), *setting_records(table)):
-        yield from outside("index", each.index, 0x2000, 0x2FFF)
+    """Check the numbers whose range CiA 301 fixes, by itself or by the width of the object that takes them."""
+    messages, nodes, dialects = table.messages.values(), table.nodes.values(), table.dialects.values()
+    records = (*data_records(table), *setting_records(table))
+    yield from outside("identifier", 1, 0x7FF, *(each.identifier for each in messages))
+    yield from outside("node_id", 1, 127, *(each.node_id for each in nodes))
+    yield from outside("communication_error", 0, 2, *(each.communication_error for each in nodes))
+    yield from outside("index", 0x2000, 0x2FFF, *(each.index for each in records))
+    yield from outside("heartbeat", 0, HIGHEST_16, table.heartbeat)
+    yield from outside("heartbeat_timeout", 0, HIGHEST_16, table.heartbeat_timeout)
+    yield from outside("vendor number", 0, HIGHEST_32, table.vendor.number)
+    yield from outside("product_number", 0, HIGHEST_32, *(each.product_number for each in nodes))
+    yield from outside("revision_number", 0, HIGHEST_32, *(each.revision_number for each in dialects))
+    yield from outside("serial_number", 0, HIGHEST_32, table.serial_number)
 
 
-def outside(kind: str, value: Number, low: int, high: int) -> Iterator[Problem]:
-    """Yield a problem if `value` is not in `low`..`high`."""
-    if not low <= value <= high:
-        yield Problem(value.place, f"{kind} {shown(kind, value)} is not in {shown(kind, low)}..{shown(kind, high)}")
+def outside(kind: str, low: int, high: int, *values: Number) -> Iterator[Problem]:
+    """Yield a problem for each value that is not in `low`..`high`."""
+    form = FORMS.get(kind, "{}").format
+    for each in values:
+        if not low <= each <= high:
+            yield Problem(each.place, f"{kind} {form(each)} is not in {form(low)}..{form(high)}")
 
 
-def shown(kind: str, value: int | str) -> str:
-    """Write a value of a kind for a person."""
-    return FORMS.get(kind, "{}").format(value)
+def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
+    """Check that CiA 306 knows the bit rates, and that nodes have the network's."""
+    for known, rates in ((BIT_RATES, table.bit_rates), (table.bit_rates, [table.bit_rate])):
+        for each in rates:
+            if each not in known:
+                yield Problem(each.place, f"bit rate {each} is not one of {', '.join(map(str, known))} kbit/s")
 
 
 def data_records(table: Table) -> Iterator[Record]:
-    """Give the objects of every dialect."""
+    """Return the objects of every dialect."""
     for dialect in table.dialects.values():
         yield from table.objects_in(dialect).values()
 
 
 def setting_records(table: Table) -> Iterator[Record]:
-    """Give the settings, those of every node and those of one."""
+    """Return the settings, those of every node and those of one."""
     for settings in (table.settings, *(node.settings for node in table.nodes.values())):
         yield from settings.values()
 
 
 def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
-    """Check every field on its own; only a setting is one node's, and so may have its Node-ID as default."""
+    """Check every field by itself. Only a setting is one node's, and so may have that node's ID as default."""
     for each in (entry for record_ in data_records(table) for entry in record_.fields.values()):
         yield from (*number_problems(each), *default_problems(each, [*each.codes]))
     for each in (entry for record_ in setting_records(table) for entry in record_.fields.values()):
@@ -323,7 +378,7 @@ def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
 def number_problems(each: Field) -> Iterator[Problem]:
     """Check that a field's width holds its values, and that it has values."""
     low, high = each.range
-    yield from outside("bits", each.bits, 1, FIELD_BITS)
+    yield from outside("bits", 1, FIELD_BITS, each.bits)
     if each.high >= 1 << each.bits:
         yield Problem(each.bits.place, f"{each.high} does not fit into {each.bits} bits")
     if low > high:
@@ -340,18 +395,11 @@ def default_problems(each: Field, names: list[str]) -> Iterator[Problem]:
 
 def messages_too_long(table: Table) -> Iterator[Problem]:
     """Check that every message fits into a PDO in every dialect."""
-    for dialect in table.dialects.values():
-        objects = table.objects_in(dialect)
-        for message in table.messages.values():
-            if message.object in objects:
-                yield from length_problems(message.object, objects[message.object])
-
-
-def length_problems(name: Text, record_: Record) -> Iterator[Problem]:
-    """Check that an object fits into a PDO."""
-    bits = sum(each.bits for each in record_.fields.values())
-    if bits > PDO_BITS:
-        yield Problem(name.place, f"'{name}' has {bits} bits, a PDO at most {PDO_BITS}")
+    for objects in map(table.objects_in, table.dialects.values()):
+        for name in (each.object for each in table.messages.values() if each.object in objects):
+            bits = sum(each.bits for each in objects[name].fields.values())
+            if bits > PDO_BITS:
+                yield Problem(name.place, f"'{name}' has {bits} bits, a PDO at most {PDO_BITS}")
 
 
 CHECKS = (
@@ -360,19 +408,20 @@ CHECKS = (
     unknown_fields,
     repeated_values,
     numbers_out_of_range,
+    bit_rates_that_no_node_has,
     fields_that_do_not_hold,
     messages_too_long,
 )
 
 
-def read_table(source: str) -> Table:
-    """Read the table from the text of the YAML file; raise TableError with all problems, if there are any."""
+def read_table(source: str, file: str | Path) -> Table:
+    """Read the table from the text of `file`; raises TableError with all problems, if there are any."""
     problems: Problems = []
     try:
         table = read_yaml(source, TABLE, problems)
     except ReadError:
-        raise TableError(problems) from None
+        raise TableError(file, problems) from None
     found = [each for check in CHECKS for each in check(table)]
     if found:
-        raise TableError(found)
+        raise TableError(file, found)
     return table

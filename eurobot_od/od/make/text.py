@@ -1,24 +1,30 @@
-"""Writes the EDS file of one node: the sections of CiA 306 from the table and the object dictionary.
+"""The EDS file of one node: the sections of CiA 306, in the form that every CANopen tool accepts.
 
-Rule of this file: the same table gives the same bytes; no clock, no random number, no order that may change. Only keys
-that every CANopen tool accepts.
+The same table gives the same bytes: no clock, no random number, no order that may change. So a file in a repository
+can be checked against its table, and a difference is a change of the protocol.
+
+CiA 306 leaves room, and tools differ in what they take. They all take this: dcf-tools, objdictgen, EDSSharp, Lely,
+CANopenNode, CanFestival, canmatrix and canopen.
+
+- The number of PDOs as `NrOfRXPDO` and `NrOfTXPDO`, in that spelling.
+- A value that depends on the node-ID begins with it: `$NODEID+0x80`.
+- All of Dummy0001 to Dummy0007, and in [Comments] as many lines as `Lines` says.
+- A DefaultValue in sub-index 0 of every record, too.
+- No Unit, no Factor, no Description of an object and no section of our own: checkers refuse what they do not know.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
-from eurobot_od.od.make.objects import Entry, Kind, Object, Type, object_dictionary
-from eurobot_od.od.make.table import Node, Table
+from eurobot_od.od.make.objects import DictionaryObject, ObjectCode, SubObject, Type, object_dictionary
+from eurobot_od.od.make.table import BIT_RATES, NodeRow, Table
 from eurobot_od.yaml_places import Text
 
-BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-"""The bit rates in kbit/s for which [DeviceInfo] has a key."""
 DUMMIES = range(0x0001, 0x0008)
 """The data types for which [DummyUsage] has a key; none of them is used."""
 MANDATORY = {0x1000, 0x1001, 0x1018}
 MANUFACTURER = range(0x2000, 0x6000)
-COMMENTS = ("Made by tools/make_eds.py from eds/protocol.yaml; change it there.",)
 NUMBER_FORMS = {Type.UNSIGNED32: "0x{:08X}"}
 """How numbers of a type are written, if not decimal."""
 
@@ -26,27 +32,22 @@ Section = tuple[str, list[tuple[str, object]]]
 
 
 def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
-    """Give the whole EDS file of a node in a dialect."""
+    """Return the whole EDS file of a node in a dialect."""
     dialect = table.dialects[dialect_name]
     objects = object_dictionary(table, dialect, node_name)
     sections: list[Section] = [
         file_info(table, dialect_name, node_name),
         device_info(table, dialect.revision_number, table.nodes[node_name], objects),
         ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in DUMMIES]),
-        ("Comments", [("Lines", len(COMMENTS)), *((f"Line{n}", line) for n, line in enumerate(COMMENTS, start=1))]),
+        ("Comments", [("Lines", 1), ("Line1", table.file.comment)]),
         *object_lists(objects),
         *(section for each in objects for section in object_sections(each)),
     ]
-    return "\n".join(section_text(name, keys) for name, keys in sections)
-
-
-def section_text(name: str, keys: Iterable[tuple[str, object]]) -> str:
-    """Write one section."""
-    return f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys)
+    return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
 
 
 def file_info(table: Table, dialect_name: Text, node_name: Text) -> Section:
-    """Give [FileInfo]; creation and modification are the table's fixed date."""
+    """Return [FileInfo]; creation and modification are the table's fixed date."""
     file = table.file
     return "FileInfo", [
         ("FileName", f"{node_name}.eds"),
@@ -63,8 +64,8 @@ def file_info(table: Table, dialect_name: Text, node_name: Text) -> Section:
     ]
 
 
-def device_info(table: Table, revision: int, node: Node, objects: Iterable[Object]) -> Section:
-    """Give [DeviceInfo]."""
+def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[DictionaryObject]) -> Section:
+    """Return [DeviceInfo]. `RevisionNumber` is the dialect's: nodes compare it to find out whether they agree."""
     indices = [each.index for each in objects]
     return "DeviceInfo", [
         ("VendorName", table.vendor.name),
@@ -85,8 +86,8 @@ def device_info(table: Table, revision: int, node: Node, objects: Iterable[Objec
     ]
 
 
-def object_lists(objects: Iterable[Object]) -> list[Section]:
-    """Give the three lists of objects."""
+def object_lists(objects: Iterable[DictionaryObject]) -> list[Section]:
+    """Return the three lists of objects."""
     indices = [each.index for each in objects]
     manufacturer = [each for each in indices if each in MANUFACTURER]
     optional = [each for each in indices if each not in MANDATORY and each not in MANUFACTURER]
@@ -98,25 +99,25 @@ def object_lists(objects: Iterable[Object]) -> list[Section]:
 
 
 def object_list(name: str, indices: list[int]) -> Section:
-    """Give one list of objects."""
+    """Return one list of objects."""
     return name, [("SupportedObjects", len(indices)), *((str(n), f"0x{i:04X}") for n, i in enumerate(indices, start=1))]
 
 
-def object_sections(each: Object) -> list[Section]:
-    """Give the section of an object, and those of its sub-indices."""
-    if each.kind is Kind.VAR:
+def object_sections(each: DictionaryObject) -> list[Section]:
+    """Return the section of an object, and those of its sub-indices."""
+    if each.kind is ObjectCode.VAR:
         return [(f"{each.index:04X}", entry_keys(each.entries[0]))]
     head = [("ParameterName", each.name), ("ObjectType", f"0x{each.kind.value:X}"), ("SubNumber", len(each.entries))]
     subs = [(f"{each.index:04X}sub{n:X}", entry_keys(entry)) for n, entry in enumerate(each.entries)]
     return [(f"{each.index:04X}", [*head]), *subs]
 
 
-def entry_keys(entry: Entry) -> list[tuple[str, object]]:
-    """Give the keys of a VAR or a sub-index; limits and default only where there are any."""
+def entry_keys(entry: SubObject) -> list[tuple[str, object]]:
+    """Return the keys of a VAR or a sub-index; limits and default only where there are any."""
     values = {"LowLimit": entry.low, "HighLimit": entry.high, "DefaultValue": entry.default}
     return [
         ("ParameterName", entry.name),
-        ("ObjectType", f"0x{Kind.VAR.value:X}"),
+        ("ObjectType", f"0x{ObjectCode.VAR.value:X}"),
         ("DataType", f"0x{entry.type.value:04X}"),
         ("AccessType", entry.access),
         *((key, value_text(entry.type, value)) for key, value in values.items() if value is not None),
@@ -125,5 +126,5 @@ def entry_keys(entry: Entry) -> list[tuple[str, object]]:
 
 
 def value_text(type_: Type, value: int | str) -> str:
-    """Write a number as its type is written; a text is written as it stands."""
+    """Write a number in the form of its type; a text is written as it is."""
     return value if isinstance(value, str) else NUMBER_FORMS.get(type_, "{:d}").format(value)

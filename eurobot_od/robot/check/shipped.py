@@ -8,9 +8,6 @@ from eurobot_od.errors import UnknownName
 
 FOLDER = Path(__file__).parent / "suites"
 
-SCHEMA = Path(__file__).parent / "schema.json"
-"""The JSON Schema of suites."""
-
 
 def shipped_suites() -> dict[str, Path]:
     """Return the files of the shipped suites by name."""

@@ -1,0 +1,35 @@
+"""Make EDS files from a protocol table: a folder for each dialect, a file for each node, and the network file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+FINE, DIFFERENT, WRONG_INPUT = 0, 1, 2
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("table", type=Path, metavar="TABLE", help="YAML in the form of eds/protocol.yaml")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="where the folders go")
+    parser.add_argument("--check", action="store_true", help="write nothing; say which files differ, exit 1 if any do")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the files, or compare them."""
+    from eurobot_od.od.make.files import differences, make_files, write_files
+    from eurobot_od.od.make.table import TableError, read_table
+
+    source = arguments.table.read_text(encoding="utf-8", errors="replace")
+    try:
+        texts = make_files(read_table(source, arguments.table))
+    except TableError as error:
+        print(error, file=sys.stderr)
+        return WRONG_INPUT
+    if not arguments.check:
+        write_files(texts, arguments.output)
+        return FINE
+    found = differences(texts, arguments.output)
+    print("\n".join(found) or f"{arguments.output}: {len(texts)} files are what the table says")
+    return DIFFERENT if found else FINE

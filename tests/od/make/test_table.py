@@ -1,0 +1,119 @@
+"""A bad table is told by its places, all of them at once."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.od.make.table import TableError, read_table
+from tests.od.make.tables import TABLE
+
+NUMBER = "expected a whole number, decimal or 0x hexadecimal, found"
+# Each row: a text of the table, what replaces it (with ^ before the place of the problem), what is said of it.
+INVALID = {
+    # no YAML, or not the one document that is wanted
+    "not YAML": ("bit_rates: [500]", "bit_rates: [500\nheartbeat^: 9]", "expected ',' or ']', but got ':'"),
+    "two documents": ("dialects:", "^---\ndialects:", "but found another document"),
+    "control character": ("name: Somebody", "name: Some^\x07body", "special characters are not allowed"),
+    # keys
+    "unknown key": ("heartbeat: 1000", "^heart: 5\nheartbeat: 1000", "unknown key 'heart'"),
+    "missing key": ("{name: Somebody, number: 0}", "^{name: Somebody}", "key 'number' is missing"),
+    "key twice": ("serial_number: 1", "serial_number: 1\n^serial_number: 1", "key 'serial_number' is given twice"),
+    "name twice": ("  drive:\n", "  ^core: *core\n  drive:\n", "key 'core' is given twice"),
+    "merge key": ("nodes:\n", "nodes:\n  ^<<: {}\n", "expected a text, found '<<', which needs quotes to be one"),
+    # YAML 1.1 turns these into other values without a word
+    "octal": ("heartbeat: 1000", "heartbeat: ^010", f"{NUMBER} '010'"),
+    "base 60": ("heartbeat: 1000", "heartbeat: ^12:30", f"{NUMBER} '12:30'"),
+    "underscore": ("heartbeat: 1000", "heartbeat: ^1_0", f"{NUMBER} '1_0'"),
+    "truth": ("author: somebody", "author: ^off", "expected a text, found 'off', which needs quotes to be one"),
+    "number as text": ('"1.0"', "^1.0", "expected a text, found '1.0', which needs quotes to be one"),
+    "nothing as text": ("author: somebody", "author: ^~", "expected a text, found '~', which needs quotes to be one"),
+    # wrong types
+    "quoted number": ("heartbeat: 1000", 'heartbeat: ^"9"', f"{NUMBER} '9'"),
+    "negative": ("heartbeat: 1000", "heartbeat: ^-1", f"{NUMBER} '-1'"),
+    "list for number": ("heartbeat: 1000", "heartbeat: ^[1]", f"{NUMBER} a list"),
+    "mapping for text": ("author: somebody", "author: ^{}", "expected a text, found a mapping"),
+    "text for list": ("watches: [drive]", "watches: ^drive", "expected a list, found 'drive'"),
+    "list for mapping": ("{name: Somebody, number: 0}", "^[]", "expected a mapping, found a list"),
+    "range of three": ("[0, 100]", "^[0, 1, 2]", "expected a list of 2, found 3"),
+    "not ASCII": ("name: Somebody", "name: ^Jürg", "expected printable ASCII characters, found 'Jürg'"),
+    "no date": ('"05-28-2014"', '^"28.5.2014"', "expected a date mm-dd-yyyy, found '28.5.2014'"),
+    # empty, or not the name of a file
+    "no dialects": (TABLE[TABLE.index("dialects:") :], "dialects: ^{}\n", "expected at least one entry"),
+    "no fields": (
+        "fields: {Node-ID: {bits: 8, range: [1, 127], default: $NODEID}}",
+        "fields: ^{}",
+        "expected at least one entry",
+    ),
+    "node as a path": ("  drive:\n", "  ^../drive:\n", "'../drive' cannot name a file: letters, digits, _ and - only"),
+    "dialect as a path": ("  other:", "  ^o/ther:", "'o/ther' cannot name a file: letters, digits, _ and - only"),
+    # what does not hold between the parts
+    "unknown node": ("receivers: [drive]", "receivers: [^wheel]", "unknown node 'wheel'"),
+    "unknown watched node": ("watches: [drive]", "watches: [^wheel]", "unknown node 'wheel'"),
+    "unknown object": ("object: Target", "object: ^Goal", "unknown object 'Goal'"),
+    "unknown object in dialect": ("first: [Target]", "first: [^Goal]", "unknown object 'Goal'"),
+    "unknown field in dialect": ("{Speed: 7}", "{^Pace: 7}", "unknown field 'Pace'"),
+    "identifier twice": ("identifier: 12", "identifier: ^0x8", "identifier 0x008 is used twice, first in line 42"),
+    "Node-ID twice": ("node_id: 2", "node_id: ^1", "node_id 1 is used twice, first in line 12"),
+    "index twice": ("index: 0x2101", "index: ^0x2100", "index 0x2100 is used twice, first in line 27"),
+    "setting twice": ("Check wait:", "^Node-ID:", "setting 'Node-ID' is used twice, first in line 27"),
+    "identifier over 11 bits": ("identifier: 12", "identifier: ^0x800", "identifier 0x800 is not in 0x001..0x7FF"),
+    "Node-ID over 127": ("node_id: 2", "node_id: ^128", "node_id 128 is not in 1..127"),
+    "index of a standard": ("index: 0x2000", "index: ^0x1018", "index 0x1018 is not in 0x2000..0x2FFF"),
+    "error behaviour": ("communication_error: 0", "communication_error: ^3", "communication_error 3 is not in 0..2"),
+    "heartbeat over 16 bits": ("heartbeat: 1000", "heartbeat: ^65536", "heartbeat 65536 is not in 0..65535"),
+    "serial number over 32 bits": (
+        "serial_number: 1",
+        "serial_number: ^0x100000000",
+        "serial_number 4294967296 is not in 0..4294967295",
+    ),
+    "bit rate of no device": (
+        "bit_rates: [500]",
+        "bit_rates: [500, ^333]",
+        "bit rate 333 is not one of 10, 20, 50, 125, 250, 500, 800, 1000 kbit/s",
+    ),
+    "bit rate of no node": ("bit_rate: 500", "bit_rate: ^250", "bit rate 250 is not one of 500 kbit/s"),
+    # fields
+    "range over the bits": ("bits: 12", "bits: ^11", "4095 does not fit into 11 bits"),
+    "width over the range": ("{Speed: 7}", "{Speed: ^6}", "100 does not fit into 6 bits"),
+    "no bits": ("bits: 8, range: [0, 100]", "bits: ^0, range: [0, 0]", "bits 0 is not in 1..32"),
+    "empty range": ("[0, 100], default: 0", "[2, ^1], codes: {one: 1, two: 2}, default: one", "range 2..1 is empty"),
+    "default outside": ("[0, 100], default: 0", "[0, 100], default: ^101", "default 101 is not in 0..100"),
+    "default without code": ("default: unknown", "default: ^lost", "unknown default 'lost'; known: unknown"),
+    "Node-ID in a message": ("default: unknown", "default: ^$NODEID", "unknown default '$NODEID'; known: unknown"),
+    "message over 64 bits": ("object: Target", "object: ^Long", "'Long' has 65 bits, a PDO at most 64"),
+}
+
+
+def marked(text: str) -> tuple[str, str]:
+    """Take the ^ out of a text; give the text without it and its place as `line:column`."""
+    before, after = text.split("^")
+    lines = before.split("\n")
+    return before + after, f"{len(lines)}:{len(lines[-1]) + 1}"
+
+
+def complaints(text: str) -> list[str]:
+    with pytest.raises(TableError) as error:
+        read_table(text, "table.yaml")
+    return str(error.value).split("\n")
+
+
+@pytest.mark.parametrize(("old", "new", "what"), INVALID.values(), ids=INVALID.keys())
+def test_tells_place_and_reason(old: str, new: str, what: str) -> None:
+    assert old in TABLE
+    text, place = marked(TABLE.replace(old, new, 1))
+    assert complaints(text) == [f"table.yaml:{place}: {what}"]
+
+
+def test_tells_all_problems_at_once() -> None:
+    text = TABLE.replace("[500]", "no").replace("identifier: 12", "identifier: x").replace("heartbeat:", "h:")
+    assert complaints(text) == [
+        "table.yaml:1:1: key 'heartbeat' is missing",
+        "table.yaml:7:12: expected a list, found 'no'",
+        "table.yaml:8:1: unknown key 'h'",
+        f"table.yaml:43:25: {NUMBER} 'x'",
+    ]
+
+
+@pytest.mark.parametrize(("text", "what"), [("", "the file is empty"), ("- 1", "expected a mapping, found a list")])
+def test_tells_a_file_without_a_table(text: str, what: str) -> None:
+    assert complaints(text) == [f"table.yaml:1:1: {what}"]
