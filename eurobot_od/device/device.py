@@ -20,7 +20,15 @@ from eurobot_od.device.store import Memory, Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NOT_VALID, Address, Value
+from eurobot_od.od.values import (
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    NOT_VALID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Address,
+    Value,
+)
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
@@ -80,9 +88,9 @@ class Device:
 
     `store` keeps what 0x1010 saves, `catalogue` has its message types. `operational` tells whether its NMT `state`
     allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the COB-IDs of
-    all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_answers` is the COB-ID on
-    which it answers as an SDO server, None without one; no master changes that (CiA 301, 7.5.2.33: ro). `plan` has
-    what frames have made it plan, and `next_wakeup` everything.
+    all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and `sdo_answers`
+    are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro). `plan` has what
+    frames have made it plan, and `next_wakeup` everything.
     """
 
     def __init__(self, dictionary: Dictionary, store: Store | None = None, catalogue: Catalogue = NOTHING) -> None:
@@ -126,17 +134,19 @@ class Device:
     def _configure(self) -> None:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
+        self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE, SDO_REQUEST_BASE)
+        self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT, SDO_RESPONSE_BASE)
         self._ears = self._listeners()
         self.identifiers = sorted(self._ears)
-        self.sdo_answers = self._cob_id(SDO_TRANSMIT)
         self._pacing.restart(self._pdos.sent.values(), self._now)
 
     def _listeners(self) -> dict[int, Ear]:
         ears: dict[int, Ear] = dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat)
         ears |= dict.fromkeys(self._answers(), self._receive_answer)
         ears |= dict.fromkeys(self._pdos.received, self._receive_pdo)
-        sdo = self._cob_id(SDO_RECEIVE)
-        return ears | ({} if sdo is None else {sdo: self._receive_sdo}) | {NMT_COB_ID: self._receive_command}
+        if self.sdo_requests is not None:
+            ears[self.sdo_requests] = self._receive_sdo
+        return ears | {NMT_COB_ID: self._receive_command}
 
     def _answers(self) -> list[int]:
         """Return the COB-IDs on which SDO servers answer to this device as a client (CiA 301, 7.5.2.34)."""
@@ -169,6 +179,10 @@ class Device:
         """Return an identifier that an object holds, None if it is not valid or there is none."""
         entry = self.objects.value(address)
         return entry if isinstance(entry, int) and not entry & NOT_VALID else None
+
+    def _sdo_cob_id(self, address: Address, base: int) -> int | None:
+        """Return an identifier of the SDO server; one without 0x1200 is the default one (CiA 301, 7.5.2.33)."""
+        return self._cob_id(address) if address[0] in self.dictionary.members else base + self.node_id
 
     def _emergency_inhibit(self) -> float:
         return self.objects.raw(EMCY_INHIBIT) / 10_000
@@ -251,7 +265,7 @@ class Device:
         """Boot: send the boot-up message and enter the state that NMT startup 0x1F80 says (CiA 301, 7.3.2.2)."""
         self._now = now
         self._plan_heartbeat(now)
-        self._enter(boot_state(self.objects.raw(NMT_STARTUP)))
+        self._enter(boot_state(self.objects.value(NMT_STARTUP)))
         return [error_control(self.node_id, NmtState.INITIALISING)]
 
     def _enter(self, state: NmtState) -> None:

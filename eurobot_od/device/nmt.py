@@ -9,7 +9,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, Value
 
 ALL_NODES = 0
 
@@ -75,9 +75,10 @@ def command_in(frame: Frame, node_id: int) -> NmtCommand | None:
     return NmtCommand(frame.data[0]) if frame.data[0] in set(NmtCommand) else None
 
 
-def boot_state(nmt_startup: int) -> NmtState:
-    """Return the state a node enters after its boot-up by 0x1F80."""
-    return NmtState.PRE_OPERATIONAL if nmt_startup & STAY_PRE_OPERATIONAL else NmtState.OPERATIONAL
+def boot_state(nmt_startup: Value) -> NmtState:
+    """Return the state a node enters after its boot-up by 0x1F80; one without it waits for a master."""
+    waits = not isinstance(nmt_startup, int) or nmt_startup & STAY_PRE_OPERATIONAL
+    return NmtState.PRE_OPERATIONAL if waits else NmtState.OPERATIONAL
 
 
 def error_control(node_id: int, state: NmtState) -> Frame:

@@ -144,11 +144,14 @@ def _encoded(variable: ODVariable, value: Value) -> bytes:
     if isinstance(value, bytes):
         return value
     form = _form(variable)
-    if form is not None:
-        return form.pack(value or 0)
-    if value is None:
-        raise Abort(AbortCode.NO_DATA)
-    return bytes(variable.encode_raw(value))
+    try:
+        if form is not None:
+            return form.pack(value or 0)
+        if value is None:
+            raise Abort(AbortCode.NO_DATA)
+        return bytes(variable.encode_raw(value))
+    except (struct.error, ValueError, TypeError) as error:  # the file's default does not fit the type the file names
+        raise Abort(AbortCode.NO_DATA, str(error)) from error
 
 
 def _decoded(variable: ODVariable, data: bytes) -> Value:

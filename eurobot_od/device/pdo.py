@@ -53,8 +53,10 @@ class Pdos:
     """The PDOs as they are configured now, by the values in `objects`.
 
     `protocol` are the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
-    TPDOs by message type.
+    TPDOs by message type. `unusable` says what is wrong with those that the file does not describe well, by index.
     """
+
+    unusable: dict[int | None, MappingError]
 
     protocol: Protocol
     received: dict[int, Binding]
@@ -65,12 +67,23 @@ class Pdos:
         self.load()
 
     def load(self) -> None:
-        """Take all PDOs from the objects' values; raises MappingError if they do not hold."""
-        self._apply(self._built(self._objects.value))
+        """Take all PDOs from the objects' values; one that does not hold is left out, and the others work."""
+        dictionary, self.unusable = self._objects.dictionary, {}
+        pdos = dictionary.read_pdos(self._objects.value, self._leave_out)
+        self._apply(Protocol([(dictionary, pdos)], self._catalogue, self._leave_out))
+
+    def _leave_out(self, error: MappingError) -> None:
+        self.unusable[error.index] = error
 
     def _built(self, value: Callable[[Address], Value]) -> Protocol:
+        """Return the messages with a change; raises MappingError if it does more harm than there is already."""
         dictionary = self._objects.dictionary
-        return Protocol([(dictionary, dictionary.read_pdos(value))], self._catalogue)
+        pdos = dictionary.read_pdos(value, self._refuse_new_harm)
+        return Protocol([(dictionary, pdos)], self._catalogue, self._refuse_new_harm)
+
+    def _refuse_new_harm(self, error: MappingError) -> None:
+        if error.index not in self.unusable:
+            raise error
 
     def _apply(self, protocol: Protocol) -> None:
         ours = self._objects.dictionary.name
@@ -90,9 +103,10 @@ class Pdos:
 
     def writers(self) -> dict[int, Writer]:
         """Return what writing a record of a PDO does, by its index."""
-        pdos = self._objects.dictionary.pdos
-        communication: dict[int, Writer] = {pdo.index: self._write_communication for pdo in pdos}
-        return communication | {pdo.mapping_index: self._write_mapping for pdo in pdos}
+        members = self._objects.dictionary.members
+        records = [n for each in PdoDirection for n in range(each.value, each.value + PDO_COUNT) if n in members]
+        communication: dict[int, Writer] = dict.fromkeys(records, self._write_communication)
+        return communication | {index + MAPPING_OFFSET: self._write_mapping for index in records}
 
     def _write_communication(self, address: Address, value: Value) -> None:
         index, subindex = address

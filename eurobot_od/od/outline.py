@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Odd, read, read_bytes
-from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo
+from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo, Refused, fatal
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     DATA_TYPES,
@@ -270,17 +270,21 @@ class Outline:
         """All PDOs with their default communication and mapping parameters; see `read_pdos`."""
         return self.read_pdos(self.default)
 
-    def read_pdos(self, value: Callable[[Address], Value]) -> tuple[Pdo, ...]:
+    def read_pdos(self, value: Callable[[Address], Value], refused: Refused = fatal) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives.
 
-        Raises MappingError with file and index if a mapping does not hold.
+        `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised.
         """
-        return tuple(
-            self._pdo(direction, index, value)
-            for direction in PdoDirection
-            for index in sorted(self.members)
-            if direction.value <= index < direction.value + PDO_COUNT
-        )
+        return tuple(self._read_pdos(value, refused))
+
+    def _read_pdos(self, value: Callable[[Address], Value], refused: Refused) -> Iterator[Pdo]:
+        for direction in PdoDirection:
+            for index in sorted(self.members):
+                if direction.value <= index < direction.value + PDO_COUNT:
+                    try:
+                        yield self._pdo(direction, index, value)
+                    except MappingError as error:
+                        refused(error)
 
     def _pdo(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> Pdo:
         entry = self._parameter((index, 1), value)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, NoReturn, TypeAlias
 
+from eurobot_od.errors import MappingError
 from eurobot_od.od.values import DUMMIES, MAPPING_OFFSET, Address, Limits, PdoDirection
 
 PADDING = "Padding"
@@ -53,3 +55,12 @@ class Part(NamedTuple):
     whole: Address
     low: int
     bits: int
+
+
+Refused: TypeAlias = Callable[[MappingError], object]
+"""What is done about a PDO that does not hold, which is then left out."""
+
+
+def fatal(error: MappingError) -> NoReturn:
+    """Let no PDO be left out: raise the error."""
+    raise error

@@ -14,7 +14,7 @@ from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
-from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.pdos import Pdo, Refused, fatal
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Entry, plain_name
@@ -33,18 +33,21 @@ Source: TypeAlias = tuple[Loaded, Iterable[Pdo]]
 class Protocol:
     """The messages of one or more dictionaries, encoded and decoded as those map them.
 
-    `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. Raises
-    MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two dictionaries
-    disagree about a message.
+    `catalogue` has the message types; a PDO that it does not know becomes a named tuple of plain numbers. `refused`
+    gets a MappingError if a mapping does not fit its message type, if two messages share a COB-ID, or if two
+    dictionaries disagree about a message; by default it is raised.
     """
 
-    def __init__(self, sources: Iterable[Source], catalogue: Catalogue = NOTHING) -> None:
+    def __init__(self, sources: Iterable[Source], catalogue: Catalogue = NOTHING, refused: Refused = fatal) -> None:
         self.catalogue = catalogue
         self._bindings: dict[str, Binding] = {}
         for dictionary, pdos in sources:
             for pdo in pdos:
                 if pdo.valid:
-                    self._bind(dictionary, pdo)
+                    try:
+                        self._bind(dictionary, pdo)
+                    except MappingError as error:
+                        refused(error)
         self._by_type = {binding.type: binding for binding in self._bindings.values()}
         self._by_name = {plain_name(name): binding for name, binding in self._bindings.items()}
         self._by_cob_id = {binding.cob_id: binding for binding in self._bindings.values()}
