@@ -1,7 +1,4 @@
-"""Reading a bus in a thread: the loop that every received frame goes through.
-
-Rule of this file: what is done with a frame is not known here, and nothing is made of it that nobody asked for.
-"""
+"""Reading a bus in a thread: the loop that every received frame goes through."""
 
 from __future__ import annotations
 
@@ -10,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Data, Frame
+from eurobot_od.frame import Frame
 from eurobot_od.live.buses import failure
 
 if TYPE_CHECKING:
@@ -19,8 +16,8 @@ if TYPE_CHECKING:
 POLL = 0.1
 """Longest time in seconds that a thread waits before it looks whether it is to end."""
 
-Receive: TypeAlias = Callable[[int, Data, float], bool]
-"""Takes a frame's COB-ID, its data and the time; False ends the reading."""
+Receive: TypeAlias = Callable[[Frame, float], object]
+"""Takes a frame and the time in seconds at which it was read."""
 
 
 class Reader:
@@ -45,8 +42,8 @@ class Reader:
         """Read in this thread until `running` is False."""
         try:
             self._read()
-        except Exception as error:  # drivers raise what comes to hand
-            if self.running:
+        except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
+            if self.running:  # some raise when the bus is shut down meanwhile
                 self._failed(failure(self._bus, error))
 
     def _read(self) -> None:
@@ -57,8 +54,10 @@ class Reader:
                 continue
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
-            elif not receive(message.arbitration_id, message.data, clock()):
-                return
+            else:
+                # the time of our clock, not the message's: drivers' time stamps have different starts and units;
+                # and bytes of our own, as a driver may use its buffer again
+                receive(Frame(message.arbitration_id, bytes(message.data)), clock())
 
 
 class Watch:
@@ -74,13 +73,9 @@ class Watch:
         clock: Callable[[], float],
         failed: Callable[[BusError], object] = lambda _: None,
     ) -> None:
-        self._bus, self._seen = bus, seen
-        self._reader = Reader(bus, self._see, clock, lambda _: None, failed)
+        self._bus = bus
+        self._reader = Reader(bus, lambda frame, now: seen(now, frame), clock, lambda _: None, failed)
         self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
-
-    def _see(self, cob_id: int, data: Data, now: float) -> bool:
-        self._seen(now, Frame(cob_id, bytes(data)))
-        return True
 
     def __enter__(self) -> Watch:
         self._thread.start()

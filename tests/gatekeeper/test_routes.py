@@ -77,11 +77,11 @@ def test_who_listens_to_frames_is_asked_again() -> None:
     assert heard(gatekeeper) == [0x703, 0x704]
 
 
-def test_who_wants_to_know_of_a_change_is_called_behind_it_in_the_thread_that_receives() -> None:
+def test_who_wants_to_know_of_a_change_is_called_after_it_in_the_thread_that_receives() -> None:
     told: list[tuple[list[object], threading.Thread]] = []
     gatekeeper = Gatekeeper(changed({}))
     gatekeeper.add_queue(CheckDriveRequest)
-    gatekeeper.add_frames(lambda: (0x602,), lambda *_: gatekeeper.reroute(changed({CHECK: 0x3C5})), "master")
+    gatekeeper.add_node(lambda: (0x602,), lambda *_: gatekeeper.reroute(changed({CHECK: 0x3C5})), "master")
     gatekeeper.start()
     gatekeeper.rerouted = lambda: told.append((heard(gatekeeper), threading.current_thread()))
     gatekeeper.receive(Frame(0x3C0), 0.0)
