@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FrameLengthError
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Data, Frame
 from eurobot_od.gatekeeper.listeners import Function, FunctionListener, ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
@@ -166,17 +166,23 @@ class Gatekeeper:
 
     def receive(self, frame: Frame, timestamp: float) -> None:
         """Deliver a frame, received at `timestamp` in seconds, to its listeners."""
-        route = self._routes.get(frame.cob_id)
+        self.receive_data(*frame, timestamp)
+
+    def receive_data(self, cob_id: int, data: Data, timestamp: float) -> None:
+        """Do what `receive` does; a frame is made only for those that want one, and does not share the driver's buffer."""
+        route = self._routes.get(cob_id)
         if route is None:
             self._unheard += 1
             return
         to_frames, to_messages, decode = route
-        for deliver in to_frames:
-            deliver(frame, timestamp)
+        if to_frames:
+            frame = Frame(cob_id, bytes(data))
+            for deliver in to_frames:
+                deliver(frame, timestamp)
         if decode is None:
             return
         try:
-            message = decode(frame.data)
+            message = decode(data)
         except FrameLengthError as error:
             self._refused += 1
             self.report(Report(Event.FRAME_REFUSED, f"0x{error.cob_id:03X}", str(error), timestamp))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.live.buses import Driver, failure
 from eurobot_od.live.functions import FunctionThread
@@ -76,7 +76,7 @@ class Live:
         self._changed = threading.Condition(self._lock)
         self._driver = Driver(bus)
         self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, self._fail, self._wake)
-        receive = gatekeeper.receive if station is None else self._receive
+        receive = gatekeeper.receive_data if station is None else self._receive
         self._reader = Reader(bus, receive, clock, self._note_foreign, self._fail)
         self._functions = FunctionThread(f"{bus.channel_info} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
@@ -191,13 +191,13 @@ class Live:
 
     # The reader's thread
 
-    def _receive(self, frame: Frame, now: float) -> None:
+    def _receive(self, cob_id: int, data: Data, now: float) -> None:
         """Deliver a frame, let the keeper know when to look again, and send the answers.
 
         In this order: as soon as an answer is out, whoever has waited for it competes with this thread for the
         interpreter, and what is left to do here takes twice as long.
         """
-        self.gatekeeper.receive(frame, now)
+        self.gatekeeper.receive_data(cob_id, data, now)
         if self.station is not None and self.station.plan.soonest < self._looks_at:
             self._wake()
         self._sender.pump()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Frame
+from eurobot_od.frame import Data, Frame
 from eurobot_od.live.buses import failure
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 POLL = 0.1
 """Longest time in seconds that a thread waits before it looks whether it is to end."""
 
-Receive: TypeAlias = Callable[[Frame, float], object]
-"""Takes a frame and the time in seconds at which it was read."""
+Receive: TypeAlias = Callable[[int, Data, float], object]
+"""Takes a frame's COB-ID, its data in the driver's buffer, and the time in seconds at which it was read."""
 
 
 class Reader:
@@ -55,9 +55,8 @@ class Reader:
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
             else:
-                # the time of our clock, not the message's: drivers' time stamps have different starts and units;
-                # and bytes of our own, as a driver may use its buffer again
-                receive(Frame(message.arbitration_id, bytes(message.data)), clock())
+                # our clock's time, not the message's: the time stamps of drivers start anywhere
+                receive(message.arbitration_id, message.data, clock())
 
 
 class Watch:
@@ -73,9 +72,12 @@ class Watch:
         clock: Callable[[], float],
         failed: Callable[[BusError], object] = lambda _: None,
     ) -> None:
-        self._bus = bus
-        self._reader = Reader(bus, lambda frame, now: seen(now, frame), clock, lambda _: None, failed)
+        self._bus, self._seen = bus, seen
+        self._reader = Reader(bus, self._see, clock, lambda _: None, failed)
         self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
+
+    def _see(self, cob_id: int, data: Data, now: float) -> None:
+        self._seen(now, Frame(cob_id, bytes(data)))
 
     def __enter__(self) -> Watch:
         self._thread.start()
