@@ -169,7 +169,7 @@ class Gatekeeper:
         self.receive_data(*frame, timestamp)
 
     def receive_data(self, cob_id: int, data: Data, timestamp: float) -> None:
-        """Do what `receive` does; a frame is made only for those that want one, and does not share the driver's buffer."""
+        """Do what `receive` does with data in a driver's buffer, which may change as soon as this returns."""
         route = self._routes.get(cob_id)
         if route is None:
             self._unheard += 1

@@ -226,6 +226,27 @@ def test_functions_run_where_they_are_told_to_nodes_and_queues_in_place() -> Non
     assert (frames, function) == ([(GOTO_FRAME, 1.0)], [(GOTO, 1.0)])
 
 
+# What a driver hands over, in a buffer of its own.
+BUFFERS = {"whole": GOTO_FRAME.data, "without the optional fields": GOTO_FRAME.data[:6]}
+
+
+@pytest.mark.parametrize("data", BUFFERS.values(), ids=BUFFERS)
+def test_what_listeners_get_does_not_change_with_the_drivers_buffer(data: bytes) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL, clock=Clock())
+    nodes, function = Heard(), Heard()
+    gatekeeper.add_node(lambda: (0x008,), nodes, "node 1")
+    gatekeeper.add_node(lambda: (0x008,), nodes, "node 2")
+    gatekeeper.add_function(GotoXY, function)
+    queue = gatekeeper.add_queue(GotoXY)
+    gatekeeper.start()
+    buffer = bytearray(data)
+    gatekeeper.receive_data(0x008, buffer, 1.0)
+    buffer[:] = b"\x55" * len(buffer)
+    assert nodes == [Received(Frame(0x008, data), 1.0)] * 2
+    assert {type(each.message.data) for each in nodes} == {bytes}
+    assert function == queue.drain() == [Received(GOTO, 1.0)]
+
+
 def test_a_node_gets_the_frames_of_all_its_identifiers_once() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     heard = Heard()

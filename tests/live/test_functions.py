@@ -138,6 +138,10 @@ def test_the_end_does_not_wait_for_a_function_that_hangs_and_counts_what_is_lost
 
 
 def test_a_function_may_end_the_thread_it_runs_in(scene: Scene) -> None:
-    scene.thread.submit(scene.listener("ends", lambda *_: (scene.thread.stop(), scene.release.set())), 0, 0.0)
+    def end(*_: object) -> None:
+        scene.thread.stop()
+        scene.release.set()
+
+    scene.thread.submit(scene.listener("ends", end), 0, 0.0)
     assert scene.release.wait(LONG)
     assert scene.reports == []

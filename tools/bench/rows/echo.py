@@ -1,4 +1,4 @@
-"""From a request to its answer between two live nodes, compared with the same echo between two bare python-can Notifiers.
+"""From a request to its answer between two live nodes, compared with an echo between two bare python-can Notifiers.
 
 Rule of this file: both sides in one process on one in-process bus; a round's figures are of its echoes.
 """
