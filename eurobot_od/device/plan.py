@@ -13,8 +13,7 @@ from math import inf
 
 
 class Plan:
-    """Timers note their times with `at`; the time's keeper looks at `soonest`, and sets it when it has asked the
-    node."""
+    """Timers note their times with `at`; the time's keeper compares `soonest`, and sets it when it asks the node."""
 
     __slots__ = ("soonest",)
 

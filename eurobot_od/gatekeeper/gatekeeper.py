@@ -120,8 +120,11 @@ class Gatekeeper:
         self, kind: Kind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
     ) -> None:
         listener = self._listener(function, name or getattr(function, "__qualname__", None) or repr(function))
-        # `call_function` is looked up at each call: a Live replaces it after the registration
-        deliver = lambda message, timestamp: self.call_function(listener, message, timestamp)  # noqa: E731
+
+        def deliver(message: Any, timestamp: float) -> None:
+            # looked up at each call, as a Live replaces it after the registration
+            self.call_function(listener, message, timestamp)
+
         self._table.add(Registration(listener, kind, cob_ids, deliver))
 
     def _listener(self, function: Function[Any], name: str) -> FunctionListener[Any]:

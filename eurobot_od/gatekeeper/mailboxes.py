@@ -3,8 +3,9 @@
 A frame is submitted, loaded when a mailbox is free, and done when the controller says transmit-complete. Nothing waits
 and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
 
-A stop must not get lost on its way. So a frame that finds a mailbox free never expires, and `load` is ordered so that
-an exception between two lines (Ctrl-C) leaves a frame in both places rather than in none: better sent twice than never.
+A frame that finds a mailbox free never expires, however long the bus is away; only one that has to wait for a mailbox
+may be dropped. `load` is ordered so that an exception between two lines (Ctrl-C) leaves a frame in both places rather
+than in none: a stop is better sent twice than never.
 
 Not thread-safe: one owner calls it, or callers share a lock.
 """

@@ -46,7 +46,7 @@ class ListenerTable:
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self.registrations: tuple[Registration, ...] = ()
+        self.registrations: list[Registration] = []
         self._closed = False
 
     def add(self, registration: Registration) -> None:
@@ -56,7 +56,7 @@ class ListenerTable:
             raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
         if 0 < self.size <= len(self.registrations):
             raise ListenerError(f"{name}: the listener table is full, it has {self.size} places")
-        self.registrations += (registration,)
+        self.registrations.append(registration)
 
     def close(self) -> None:
         """End the registration; raises StateError the second time."""

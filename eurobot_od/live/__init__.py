@@ -12,9 +12,9 @@ A `Live` has one bus, one gatekeeper, perhaps one node, and three threads. Progr
 - The **function thread** (functions.py) makes these calls one after the other, in the order in which the messages came.
   A function that is slow or hangs delays other functions, and nothing else. The line is bounded: when it is full, the
   oldest call makes room, is counted for its listener and reported.
-- The **keeper** (live.py) does everything that is due at a time: the node's timers, frames that have waited too long
-  for a
-  mailbox, another try when the driver has not taken a frame, and a report of a function that does not return.
+- The **keeper** (live.py) does everything that is due at a time: the node's timers, dropping frames that have waited
+  too long for a mailbox, another try when the driver has not taken a frame, and a report of a function that does not
+  return.
 
 Locks
 -----
@@ -24,9 +24,9 @@ keeper from within.
 
 *The turn* to send is not a lock: nobody waits for it. Whoever has submitted a frame takes the turn if it is free, and
 hands frames to the driver, the most urgent first, until none is left; the turn is given back, under the lock, in the
-same step that finds none left. If the turn is taken, its owner sends the new frame as well. So a caller of `send`
-neither waits for the bus nor for another caller, and no two threads are in the driver's `send` at once, which few
-drivers allow.
+same step that finds none left. If the turn is taken, its owner sends the new frame as well. So a caller of `send` waits
+neither for the bus nor for another caller, and no two threads are in the driver's `send` at once, which few drivers
+allow.
 
 Message queues and the line of calls have locks of their own, inside Python's SimpleQueue, held for a moment.
 
@@ -41,9 +41,8 @@ Who wakes whom
 When something fails
 --------------------
 A listener's exception ends in the gatekeeper. A driver that fails is reported once and noted in `Live.failure`. Reading
-ends with it. Sending is tried again after growing pauses: frames stay in their mailboxes, as a stop has to leave when
-the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it gives the turn back, and the frame stays
-loaded.
+ends with it. Sending is tried again after growing pauses: a stop that has a mailbox stays there, and leaves when the
+driver is back. Ctrl-C may hit the thread that has the turn anywhere; it gives the turn back, its frame stays loaded.
 """
 
 from eurobot_od.live.buses import BITRATE as BITRATE
