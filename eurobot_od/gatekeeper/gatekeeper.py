@@ -17,8 +17,8 @@ from eurobot_od.gatekeeper.listeners import Function, FunctionListener, Listener
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
 from eurobot_od.gatekeeper.routes import Kind, ListenerTable, Registration, Route, routes_to
-from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.pdo.message import Message, MessageT
+from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
     from can.typechecking import CanFilter

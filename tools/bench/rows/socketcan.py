@@ -23,7 +23,7 @@ from bench.process import ENVIRONMENT, PROGRAMS, PYTHON
 from bench.shared import protocol
 from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
 from eurobot_od.live import Live
-from eurobot_od.robot.messages import Message
+from eurobot_od.pdo.message import Message
 
 CHANNEL = "vcan0"
 BITRATE = 1_000_000
