@@ -32,6 +32,9 @@ REPORTS_KEPT = 1000
 EXACT = 0x7FF
 """Filter mask: all 11 bits of an identifier count."""
 
+ALL_MESSAGES = "all messages"
+"""What a listener without a message type listens to."""
+
 CallFunction: TypeAlias = Callable[[FunctionListener[Any], Any, float], object]
 """Has a function called with what it listens to and its timestamp, now or later."""
 
@@ -88,8 +91,9 @@ class Gatekeeper:
 
         Raises UnknownName if there is no such type.
         """
-        queue = MessageQueue[MessageT](name or f"queue of {self._name(message_type)}", maxsize, self.report)
-        self._table.add(Registration(queue, Kind.QUEUE, self._cob_ids(message_type), queue.put))
+        message = self._name(message_type)
+        queue = MessageQueue[MessageT](name or f"queue of {message}", maxsize, self.report)
+        self._table.add(Registration(queue, Kind.QUEUE, self._cob_ids(message), queue.put))
         return queue
 
     def add_function(
@@ -100,7 +104,7 @@ class Gatekeeper:
         Functions are called one after the other, those of one message in the order of their registration. `name` is for
         reports. Raises UnknownName if there is no such type.
         """
-        self._add_function(Kind.FUNCTION, self._cob_ids(message_type), function, name)
+        self._add_function(Kind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
 
     def add_frames(
         self, cob_ids: Callable[[], Iterable[int]], function: Function[Frame], name: str | None = None
@@ -130,17 +134,16 @@ class Gatekeeper:
     def _listener(self, function: Function[Any], name: str) -> FunctionListener[Any]:
         return FunctionListener(name, function, self.report, self.clock, self._slow_after)
 
-    def _cob_ids(self, message_type: type[Any] | None) -> Callable[[], Iterable[int]]:
-        """Return where to ask for the COB-IDs of a message; raises UnknownName if there is none of this type.
-
-        Later on there may be none for a while: a master may make a PDO invalid, and valid again.
-        """
-        if message_type is not None:
-            self._protocol.binding(message_type)
-        return lambda: [each.cob_id for each in self._protocol.bindings if message_type in (None, each.type)]
-
     def _name(self, message_type: type[Any] | None) -> str:
-        return "all messages" if message_type is None else self._protocol.name(message_type)
+        """Return a message's name, that of all messages for None; raises UnknownName."""
+        return ALL_MESSAGES if message_type is None else self._protocol.name(message_type)
+
+    def _cob_ids(self, name: str) -> Callable[[], Iterable[int]]:
+        """Return where to ask for the COB-IDs of a message, by its name: a changed protocol may make its type anew.
+
+        For a while there may be none: a master may make a PDO invalid, and valid again.
+        """
+        return lambda: [each.cob_id for each in self._protocol.bindings if name in (ALL_MESSAGES, each.name)]
 
     def start(self) -> list[CanFilter]:
         """End the registration and return the receive filters for python-can's `set_filters`.
@@ -173,11 +176,11 @@ class Gatekeeper:
 
     def receive_data(self, cob_id: int, data: Data, timestamp: float) -> None:
         """Do what `receive` does with data in a driver's buffer, which may change as soon as this returns."""
-        route = self._routes.get(cob_id)
-        if route is None:
+        try:
+            to_frames, to_messages, decode = self._routes[cob_id]
+        except KeyError:
             self._unheard += 1
             return
-        to_frames, to_messages, decode = route
         if to_frames:
             frame = Frame(cob_id, bytes(data))
             for deliver in to_frames:
