@@ -24,10 +24,10 @@ RETRY = 0.001
 """Seconds that a driver may take to accept a frame; one that does not is given the frame again later."""
 
 FILTERING = ("socketcan", "etas")
-"""Interfaces whose driver takes as many receive filters as there are identifiers."""
+"""Interfaces with a driver that takes as many receive filters as there are identifiers."""
 
 PROMPT = ("socketcan", "virtual")
-"""Interfaces whose `send` does not wait when told so."""
+"""Interfaces with a `send` that does not wait when told so."""
 
 # python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
 # these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as

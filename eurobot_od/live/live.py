@@ -2,7 +2,7 @@
 
 The package's docstring explains the threads, the locks and who wakes whom.
 
-Rule of this file: whoever submits a frame never waits for the bus.
+Rule of this file: to submit a frame never waits for the bus.
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ class Live:
     def _receive(self, cob_id: int, data: Data, now: float) -> None:
         """Deliver a frame, let the keeper know when to look again, and send the answers.
 
-        In this order: as soon as an answer is out, whoever has waited for it competes with this thread for the
+        In this order: as soon as an answer is out, the thread that waited for it competes with this one for the
         interpreter, and what is left to do here takes twice as long.
         """
         self.gatekeeper.receive_data(cob_id, data, now)

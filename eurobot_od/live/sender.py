@@ -26,8 +26,8 @@ within a frame or two, but a dead adapter stays dead. The longest is what a stop
 class Sender:
     """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is told when the driver fails.
 
-    `blocked` tells that the driver has not taken the last frame. `wake` is called then: whoever keeps the time has to
-    call `retry` after `pause` seconds, and until then nothing else tries.
+    `blocked` tells that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
+    has to call `retry` after `pause` seconds, and until then no other tries.
     """
 
     def __init__(

@@ -252,7 +252,7 @@ def test_a_driver_that_keeps_nobody_waiting_has_the_frame_when_send_returns(chan
 
 
 class InterruptedBus(VirtualBus):
-    """A driver in whose `send` Ctrl-C is pressed, once."""
+    """A driver that is interrupted by Ctrl-C in its `send`, once."""
 
     interrupts = 1
 
