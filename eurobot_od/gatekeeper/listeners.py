@@ -26,9 +26,6 @@ class Received(NamedTuple, Generic[T]):
     timestamp: float
 
 
-_new = tuple.__new__  # half the time of `Received()`, which every message in a queue would pay
-
-
 class ListenerStatistics(NamedTuple):
     """A listener's counts: messages delivered and lost, calls that failed, and calls that held up the others."""
 
@@ -49,7 +46,7 @@ class MessageQueue(Generic[T]):
         self.name, self.maxsize = name, maxsize
         self.delivered = self.lost = 0
         self._report = report
-        self._items: SimpleQueue[Received[T]] = SimpleQueue()
+        self._items: SimpleQueue[tuple[T, float]] = SimpleQueue()
 
     def __len__(self) -> int:
         return self._items.qsize()
@@ -58,7 +55,7 @@ class MessageQueue(Generic[T]):
         """Append a message; never waits."""
         if 0 < self.maxsize <= self._items.qsize():
             self._drop_oldest(timestamp)
-        self._items.put(_new(Received, (message, timestamp)))
+        self._items.put((message, timestamp))  # the program that reads makes a Received of it, not the bus's thread
         self.delivered += 1
 
     def _drop_oldest(self, now: float) -> None:
@@ -81,14 +78,14 @@ class MessageQueue(Generic[T]):
     def get(self, timeout: float | None = None) -> Received[T] | None:
         """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""
         try:
-            return self._items.get(timeout=timeout)
+            return Received(*self._items.get(timeout=timeout))
         except Empty:
             return None
 
     def get_nowait(self) -> Received[T] | None:
         """Take the oldest message, None if there is none."""
         try:
-            return self._items.get_nowait()
+            return Received(*self._items.get_nowait())
         except Empty:
             return None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
+from collections.abc import Iterator
 from types import FrameType
 from typing import Any
 
@@ -58,8 +59,10 @@ class Scene:
 
 
 @pytest.fixture
-def scene() -> Scene:
-    return Scene()
+def scene() -> Iterator[Scene]:
+    scene = Scene()
+    with scene.wire:
+        yield scene
 
 
 def test_all_frames_leave_the_most_urgent_first(scene: Scene) -> None:
@@ -129,9 +132,10 @@ def test_an_interrupt_at_any_line_loses_no_frame_and_gives_the_turn_back() -> No
         line += 1
         scene = Scene()
         scene.submit(*FRAMES)
-        hit = interrupted(scene, line)
-        scene.submit(Frame(0x001))
-        scene.sender.pump()
+        with scene.wire:
+            hit = interrupted(scene, line)
+            scene.submit(Frame(0x001))
+            scene.sender.pump()
         assert set(scene.wire.sent) == {*FRAMES, Frame(0x001)}, line
         assert not scene.sender.busy, line
     assert line > len(FRAMES)
