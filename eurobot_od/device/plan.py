@@ -1,6 +1,10 @@
-"""The soonest time that has been planned for, so that nobody has to look at all plans after each frame.
+"""The soonest time that a node has planned for.
 
-Rule of this file: never later than the first thing that is due; sooner is allowed, as what was planned may be dropped.
+After each frame the thread that receives compares one number, instead of asking every timer of the node, to tell
+whether the thread that keeps the time has to be woken.
+
+Rule of this file: never later than the first thing that is due. Sooner is allowed, as a plan may be dropped: that costs
+one look in vain.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ from math import inf
 
 
 class Plan:
-    """Who makes plans notes them with `at`; who keeps the time looks at `soonest`, and sets it when it has looked."""
+    """Timers note their times with `at`; the time's keeper compares `soonest`, and sets it when it asks the node."""
 
     __slots__ = ("soonest",)
 

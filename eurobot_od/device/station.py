@@ -1,6 +1,8 @@
 """A node at its gatekeeper: received frames to the node, the node's frames to the mailboxes.
 
-Rule of this file: still no clock and no bus; the live runtime and the simulation both drive stations.
+Still no bus and no thread: `live` and `simulation` both drive stations. Whichever thread calls, the node's `guard` is
+held while the node works and until its frames are in the mailboxes, so that frames leave in the order in which the node
+made them.
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper, Report
-from eurobot_od.gatekeeper.listeners import Aside, in_place
 
 
 class Station:
@@ -27,7 +28,6 @@ class Station:
         *,
         report: Callable[[Report], object] | None = None,
         clock: Callable[[], float] = time.perf_counter,
-        aside: Aside = in_place,
     ) -> None:
         self.node, self.plan = node, node.device.plan
         self.gatekeeper = Gatekeeper(
@@ -37,10 +37,9 @@ class Station:
             mailbox_wait=node.seconds("Transmit.Mailbox wait"),
             report=report,
             clock=clock,
-            aside=aside,
         )
         self._identifiers = node.device.identifiers
-        self.gatekeeper.add_frames(lambda: self._identifiers, self._received, node.name)
+        self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
         """Switch the node on."""
@@ -71,7 +70,7 @@ class Station:
                 self._follow()
 
     def _follow(self) -> None:
-        """Listen to what the node listens to by now: a master has changed that with this frame."""
+        """Listen to what the node listens to now: a master has changed that with this frame."""
         self._identifiers = self.node.device.identifiers
         self.gatekeeper.reroute(self.node.device.protocol)
 

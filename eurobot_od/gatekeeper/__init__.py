@@ -1,17 +1,27 @@
 """The CAN gatekeeper (document sections 4 and 6): who hears which message, and which frame leaves next.
 
-Rule of this file: names only. Nothing in this package opens a bus, starts a thread or waits, but for a user who waits
-at a message queue; the runtime brings the frames, the time and the threads.
+How the document's wishes are met:
+
+- *Listeners* (section 4.1). `setQueueCANListener` is `Gatekeeper.add_queue`, `setFunctionCANListener` is
+  `add_function`. Listeners are registered before the start, in a table that may be bounded as in the 2014 robot; one
+  that does not fit is an error with its name, not a silence.
+- *Hardware filters* (section 6). The robot kept its listener table for ever, as its filters were an index into it.
+  Here `Gatekeeper.filters` makes the filters anew from the routes whenever a bus wants them, and the bus keeps them.
+- *Transmit-complete interrupt* (section 6). Nothing waits for a mailbox and nothing polls one: a frame is submitted to
+  `Mailboxes`, and `complete`, which an interrupt would call, makes room for the next.
+
+No file of this package opens a bus, starts a thread or reads a clock of its own accord: `live` and `simulation` bring
+the frames, the time and the threads. Only a program that reads a `MessageQueue` may wait, for as long as it says.
 """
 
 from eurobot_od.gatekeeper.gatekeeper import Gatekeeper as Gatekeeper
-from eurobot_od.gatekeeper.gatekeeper import Running as Running
 from eurobot_od.gatekeeper.gatekeeper import Statistics as Statistics
 from eurobot_od.gatekeeper.listeners import FunctionListener as FunctionListener
+from eurobot_od.gatekeeper.listeners import ListenerStatistics as ListenerStatistics
+from eurobot_od.gatekeeper.listeners import MessageQueue as MessageQueue
+from eurobot_od.gatekeeper.listeners import Received as Received
 from eurobot_od.gatekeeper.mailboxes import Mailboxes as Mailboxes
 from eurobot_od.gatekeeper.mailboxes import TransmitStatistics as TransmitStatistics
-from eurobot_od.gatekeeper.queues import ListenerStatistics as ListenerStatistics
-from eurobot_od.gatekeeper.queues import MessageQueue as MessageQueue
-from eurobot_od.gatekeeper.queues import Received as Received
 from eurobot_od.gatekeeper.reports import Event as Event
 from eurobot_od.gatekeeper.reports import Report as Report
+from eurobot_od.gatekeeper.reports import Reporter as Reporter

@@ -1,10 +1,7 @@
 """The gatekeeper: every received frame to its listeners, every message to be sent to the mailboxes.
 
-Rule of this file: a frame is delivered at the cost of its own listeners, whoever else listens, and nothing that comes
-from the wire raises: it is counted and reported.
-
-Nodes are served first, then queues, then functions. When a call does not return, another thread takes the baton out of
-it and goes on with the listeners behind; the thread in that call, once it is back, finds the baton gone.
+Rule of this file: nothing that comes from the wire, and nothing that a listener does, raises out of `receive`; it is
+counted and reported.
 """
 
 from __future__ import annotations
@@ -12,17 +9,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from eurobot_od.errors import FrameLengthError, UnknownName
+from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Data, Frame
-from eurobot_od.gatekeeper.baton import Baton, Call
-from eurobot_od.gatekeeper.listeners import Aside, Function, FunctionListener, QueueListener, in_place
+from eurobot_od.gatekeeper.listeners import Function, FunctionListener, ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
-from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
-from eurobot_od.gatekeeper.routes import Kind, Listener, ListenerTable, Registration, Route, routes_to
-from eurobot_od.pdo.binding import Binding
+from eurobot_od.gatekeeper.routes import Kind, ListenerTable, Registration, Route, routes_to
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.pdo.protocol import Protocol
 
@@ -38,32 +32,11 @@ REPORTS_KEPT = 1000
 EXACT = 0x7FF
 """Filter mask: all 11 bits of an identifier count."""
 
-IDENTIFIERS = EXACT + 1
-"""Number of COB-IDs that there are: a list with a place for each is read sooner than a dictionary."""
+ALL_MESSAGES = "all messages"
+"""What a listener without a message type listens to."""
 
-
-class Running(NamedTuple):
-    """A call under way: of which `listener`, `since` when by the gatekeeper's clock, and all that it takes to go on."""
-
-    listener: Listener
-    since: float
-    message: Any
-    timestamp: float
-    cob_id: int
-    data: Data
-    rest: Route
-    call: Call
-    baton: Baton
-
-    @property
-    def behind(self) -> Route:
-        """The listeners whose turn has not come."""
-        return self.rest[[listener for _, listener in self.rest].index(self.listener) + 1 :]
-
-    @property
-    def name(self) -> str:
-        """The listener's name."""
-        return self.listener.name
+CallFunction: TypeAlias = Callable[[FunctionListener[Any], Any, float], object]
+"""Has a function called with what it listens to and its timestamp, now or later."""
 
 
 class Statistics(NamedTuple):
@@ -78,10 +51,13 @@ class Statistics(NamedTuple):
 class Gatekeeper:
     """Listeners and mailboxes of one bus.
 
-    `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A function
-    that takes longer than `slow_after` seconds of `clock` is set aside: from then on `aside` has it called. Reports
-    go to `report`, or without one to `reports`. One thread receives, but for `take_over`; whoever owns the bus sends.
-    `rerouted` is called when the receive filters have changed, in the thread that receives; at the start, too.
+    `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A call that
+    takes longer than `slow_after` seconds of `clock` is reported. Reports go to `report`; without one, the latest are
+    kept in `reports`. One thread receives; the bus's owner sends.
+
+    `call_function` decides where functions run. It calls them in place, in the order of their registration, until a
+    `Live` gives them a thread of their own. `rerouted` is called when the receive filters have changed, in the thread
+    that receives, and at the start.
     """
 
     def __init__(
@@ -94,61 +70,80 @@ class Gatekeeper:
         slow_after: float = SLOW_AFTER,
         report: Reporter | None = None,
         clock: Callable[[], float] = time.perf_counter,
-        aside: Aside = in_place,
     ) -> None:
         self.reports: deque[Report] = deque(maxlen=REPORTS_KEPT)
-        self._report = self.reports.append if report is None else report
-        self.mailboxes = Mailboxes(self._report, mailboxes, mailbox_wait)
-        self._protocol, self._aside, self.clock, self._slow_after = protocol, aside, clock, slow_after
-        self._table = ListenerTable(table_size)
+        self.report: Reporter = self.reports.append if report is None else report
+        self.mailboxes = Mailboxes(self.report, mailboxes, mailbox_wait)
+        self.call_function: CallFunction = FunctionListener.call
         self.rerouted: Callable[[], object] = lambda: None
-        self._listeners: tuple[Registration, ...] = ()
-        self._routes: list[Route] = [()] * IDENTIFIERS
+        self.clock = clock
+        self._protocol, self._slow_after = protocol, slow_after
+        self._table = ListenerTable(table_size)
+        self._routes: dict[int, Route] = {}
         self._refused = self._unheard = 0
-        self._baton = Baton()
 
     # Registration, before the start: raises ListenerError afterwards, and when the table is full
 
     def add_queue(
-        self, message_type: type[MessageT], maxsize: int = 0, name: str | None = None
+        self, message_type: type[MessageT] | None, maxsize: int = 0, name: str | None = None
     ) -> MessageQueue[MessageT]:
-        """Return a queue that gets every message of a type, see MessageQueue; UnknownName if there is no such type."""
-        queue = MessageQueue[MessageT](name or f"queue of {self._binding(message_type).name}", maxsize, self._report)
-        self._add(message_type, Kind.QUEUE, QueueListener(queue, self._report))
+        """Return a queue that gets every message of a type, see MessageQueue; without a type (None) every message.
+
+        Raises UnknownName if there is no such type.
+        """
+        message = self._name(message_type)
+        queue = MessageQueue[MessageT](name or f"queue of {message}", maxsize, self.report)
+        self._table.add(Registration(queue, Kind.QUEUE, self._cob_ids(message), queue.put))
         return queue
 
-    def add_function(self, message_type: type[MessageT], function: Function[MessageT], name: str | None = None) -> None:
-        """Have a function called with every message of a type and its timestamp; `name` is for reports.
+    def add_function(
+        self, message_type: type[MessageT] | None, function: Function[MessageT], name: str | None = None
+    ) -> None:
+        """Have a function called with every message of a type and its timestamp; without a type (None) every message.
 
-        Functions are called in the order of their registration. Raises UnknownName if there is no such type.
+        Functions are called one after the other, those of one message in the order of their registration. `name` is for
+        reports. Raises UnknownName if there is no such type.
         """
-        self._binding(message_type)
-        listener = FunctionListener(name or _name_of(function), function, self._report, self._aside)
-        self._add(message_type, Kind.FUNCTION, listener)
-
-    def _add(self, message_type: type[MessageT], kind: Kind, listener: Listener) -> None:
-        self._table.add(Registration(lambda: self._cob_ids(message_type), kind, listener))
-
-    def _binding(self, message_type: type[MessageT]) -> Binding:
-        return self._protocol.binding(cast("type[Message]", message_type))
-
-    def _cob_ids(self, message_type: type[MessageT]) -> tuple[int, ...]:
-        """Return a message's COB-ID as the protocol has it now, none if its PDO is not valid."""
-        try:
-            return (self._binding(message_type).cob_id,)
-        except UnknownName:
-            return ()
+        self._add_function(Kind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
 
     def add_frames(
         self, cob_ids: Callable[[], Iterable[int]], function: Function[Frame], name: str | None = None
     ) -> None:
-        """Have a function called with frames and their timestamps, as a CANopen node wants them; too short ones too.
+        """Have a function called with frames and their timestamps, too short ones as well.
 
-        `cob_ids` is asked at the start. A node that is slow is reported, but stays with the thread that receives.
+        `cob_ids` is asked at the start, and whenever the protocol has changed.
         """
+        self._add_function(Kind.FRAME_FUNCTION, cob_ids, function, name)
 
-        listener = FunctionListener(name or _name_of(function), function, self._report, in_place)
-        self._table.add(Registration(cob_ids, Kind.NODE, listener))
+    def add_node(self, cob_ids: Callable[[], Iterable[int]], receive: Function[Frame], name: str) -> None:
+        """Have a CANopen node get its frames: like `add_frames`, but always in the thread that receives."""
+        listener = self._listener(receive, name)
+        self._table.add(Registration(listener, Kind.NODE, cob_ids, listener.call))
+
+    def _add_function(
+        self, kind: Kind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
+    ) -> None:
+        listener = self._listener(function, name or getattr(function, "__qualname__", None) or repr(function))
+
+        def deliver(message: Any, timestamp: float) -> None:
+            # looked up at each call, as a Live replaces it after the registration
+            self.call_function(listener, message, timestamp)
+
+        self._table.add(Registration(listener, kind, cob_ids, deliver))
+
+    def _listener(self, function: Function[Any], name: str) -> FunctionListener[Any]:
+        return FunctionListener(name, function, self.report, self.clock, self._slow_after)
+
+    def _name(self, message_type: type[Any] | None) -> str:
+        """Return a message's name, that of all messages for None; raises UnknownName."""
+        return ALL_MESSAGES if message_type is None else self._protocol.name(message_type)
+
+    def _cob_ids(self, name: str) -> Callable[[], Iterable[int]]:
+        """Return where to ask for the COB-IDs of a message, by its name: a changed protocol may make its type anew.
+
+        For a while there may be none: a master may make a PDO invalid, and valid again.
+        """
+        return lambda: [each.cob_id for each in self._protocol.bindings if name in (ALL_MESSAGES, each.name)]
 
     def start(self) -> list[CanFilter]:
         """End the registration and return the receive filters for python-can's `set_filters`.
@@ -156,7 +151,7 @@ class Gatekeeper:
         They let through what is listened to and nothing else; without any listener the list is empty, which python-can
         takes for "everything". Raises StateError when called again.
         """
-        self._listeners = self._table.close()
+        self._table.close()
         return self.reroute(self._protocol)
 
     def reroute(self, protocol: Protocol) -> list[CanFilter]:
@@ -165,96 +160,41 @@ class Gatekeeper:
         For the thread that receives: a master has changed a node's PDOs, SDO or heartbeat identifiers.
         """
         self._protocol = protocol
-        routes = routes_to(self._listeners, protocol)
-        self._routes = [routes.get(cob_id, ()) for cob_id in range(IDENTIFIERS)]
+        self._routes = routes_to(self._table.registrations, protocol)
         self.rerouted()
         return self.filters()
 
     def filters(self) -> list[CanFilter]:
         """Return the receive filters as of now, made anew: nothing but the bus keeps them (document section 6)."""
-        heard = (cob_id for cob_id, route in enumerate(self._routes) if route)
-        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in heard]
+        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
 
     # Receiving
 
-    def receive(self, frame: Frame, timestamp: float) -> bool:
-        """Deliver a frame, received at `timestamp` in seconds, to its listeners.
+    def receive(self, frame: Frame, timestamp: float) -> None:
+        """Deliver a frame, received at `timestamp` in seconds, to its listeners."""
+        self.receive_data(*frame, timestamp)
 
-        False if another thread has taken over meanwhile; then this one has to stop receiving.
-        """
-        return self.receive_data(*frame, timestamp, self.clock())
-
-    def receive_data(
-        self,
-        cob_id: int,
-        data: Data,
-        timestamp: float,
-        since: float | None = None,
-        rest: Route | None = None,
-        message: Any = None,
-    ) -> bool:
-        """Do what `receive` does; `since` is the time by the gatekeeper's own `clock`, the timestamp if that is its.
-
-        Given the `rest` of a route, go on there; `message` is what the listener before got.
-        """
-        # in one piece on purpose: every frame comes through here, and each call would be 2 % of its way
-        if since is None:
-            since = timestamp
-        if rest is None:
-            try:
-                rest = self._routes[cob_id]
-            except IndexError:  # a sender in this process that does not check its identifiers
-                rest = ()
-            if not rest:
-                self._unheard += 1
-        baton, clock = self._baton, self.clock
-        for make, listener in rest:
-            if make is not None:
-                try:
-                    message = make(data)
-                except FrameLengthError as error:
-                    self._refuse(error, timestamp)
-                    return True
-            deliver = listener.deliver  # in a step of its own: as a method of one instance it takes twice the time
-            baton.call = listener, since, message, timestamp, cob_id, data, rest
-            try:
-                deliver(message, timestamp)
-            except Exception as error:  # whatever it is, the other listeners get their message
-                listener.has_failed(error, timestamp)
-            listener.delivered += 1
-            baton.call = None
-            if baton.claimed and baton.lost():
-                listener.come_back()
-                return False
-            now = clock()
-            if now - since > self._slow_after:
-                listener.was_slow(now - since, timestamp)
-            since = now
-        return True
-
-    def _refuse(self, error: FrameLengthError, timestamp: float) -> None:
-        self._refused += 1
-        self._report(Report(Event.FRAME_REFUSED, f"0x{error.cob_id:03X}", str(error), timestamp))
-
-    # A function that does not return
-
-    def running(self) -> Running | None:
-        """Return the call under way, None between calls; for a watchdog on another thread."""
-        baton = self._baton
-        call = baton.call
-        return Running._make((*call, call, baton)) if call else None
-
-    def take_over(self, stuck: Running) -> bool:
-        """Go on in this thread behind a call that does not return, with the other listeners of its frame.
-
-        True if it is this thread that receives from now on, False if the call has returned after all. The thread in
-        that call gets False from `receive` when it comes back, after it has caught up with that listener's messages.
-        """
-        if not stuck.listener.leave(stuck.baton, stuck.call, stuck.timestamp):
-            return False
-        self._baton = Baton()
-        _, _, message, timestamp, cob_id, data, *_ = stuck
-        return self.receive_data(cob_id, data, timestamp, self.clock(), stuck.behind, message)
+    def receive_data(self, cob_id: int, data: Data, timestamp: float) -> None:
+        """Do what `receive` does with data in a driver's buffer, which may change as soon as this returns."""
+        try:
+            to_frames, to_messages, decode = self._routes[cob_id]
+        except KeyError:
+            self._unheard += 1
+            return
+        if to_frames:
+            frame = Frame(cob_id, bytes(data))
+            for deliver in to_frames:
+                deliver(frame, timestamp)
+        if decode is None:
+            return
+        try:
+            message = decode(data)
+        except FrameLengthError as error:
+            self._refused += 1
+            self.report(Report(Event.FRAME_REFUSED, f"0x{error.cob_id:03X}", str(error), timestamp))
+            return
+        for deliver in to_messages:
+            deliver(message, timestamp)
 
     # Sending
 
@@ -269,11 +209,6 @@ class Gatekeeper:
     # Counts
 
     def statistics(self) -> Statistics:
-        """Return the counts so far; listeners appear from the start on."""
-        heard = (listener for route in self._routes for _, listener in route)
-        listeners = tuple(listener.statistics() for listener in dict.fromkeys(heard))
+        """Return the counts so far."""
+        listeners = tuple(each.listener.statistics() for each in self._table.registrations)
         return Statistics(listeners, self._refused, self._unheard, self.mailboxes.statistics())
-
-
-def _name_of(function: Callable[..., object]) -> str:
-    return getattr(function, "__qualname__", None) or repr(function)

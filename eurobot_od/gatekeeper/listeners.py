@@ -1,119 +1,144 @@
-"""Function listeners: functions called with each message (document 4.1, setFunctionCANListener).
+"""Listeners: message queues, which a program reads when it has time, and functions (document 4.1).
 
-Rule of this file: a listener harms nobody but itself, and runs in one thread at a time. Its exceptions end here. One
-that has been slow or stuck is set aside: its messages wait in a queue of its own for a thread other than the
-reader's. The thread that is stuck in a call is that thread, as soon as it comes back.
+Rule of this file: a listener never raises into the thread that delivers, and what it loses is counted and reported.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from typing import Generic, TypeAlias
+from queue import Empty, SimpleQueue
+from typing import Generic, TypeAlias, TypeVar, overload
 
-from eurobot_od.gatekeeper.baton import Baton, Call
-from eurobot_od.gatekeeper.queues import ListenerStatistics, MessageQueue, Received, T
+from typing_extensions import NamedTuple
+
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 
-BACKLOG = 1000
-"""Messages that wait for a listener set aside: one sent every 100 ms fills this in 100 s, longer than a match."""
-
-Aside: TypeAlias = Callable[[Callable[[], None]], object]
-"""Runs what it is given on a thread other than the reader's, as `ThreadPoolExecutor().submit` does."""
+T = TypeVar("T")
 
 Function: TypeAlias = Callable[[T, float], object]
 """Gets what it listens to and when that came, in the bus's seconds."""
 
 
-def in_place(work: Callable[[], None]) -> None:
-    """Run the work of a listener set aside here and now, as if it were not."""
-    work()
+class Received(NamedTuple, Generic[T]):
+    """A message as it waits in a queue, and when it came, in the bus's seconds."""
+
+    message: T
+    timestamp: float
+
+
+class ListenerStatistics(NamedTuple):
+    """A listener's counts: messages delivered and lost, calls that failed, and calls that held up the others."""
+
+    name: str
+    delivered: int
+    lost: int
+    failed: int = 0
+    slow: int = 0
+
+
+class MessageQueue(Generic[T]):
+    """A FIFO of received messages, at most `maxsize` (0: any number). One thread puts, any number may get.
+
+    The oldest message makes room when the queue is full: the newest position or goto is the one that counts.
+    """
+
+    def __init__(self, name: str, maxsize: int, report: Reporter) -> None:
+        self.name, self.maxsize = name, maxsize
+        self.delivered = self.lost = 0
+        self._report = report
+        self._items: SimpleQueue[tuple[T, float]] = SimpleQueue()
+
+    def __len__(self) -> int:
+        return self._items.qsize()
+
+    def put(self, message: T, timestamp: float) -> None:
+        """Append a message; never waits."""
+        if 0 < self.maxsize <= self._items.qsize():
+            self._drop_oldest(timestamp)
+        self._items.put((message, timestamp))  # the program that reads makes a Received of it, not the bus's thread
+        self.delivered += 1
+
+    def _drop_oldest(self, now: float) -> None:
+        if self.get_nowait() is None:
+            return  # a reader has made room in the meantime
+        self.lost += 1
+        if has_doubled(self.lost):
+            text = f"full with {self.maxsize} messages, {self.lost} lost so far; the newest are kept"
+            self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, now))
+
+    @overload
+    def get(self) -> Received[T]: ...
+
+    @overload
+    def get(self, timeout: None) -> Received[T]: ...
+
+    @overload
+    def get(self, timeout: float) -> Received[T] | None: ...
+
+    def get(self, timeout: float | None = None) -> Received[T] | None:
+        """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""
+        try:
+            return Received(*self._items.get(timeout=timeout))
+        except Empty:
+            return None
+
+    def get_nowait(self) -> Received[T] | None:
+        """Take the oldest message, None if there is none."""
+        try:
+            return Received(*self._items.get_nowait())
+        except Empty:
+            return None
+
+    def drain(self) -> list[Received[T]]:
+        """Take all messages that are there, the oldest first."""
+        return list(iter(self.get_nowait, None))
+
+    def statistics(self) -> ListenerStatistics:
+        """Return the counts so far."""
+        return ListenerStatistics(self.name, self.delivered, self.lost)
 
 
 class FunctionListener(Generic[T]):
-    """A function with its name; `deliver` is the function, or what leaves the message to `aside` once that is so.
+    """A function with its name and its counts; a call that takes longer than `slow_after` seconds is reported."""
 
-    Who delivers counts that in `delivered`, and tells `has_failed` of an exception.
-    """
-
-    def __init__(self, name: str, function: Function[T], report: Reporter, aside: Aside) -> None:
+    def __init__(
+        self, name: str, function: Function[T], report: Reporter, clock: Callable[[], float], slow_after: float
+    ) -> None:
         self.name = name
-        self.delivered = self.failed = self.slow = 0
-        self.deliver = function
-        self._function, self._report, self._aside = function, report, aside
-        self._backlog: MessageQueue[T] = MessageQueue(name, BACKLOG, report)
-        self._lock = threading.Lock()
-        self._working = False  # a thread is at the backlog, or will be
-        self._owed = False  # and it is the one that was stuck
+        self.delivered = self.lost = self.failed = self.slow = 0
+        self._function, self._report, self._clock, self._slow_after = function, report, clock, slow_after
 
-    def has_failed(self, error: Exception, timestamp: float) -> None:
+    def call(self, message: T, timestamp: float) -> None:
+        """Call the function; an exception of its own ends here."""
+        begin = self._clock()
+        try:
+            self._function(message, timestamp)
+        except Exception as error:  # whatever it is, the other listeners get their message
+            self.has_failed(error, timestamp)
+        self.delivered += 1
+        seconds = self._clock() - begin
+        if seconds > self._slow_after:
+            self._was_slow(seconds, timestamp)
+
+    def has_failed(self, error: BaseException, timestamp: float) -> None:
         """Note that a call raised an exception."""
         self.failed += 1
         text = f"{type(error).__name__}: {error}"
         self._report(Report(Event.LISTENER_FAILED, self.name, text, timestamp, error))
 
-    def was_slow(self, seconds: float, timestamp: float) -> None:
-        """Note that a call held up the reader for `seconds`, and set the listener aside."""
+    def _was_slow(self, seconds: float, timestamp: float) -> None:
         self.slow += 1
-        self.deliver = self._postpone
         if has_doubled(self.slow):
             text = f"held up the others for {seconds * 1000:.1f} ms, {self.slow} times so far"
             self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
 
-    def _postpone(self, message: T, timestamp: float) -> None:
-        self._backlog.put(message, timestamp)
-        with self._lock:
-            idle, self._working = not self._working, True
-        if idle:
-            self._aside(self._work)
-
-    def _work(self) -> None:
-        while (received := self._next()) is not None:
-            try:
-                self._function(*received)
-            except Exception as error:  # the messages behind wait for this thread
-                self.has_failed(error, received.timestamp)
-
-    def _next(self) -> Received[T] | None:
-        with self._lock:
-            received = self._backlog.get_nowait()
-            self._working = received is not None
-            return received
-
-    # A call that does not return
-
-    def leave(self, baton: Baton, call: Call, timestamp: float) -> bool:
-        """Set the listener aside in the midst of a call, by another thread; False if the call has returned by now."""
-        with self._lock:
-            if not baton.take(call):
-                return False
-            self._owed, self._working = not self._working, True
-            self.deliver = self._postpone
-        self._report(Report(Event.LISTENER_STUCK, self.name, "does not return; the others go on without it", timestamp))
-        return True
-
-    def come_back(self) -> None:
-        """Catch up, in the thread that was stuck, with the messages that came meanwhile."""
-        with self._lock:
-            owed, self._owed = self._owed, False
-        if owed:
-            self._work()
+    def has_lost(self, timestamp: float) -> None:
+        """Note that a message was dropped before the function could be called with it."""
+        self.lost += 1
+        if has_doubled(self.lost):
+            text = f"too many calls wait, {self.lost} messages lost so far; the newest are kept"
+            self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
 
     def statistics(self) -> ListenerStatistics:
         """Return the counts so far."""
-        return ListenerStatistics(self.name, self.delivered, self._backlog.lost, self.failed, self.slow)
-
-
-class QueueListener(FunctionListener[T]):
-    """Puts messages into a queue; it takes no time, so whatever held up the reader meanwhile was something else."""
-
-    def __init__(self, queue: MessageQueue[T], report: Reporter) -> None:
-        super().__init__(queue.name, queue.put, report, in_place)
-        self._queue = queue
-
-    def was_slow(self, seconds: float, timestamp: float) -> None:
-        """Take no notice."""
-
-    def statistics(self) -> ListenerStatistics:
-        """Return the queue's counts."""
-        return self._queue.statistics()
+        return ListenerStatistics(self.name, self.delivered, self.lost, self.failed, self.slow)

@@ -1,8 +1,13 @@
 """Transmit side of a CAN controller: a few mailboxes, and an ordered queue in front of them (document section 6).
 
-Rule of this file: nothing waits and nothing is polled. A frame is submitted, loaded when a mailbox is free, and done
-when the controller says transmit-complete. The lowest COB-ID leaves first, equal ones in the order submitted. Not
-thread-safe: whoever owns the bus calls it.
+A frame is submitted, loaded when a mailbox is free, and done when the controller says transmit-complete. Nothing waits
+and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
+
+A frame that finds a mailbox free never expires, however long the bus is away; only one that has to wait for a mailbox
+may be dropped. `load` is ordered so that an exception between two lines (Ctrl-C) leaves a frame in both places rather
+than in none: a stop is better sent twice than never.
+
+Not thread-safe: one owner calls it, or callers share a lock.
 """
 
 from __future__ import annotations
@@ -22,7 +27,10 @@ MAILBOX_WAIT = 0.050
 
 
 class Waiting(NamedTuple):
-    """A frame on its way; tuples compare from the left, so they sort as they leave."""
+    """A frame on its way; tuples compare from the left, so they sort as they leave.
+
+    `sequence` counts the frames submitted: it keeps equal COB-IDs in their order, and no comparison goes further.
+    """
 
     cob_id: int
     sequence: int
@@ -59,7 +67,7 @@ class Mailboxes:
         """Put a frame in its place among those that wait for a mailbox.
 
         One for which a mailbox is free now cannot be too late, however late the bus is served. A `lasting` one waits
-        as long as it takes: it is part of a transfer, which would be lost with it.
+        as long as it takes: it is part of an SDO transfer, which would fail without it.
         """
         full = len(self._loaded) + len(self._waiting) >= self.count
         deadline = now + self.wait if full and not lasting else inf
@@ -70,24 +78,31 @@ class Mailboxes:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
         loaded: list[Frame] = []
         while self._waiting and len(self._loaded) < self.count:
-            first = self._waiting.pop(0)
+            first = self._waiting[0]
             if first.deadline <= now:
                 self._drop(first.frame, now)
             else:
                 insort(self._loaded, first)
                 loaded.append(first.frame)
+            del self._waiting[0]
         if self._waiting:
             self._limit(now)
         return loaded
 
     def _limit(self, now: float) -> None:
-        """Have the frames that found no room wait no longer than they may from now on."""
+        """Have the frames that found no room wait no longer than they may from now on.
+
+        Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place.
+        """
         self.expire(now)
         late = now + self.wait
         self._waiting = [each.until(late) for each in self._waiting]
 
     def next(self, now: float) -> Frame | None:
-        """Load what there is room for, and return what the controller sends first; for who is the controller itself."""
+        """Load what there is room for, and return what is to be sent first, None without a frame.
+
+        For a caller that plays the controller, as the sender of a live bus does.
+        """
         if self._waiting:
             self.load(now)
         return self.urgent()

@@ -1,8 +1,8 @@
-"""What the gatekeeper says when a listener or a frame comes to harm.
+"""What the gatekeeper and the live bus report: harm done to a listener, a frame or the bus.
 
-Rule of this file: nothing is lost without a word. A fault of one moment (a failure, a refused or dropped frame) is
-reported each time; a condition that lasts (a full queue, a slow listener) when it begins and whenever its count has
-doubled, so that a report never costs more than what it reports.
+Nothing is lost without a word. A fault of one moment (a failure, a refused or dropped frame) is reported each time. A
+condition that lasts (a full queue, a slow listener) is reported when it begins and whenever its count has doubled: its
+reports must not cost more than the condition itself.
 """
 
 from __future__ import annotations
@@ -22,21 +22,22 @@ class Event(Enum):
     QUEUE_OVERFLOW = "queue overflow"
     FRAME_REFUSED = "frame refused"
     FRAME_DROPPED = "frame dropped"
+    BUS_FAILED = "bus failed"
 
 
 @dataclass(frozen=True)
 class Report:
-    """One event: whose (`name` of a listener, a message or an identifier), what, and when in seconds.
+    """One event: `name` of the listener, message, identifier or bus, what happened to it, and when in seconds.
 
-    `timestamp` is that of the frame concerned; `error` is the exception a listener raised, for whoever wants its
-    traceback. `str()` is one line for a person.
+    `timestamp` is that of the frame concerned; `error` is the exception raised, for a caller that wants its traceback.
+    `str()` is one line for a person.
     """
 
     event: Event
     name: str
     text: str
     timestamp: float
-    error: Exception | None = None
+    error: BaseException | None = None
 
     def __str__(self) -> str:
         return f"{self.event.value}: {self.name}: {' '.join(self.text.split())}"

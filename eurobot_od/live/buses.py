@@ -1,10 +1,11 @@
 """python-can's buses: opening one, handing it a frame, and what its driver can do.
 
-Rule of this file: whatever a driver raises becomes a BusError of one line here.
+Rule of this file: whatever a driver raises becomes a BusError of one line.
 """
 
 from __future__ import annotations
 
+import sys
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import BusError
@@ -20,10 +21,18 @@ DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
 """The in-process bus, where neither caller nor python-can's configuration names one."""
 
 RETRY = 0.001
-"""Seconds until a frame that the driver did not take is tried again."""
+"""Seconds that a driver may take to accept a frame; one that does not is given the frame again later."""
 
-PROMPT = ("can.interfaces.virtual", "can.interfaces.socketcan.socketcan")
-"""Drivers whose `send` does not wait when told so; python-can leaves that to each driver, and few keep to it."""
+FILTERING = ("socketcan", "etas")
+"""Interfaces with a driver that takes as many receive filters as there are identifiers."""
+
+PROMPT = ("socketcan", "virtual")
+"""Interfaces with a `send` that does not wait when told so."""
+
+# python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
+# these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as
+# long as there is one filter; with more of them python-can compares each frame with each filter, in our thread, for
+# what the gatekeeper finds by one look into a dictionary. `send(timeout=0)` is left to each driver, and few keep to it.
 
 
 def open_bus(interface: str | None = None, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
@@ -37,7 +46,7 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     try:
         config = _configured({key: value for key, value in given.items() if value is not None})
         return can.Bus(ignore_config=True, **config)
-    except Exception as error:  # drivers raise what comes to hand: OSError, ImportError, ValueError, CanError, ...
+    except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
         raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
 
@@ -59,30 +68,39 @@ def _one_line(error: BaseException) -> str:
 
 
 class Driver:
-    """A bus as its driver lets itself be used: `bus`, and whether it `filters` and `prompt`ly returns by itself."""
+    """A bus, and what its driver can do: whether it `filters`, and whether its `send` returns `prompt`ly."""
 
     def __init__(self, bus: can.BusABC) -> None:
         import can
 
         self.bus = bus
         self._message, self._refused = can.Message, can.CanError
-        self.filters = bus.__class__._apply_filters is not can.BusABC._apply_filters
-        self.prompt = bus.__class__.send.__module__ in PROMPT
+        self.filters = any(_is_of(bus, interface) for interface in FILTERING)
+        self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
+        self._wait = 0.0 if self.prompt else RETRY
 
-    def send(self, frame: Frame, timeout: float = RETRY) -> bool:
+    def send(self, frame: Frame, timeout: float | None = None) -> bool:
         """Hand over a frame; False if the driver does not take it in `timeout` seconds. Raises BusError if it failed.
 
-        A driver that is not `prompt` may wait longer than that.
+        Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer than told.
         """
         # by their places: by their names the arguments take half as long again
         message = self._message(0.0, frame.cob_id, False, False, False, None, None, frame.data)
         try:
-            self.bus.send(message, timeout=timeout)
+            self.bus.send(message, timeout=self._wait if timeout is None else timeout)
         except self._refused:
             return False
-        except Exception as error:  # drivers raise what comes to hand; this one does not say "try again"
+        except Exception as error:  # OSError, ctypes' errors, ...: unlike CanError, they do not mean "try again"
             raise failure(self.bus, error) from error
         return True
+
+
+def _is_of(bus: can.BusABC, interface: str) -> bool:
+    """Tell whether a bus is of an interface of python-can, without importing the drivers of the others."""
+    from can.interfaces import BACKENDS
+
+    module, name = BACKENDS[interface]
+    return module in sys.modules and isinstance(bus, getattr(sys.modules[module], name))
 
 
 def failure(bus: can.BusABC, error: Exception) -> BusError:

@@ -1,8 +1,8 @@
 """A gatekeeper and its node on a python-can bus, with real time and real threads.
 
-Rule of this file: the reader's thread delivers what comes and sends the answers; the keeper's does what is due at a
-time, retries what the driver could not take, and watches over listeners that do not return. Whoever submits a frame
-never waits for the bus.
+The package's docstring explains the threads, the locks and who wakes whom.
+
+Rule of this file: to submit a frame never waits for the bus.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Data
-from eurobot_od.gatekeeper import Gatekeeper, Running
-from eurobot_od.live.buses import RETRY, Driver, failure
-from eurobot_od.live.reader import POLL, Reader, Receive
+from eurobot_od.gatekeeper import Event, Gatekeeper, Report
+from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.functions import FunctionThread
+from eurobot_od.live.reader import POLL, Reader
 from eurobot_od.live.sender import Sender
 from eurobot_od.pdo.message import Message
 
@@ -27,8 +28,8 @@ if TYPE_CHECKING:
     from eurobot_od.device.node import Node
     from eurobot_od.device.station import Station
 
-STUCK_AFTER = 0.25
-"""Seconds after which a listener that does not return loses its thread."""
+PATIENCE = 1.0
+"""Seconds that the end waits for each thread."""
 
 
 class ErrorFrame(NamedTuple):
@@ -54,11 +55,11 @@ ERROR_FRAMES = (
 
 
 class Live:
-    """A gatekeeper, and the node of a station if there is one, running on a bus.
+    """A gatekeeper, and the node of a station if there is one, running on a bus; a context manager.
 
-    `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what the bus brought that is no
-    classic base data frame. `failure` is the error that ended reading or sending, None while all is well.
-    Use it as a context manager; it shuts the bus down at its end.
+    `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
+    classic base data frame. `failure` is the first error of the bus, None while all is well; it is reported, too.
+    The bus is shut down at the end.
     """
 
     def __init__(
@@ -73,10 +74,12 @@ class Live:
         self.failure: BusError | None = None
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
-        self._since = None if clock is gatekeeper.clock else gatekeeper.clock
         self._driver = Driver(bus)
-        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, self._fail)
-        self._reader = Reader(bus, self._receiver(), clock, self._note_foreign, self._fail)
+        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, self._fail, self._wake)
+        receive = gatekeeper.receive_data if station is None else self._receive
+        self._reader = Reader(bus, receive, clock, self._note_foreign, self._fail)
+        self._functions = FunctionThread(f"{bus.channel_info} functions", gatekeeper.report, gatekeeper.clock)
+        gatekeeper.call_function = self._functions.submit
         self._running = False
         self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
@@ -89,7 +92,7 @@ class Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
         from eurobot_od.device.station import Station  # a gatekeeper alone needs no nodes
 
-        station = Station(node, aside=_in_thread, **options)
+        station = Station(node, **options)
         return cls(bus, station.gatekeeper, station, clock)
 
     # Life
@@ -102,41 +105,56 @@ class Live:
         self._running = True
         if self.station is not None:
             self.station.start(self.clock())
+        self._functions.start()
         self._spawn(self._reader.read)
         self._spawn(self._keep)
         return self
 
     def _filter(self) -> None:
-        """Hand the receive filters to the bus if its hardware or kernel filters.
-
-        python-can itself would look at one filter after the other, in our thread, for what the gatekeeper finds by one
-        look into a list: there, filters cost the more the more of them there are, and save nothing.
-        """
+        """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing."""
         self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
 
     def _refilter(self) -> None:
         """Follow a master who has changed what a node listens to."""
         try:
             self._filter()
-        except Exception as error:  # drivers raise what comes to hand
+        except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
             self._fail(failure(self.bus, error))
 
     def stop(self) -> None:
-        """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them."""
-        self._sender.pump()
-        with self._changed:
-            self._running = self._reader.running = False
-            self._changed.notify_all()
-        for thread in self._threads:
-            if thread is not threading.current_thread():
-                thread.join(10 * POLL)
-        self.bus.shutdown()
+        """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them.
+
+        Waits for a function that does not return no longer than `PATIENCE`. Raises BusError if the bus fails only now.
+        """
+        try:
+            self._functions.stop()  # first: what the last functions send still needs the other two threads
+            self._sender.retry()
+            with self._changed:
+                self._running = self._reader.running = False
+                self._changed.notify_all()
+            for thread in self._threads:
+                if thread is not threading.current_thread():
+                    thread.join(PATIENCE)
+        finally:
+            self._shut_down()
+
+    def _shut_down(self) -> None:
+        try:
+            self.bus.shutdown()
+        except Exception as error:
+            if self.failure is None:  # else it is only a consequence
+                self.failure = failure(self.bus, error)
+                raise self.failure from error
 
     def __enter__(self) -> Live:
         return self.start()
 
-    def __exit__(self, *_: object) -> None:
-        self.stop()
+    def __exit__(self, cause: object, *_: object) -> None:
+        try:
+            self.stop()
+        except BusError:
+            if cause is None:  # else the error that has ended the block is the one to be seen
+                raise
 
     def _spawn(self, target: Callable[[], None]) -> None:
         thread = threading.Thread(target=target, name=f"{self.bus.channel_info} {target.__name__}", daemon=True)
@@ -147,83 +165,73 @@ class Live:
         with self._changed:
             self._changed.notify_all()
 
+    def _fail(self, why: BusError) -> None:
+        """Note and report, once, that the adapter was pulled out, the server went away, the driver failed."""
+        if self._running and self.failure is None:
+            self.failure = why
+            self.gatekeeper.report(Report(Event.BUS_FAILED, str(self.bus.channel_info), str(why), self.clock()))
+
     # Sending
 
     def send(self, message: Message) -> None:
-        """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range."""
+        """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range.
+
+        With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it.
+        """
+        if self.station is not None:
+            with self._lock:
+                self.station.node.send(message)  # and that wakes the keeper
+            return
         with self._lock:
             self.gatekeeper.send(message, self.clock())
-            frame = self._sender.begin() if self._driver.prompt else None
-        self._sender.go_on(frame, timeout=0)  # here and now: to wake the keeper takes as long as the frame on the bus
-        if self._sender.blocked or not self._driver.prompt:
+        if self._driver.prompt:
+            self._sender.pump()  # here and now: to wake the keeper takes as long as the frame on the bus
+        else:
             self._wake()
 
-    # Threads
+    # The reader's thread
 
-    def _fail(self, why: BusError) -> None:
-        """Note that the adapter was pulled out, the server went away, the driver failed."""
-        if self._running:
-            self.failure = why
-
-    def _receiver(self) -> Receive:
-        """Return what every frame goes to: the gatekeeper itself, if nothing else is to be done."""
-        simple = self.station is None and self._since is None
-        return self.gatekeeper.receive_data if simple else self._receive
-
-    def _receive(self, cob_id: int, data: Data, now: float) -> bool:
+    def _receive(self, cob_id: int, data: Data, now: float) -> None:
         """Deliver a frame, let the keeper know when to look again, and send the answers.
 
-        In this order: whoever has got the answer waits for the interpreter until this thread is done.
+        In this order: as soon as an answer is out, the thread that waited for it competes with this one for the
+        interpreter, and what is left to do here takes twice as long.
         """
-        if not self.gatekeeper.receive_data(cob_id, data, now, self._since and self._since()):
-            return False
+        self.gatekeeper.receive_data(cob_id, data, now)
         if self.station is not None and self.station.plan.soonest < self._looks_at:
             self._wake()
         self._sender.pump()
-        return True
 
     def _note_foreign(self, message: can.Message) -> None:
-        """Count what is no classic base data frame, and tell the node what the controller reports."""
+        """Count what is not a classic base data frame, and tell the node what the controller reports."""
         self.foreign += 1
         for error in ERROR_FRAMES:
             if self.station is not None and message.is_error_frame and error.in_frame(message):
                 self.station.bus_error(error.code, self.clock())
 
+    # The keeper's thread
+
     def _keep(self) -> None:
         while self._running:
-            self._tick()
-            self._sender.pump()
-            self._watch()
+            if self.station is not None and self.station.next_wakeup <= self.clock():
+                self.station.tick(self.clock())
+            self._sender.retry()
+            self._functions.watch()
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()
                 if self._running and pause > 0:
                     self._changed.wait(pause)
 
-    def _tick(self) -> None:
-        if self.station is not None and self.station.next_wakeup <= self.clock():
-            self.station.tick(self.clock())
-
     def _next_look(self) -> float:
-        """Return when there is something to do again: at once, if frames wait that no thread is at."""
+        """Return when there is something to do again; called with the lock held, so that no wake-up is missed."""
         now = self.clock()
+        looks = [now + POLL]
+        if self.station is not None:
+            looks.append(self.station.next_wakeup)
+        expiry = self.gatekeeper.mailboxes.next_expiry
         if self._sender.blocked:
-            return now + RETRY
-        if self.gatekeeper.mailboxes.next_expiry is not None and not self._sender.busy:
-            return now
-        return now + POLL if self.station is None else min(self.station.next_wakeup, now + POLL)
-
-    def _watch(self) -> None:
-        """Give a new reader to the bus if a listener does not return."""
-        running = self.gatekeeper.running()
-        if running is not None and time.perf_counter() - running.since > STUCK_AFTER:
-            self._spawn(lambda: self._succeed(running))
-
-    def _succeed(self, running: Running) -> None:
-        if self.gatekeeper.take_over(running):
-            self._reader.read()
-
-
-def _in_thread(work: Callable[[], None]) -> None:
-    """Run the work of a listener that was set aside; a thread that never ends does not keep the process."""
-    threading.Thread(target=work, name="aside", daemon=True).start()
+            looks += [now + self._sender.pause, now + POLL if expiry is None else expiry]
+        elif expiry is not None and not self._sender.busy:
+            return now  # frames wait that no thread is at: submitted after the sender has looked
+        return min(looks)

@@ -1,7 +1,4 @@
-"""Reading a bus in a thread: the loop that every received frame goes through.
-
-Rule of this file: what is done with a frame is not known here, and nothing is made of it that nobody asked for.
-"""
+"""Reading a bus in a thread: the loop that every received frame goes through."""
 
 from __future__ import annotations
 
@@ -19,8 +16,8 @@ if TYPE_CHECKING:
 POLL = 0.1
 """Longest time in seconds that a thread waits before it looks whether it is to end."""
 
-Receive: TypeAlias = Callable[[int, Data, float], bool]
-"""Takes a frame's COB-ID, its data and the time; False ends the reading."""
+Receive: TypeAlias = Callable[[int, Data, float], object]
+"""Takes a frame's COB-ID, its data in the driver's buffer, and the time in seconds at which it was read."""
 
 
 class Reader:
@@ -45,8 +42,8 @@ class Reader:
         """Read in this thread until `running` is False."""
         try:
             self._read()
-        except Exception as error:  # drivers raise what comes to hand
-            if self.running:
+        except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
+            if self.running:  # some raise when the bus is shut down meanwhile
                 self._failed(failure(self._bus, error))
 
     def _read(self) -> None:
@@ -57,8 +54,9 @@ class Reader:
                 continue
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
-            elif not receive(message.arbitration_id, message.data, clock()):
-                return
+            else:
+                # our clock's time, not the message's: the time stamps of drivers start anywhere
+                receive(message.arbitration_id, message.data, clock())
 
 
 class Watch:
@@ -78,9 +76,8 @@ class Watch:
         self._reader = Reader(bus, self._see, clock, lambda _: None, failed)
         self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
-    def _see(self, cob_id: int, data: Data, now: float) -> bool:
+    def _see(self, cob_id: int, data: Data, now: float) -> None:
         self._seen(now, Frame(cob_id, bytes(data)))
-        return True
 
     def __enter__(self) -> Watch:
         self._thread.start()

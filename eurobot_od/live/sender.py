@@ -1,7 +1,7 @@
 """Sending in whatever thread has something to send: from the mailboxes to the driver, most urgent first.
 
-Rule of this file: one thread at a time is at it, and sends what others submit meanwhile; no lock is held while the
-driver has a frame.
+Rule of this file: one thread at a time has the turn and sends what others submit meanwhile; no lock is held while the
+driver has a frame; and the turn is given back however its owner leaves.
 """
 
 from __future__ import annotations
@@ -12,16 +12,22 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live.buses import RETRY, Driver
+from eurobot_od.live.buses import Driver
 
 if TYPE_CHECKING:
     from eurobot_od.gatekeeper import Mailboxes
+
+FIRST_PAUSE, LONGEST_PAUSE = 0.001, 0.1
+"""Seconds until a frame that the driver has not taken is tried again; doubled each time, as a full buffer empties
+within a frame or two, but a dead adapter stays dead. The longest is what a stop waits at most when the driver is back.
+"""
 
 
 class Sender:
     """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is told when the driver fails.
 
-    `busy` tells that a thread is at it, `blocked` that the driver has not taken the last frame.
+    `blocked` tells that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
+    has to call `retry` after `pause` seconds, and until then no other tries.
     """
 
     def __init__(
@@ -31,47 +37,73 @@ class Sender:
         lock: RLock,
         clock: Callable[[], float],
         failed: Callable[[BusError], object],
+        wake: Callable[[], object],
     ) -> None:
-        self.busy = self.blocked = False
-        self._driver, self._mailboxes, self._lock = driver, mailboxes, lock
-        self._clock, self._failed = clock, failed
-
-    def pump(self, timeout: float = RETRY) -> None:
-        """Send until no frame is left or the driver takes no more within `timeout` seconds."""
-        with self._lock:
-            frame = self.begin()
-        self.go_on(frame, timeout)
-
-    def begin(self) -> Frame | None:
-        """Return the frame that this thread has to send with `go_on`, None if there is none; to be called locked.
-
-        None, too, if another thread is at it, which sends what is here as well.
-        """
-        if self.busy:
-            return None
         self.blocked = False
-        return self._next()
+        self.pause = 0.0
+        self._driver, self._mailboxes, self._lock = driver, mailboxes, lock
+        self._clock, self._failed, self._wake = clock, failed, wake
+        self._turn: object | None = None
 
-    def go_on(self, frame: Frame | None, timeout: float) -> None:
-        """Send the frame of `begin` and what comes behind it."""
-        while frame is not None:
-            try:
-                sent = self._driver.send(frame, timeout)
-            except BusError as failure:
-                self._failed(failure)
-                sent = False
-            with self._lock:
-                frame = self._next(frame) if sent else self._give_up()
+    @property
+    def busy(self) -> bool:
+        """Whether a thread has the turn."""
+        return self._turn is not None
 
-    def _next(self, sent: Frame | None = None) -> Frame | None:
-        """Return the most urgent frame; without one, this thread is done before anyone can submit another."""
-        if sent is not None:
-            self._mailboxes.complete(sent)
+    def retry(self) -> None:
+        """Send although the driver has not taken the last frame."""
+        self.blocked = False
+        self.pump()
+
+    def pump(self) -> None:
+        """Send until no frame is left or the driver takes no more.
+
+        Does nothing if another thread has the turn, which sends what is here as well.
+        """
+        # Ctrl-C may raise between any two lines. A token tells the owner by one assignment, within the `try`: there is
+        # no moment in which the turn is taken and nobody would give it back.
+        token = object()
+        try:
+            frame = self._begin(token)
+            while frame is not None and self._hand_over(frame):
+                frame = self._after(frame)
+            if frame is not None:
+                self._give_up()
+        finally:
+            if self._turn is token:
+                self._turn = None
+
+    def _begin(self, token: object) -> Frame | None:
+        with self._lock:
+            if self._turn is not None or self.blocked:
+                return None
+            self._turn = token
+            return self._next()
+
+    def _hand_over(self, frame: Frame) -> bool:
+        """Hand a frame to the driver; False if that has not taken it."""
+        try:
+            return self._driver.send(frame)
+        except BusError as failure:
+            self._failed(failure)
+            return False
+
+    def _after(self, frame: Frame) -> Frame | None:
+        with self._lock:
+            self._mailboxes.complete(frame)
+            self.pause = 0.0
+            return self._next()
+
+    def _next(self) -> Frame | None:
+        """Return the most urgent frame; without one, give the turn back before anyone can submit another."""
         frame = self._mailboxes.next(self._clock())
-        self.busy = frame is not None
+        if frame is None:
+            self._turn = None
         return frame
 
-    def _give_up(self) -> Frame | None:
-        """Leave the frame that the driver has not taken in its mailbox."""
-        self.busy, self.blocked = False, True
-        return None
+    def _give_up(self) -> None:
+        """Leave the frame that the driver has not taken in its mailbox, and wait longer each time."""
+        with self._lock:
+            self._turn, self.blocked = None, True
+            self.pause = min(max(2 * self.pause, FIRST_PAUSE), LONGEST_PAUSE)
+        self._wake()

@@ -49,7 +49,8 @@ def connected(network: canopen.Network) -> canopen.Network:
 
 
 @pytest.fixture
-def drive(channel: str) -> Iterator[Live]:
+def drive(channel: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Live]:
+    monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, FilteringBus.__name__))
     with Live.node(FilteringBus(channel), ROLES["drive"](dialects.load("drive"))) as live:
         yield live
 

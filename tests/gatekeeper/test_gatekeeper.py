@@ -11,7 +11,16 @@ import pytest
 
 from eurobot_od.errors import FieldError, ListenerError, StateError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Event, Gatekeeper, ListenerStatistics, Received, Report, TransmitStatistics
+from eurobot_od.gatekeeper import (
+    Event,
+    FunctionListener,
+    Gatekeeper,
+    ListenerStatistics,
+    MessageQueue,
+    Received,
+    Report,
+    TransmitStatistics,
+)
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -72,7 +81,10 @@ REGISTRATIONS: dict[str, Callable[[Gatekeeper], object]] = {
     "dict.setdefault": lambda gatekeeper: gatekeeper.add_function(GotoXY, dict[Any, Any]().setdefault),
     "lamp": lambda gatekeeper: gatekeeper.add_function(GotoXY, ignore, "lamp"),
     "functools.partial(": lambda gatekeeper: gatekeeper.add_function(GotoXY, partial(ignore, 1)),
-    "drive": lambda gatekeeper: gatekeeper.add_frames(lambda: (0x008,), ignore, "drive"),
+    "print": lambda gatekeeper: gatekeeper.add_frames(lambda: (0x008,), ignore, "print"),
+    "drive": lambda gatekeeper: gatekeeper.add_node(lambda: (0x008,), ignore, "drive"),
+    "queue of all messages": lambda gatekeeper: gatekeeper.add_queue(None),
+    "log": lambda gatekeeper: gatekeeper.add_function(None, ignore, "log"),
 }
 
 
@@ -155,7 +167,7 @@ def test_queues_and_functions_of_one_message_all_hear_it() -> None:
     gatekeeper.add_function(GotoXY, first)
     gatekeeper.add_function(GotoXY, second)
     gatekeeper.start()
-    assert gatekeeper.receive(GOTO_FRAME, 1.5)
+    gatekeeper.receive(GOTO_FRAME, 1.5)
     expected = [Received(GOTO, 1.5)]
     assert [first, second, *(queue.drain() for queue in queues)] == [expected] * 4
 
@@ -178,12 +190,40 @@ def test_nodes_are_served_first_then_queues_then_functions_each_in_the_order_of_
 
     gatekeeper.add_function(GotoXY, note("function 1"))
     queue = gatekeeper.add_queue(GotoXY)
-    gatekeeper.add_frames(lambda: (0x008,), note("node 1"))
+    gatekeeper.add_node(lambda: (0x008,), note("node 1"), "node 1")
     gatekeeper.add_function(GotoXY, note("function 2"))
-    gatekeeper.add_frames(lambda: (0x008,), note("node 2"))
+    gatekeeper.add_node(lambda: (0x008,), note("node 2"), "node 2")
     gatekeeper.start()
     gatekeeper.receive(GOTO_FRAME, 1.0)
     assert order == ["node 1, 0 queued", "node 2, 0 queued", "function 1, 1 queued", "function 2, 1 queued"]
+
+
+def test_without_a_type_every_message_is_heard() -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    heard = Heard()
+    queue: MessageQueue[Message] = gatekeeper.add_queue(None)
+    gatekeeper.add_function(None, heard)
+    assert [each["can_id"] for each in gatekeeper.start()] == [each.cob_id for each in PROTOCOL.bindings]
+    gatekeeper.receive(GOTO_FRAME, 1.0)
+    gatekeeper.receive(STOP_FRAME, 2.0)
+    assert heard == queue.drain() == [Received(GOTO, 1.0), Received(StopDrive(), 2.0)]
+
+
+def test_functions_run_where_they_are_told_to_nodes_and_queues_in_place() -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    node, function, frames = Heard(), Heard(), Heard()
+    gatekeeper.add_function(GotoXY, function)
+    gatekeeper.add_frames(lambda: (0x008,), frames)
+    gatekeeper.add_node(lambda: (0x008,), node, "drive")
+    queue = gatekeeper.add_queue(GotoXY)
+    later: list[tuple[FunctionListener[Any], object, float]] = []
+    gatekeeper.call_function = lambda *call: later.append(call)
+    gatekeeper.start()
+    gatekeeper.receive(GOTO_FRAME, 1.0)
+    assert (node, queue.drain(), frames, function) == ([(GOTO_FRAME, 1.0)], [(GOTO, 1.0)], [], [])
+    for listener, heard, timestamp in later:
+        listener.call(heard, timestamp)
+    assert (frames, function) == ([(GOTO_FRAME, 1.0)], [(GOTO, 1.0)])
 
 
 # What a driver hands over, in a buffer of its own.
@@ -194,8 +234,8 @@ BUFFERS = {"whole": GOTO_FRAME.data, "without the optional fields": GOTO_FRAME.d
 def test_what_listeners_get_does_not_change_with_the_drivers_buffer(data: bytes) -> None:
     gatekeeper = Gatekeeper(PROTOCOL, clock=Clock())
     nodes, function = Heard(), Heard()
-    gatekeeper.add_frames(lambda: (0x008,), nodes)
-    gatekeeper.add_frames(lambda: (0x008,), nodes)
+    gatekeeper.add_node(lambda: (0x008,), nodes, "node 1")
+    gatekeeper.add_node(lambda: (0x008,), nodes, "node 2")
     gatekeeper.add_function(GotoXY, function)
     queue = gatekeeper.add_queue(GotoXY)
     gatekeeper.start()
@@ -278,41 +318,14 @@ def test_a_listener_that_raises_is_named_and_the_others_hear_the_message() -> No
     gatekeeper.add_function(GotoXY, heard)
     gatekeeper.start()
     for timestamp in (1.0, 2.0):
-        assert gatekeeper.receive(GOTO_FRAME, timestamp)
+        gatekeeper.receive(GOTO_FRAME, timestamp)
     assert heard == [Received(GOTO, 1.0), Received(GOTO, 2.0)]
     assert [str(each) for each in gatekeeper.reports] == ["listener failed: broken: Broken: lamp is gone"] * 2
     assert isinstance(gatekeeper.reports[0].error, Broken)
     assert gatekeeper.statistics().listeners[0] == ListenerStatistics("broken", delivered=2, lost=0, failed=2)
 
 
-def test_a_slow_listener_is_named_and_set_aside_with_its_messages_in_order() -> None:
-    clock = Clock()
-    waiting: list[Callable[[], None]] = []
-    heard = Heard()
-    gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.010, aside=waiting.append)
-
-    def slow(message: GotoXY, timestamp: float) -> None:
-        heard(message, timestamp)
-        clock.run(0.020)
-
-    gatekeeper.add_function(GotoXY, slow, "slow")
-    gatekeeper.start()
-    for timestamp in (1.0, 2.0, 3.0):
-        gatekeeper.receive(GOTO_FRAME, timestamp)
-    assert [each.timestamp for each in heard] == [1.0]
-    assert [str(each) for each in gatekeeper.reports] == [
-        "listener slow: slow: held up the others for 20.0 ms, 1 times so far"
-    ]
-    [work] = waiting  # one worker at a time, or the order would be lost
-    work()
-    assert [each.timestamp for each in heard] == [1.0, 2.0, 3.0]
-    gatekeeper.receive(GOTO_FRAME, 4.0)
-    waiting[1]()
-    assert heard == [Received(GOTO, timestamp) for timestamp in (1.0, 2.0, 3.0, 4.0)]
-    assert gatekeeper.statistics().listeners == (ListenerStatistics("slow", delivered=4, lost=0, slow=1),)
-
-
-def test_a_slow_listener_without_a_thread_is_called_on_and_reported_less_and_less() -> None:
+def test_a_slow_listener_is_called_on_and_reported_less_and_less() -> None:
     clock = Clock()
     gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.010)
     gatekeeper.add_function(GotoXY, lambda *_: clock.run(0.020), "slow")
@@ -320,6 +333,7 @@ def test_a_slow_listener_without_a_thread_is_called_on_and_reported_less_and_les
     for timestamp in range(9):
         gatekeeper.receive(GOTO_FRAME, float(timestamp))
     assert [each.timestamp for each in gatekeeper.reports] == [0.0, 1.0, 3.0, 7.0]
+    assert str(gatekeeper.reports[0]) == "listener slow: slow: held up the others for 20.0 ms, 1 times so far"
     assert gatekeeper.statistics().listeners == (ListenerStatistics("slow", delivered=9, lost=0, slow=9),)
 
 
@@ -332,62 +346,13 @@ def test_a_listener_as_quick_as_allowed_is_not_slow() -> None:
     assert list(gatekeeper.reports) == []
 
 
-# The timestamp, since when the call counts, and what is reported at second 2 if half a second is allowed.
-SINCE: list[tuple[float, float | None, list[Event]]] = [
-    (1.0, 1.5, []),  # the caller has looked at the clock
-    (1.5, 0.0, [Event.LISTENER_SLOW]),
-    (1.5, None, []),  # the timestamp is of that clock
-    (1.0, None, [Event.LISTENER_SLOW]),
-]
-
-
-@pytest.mark.parametrize(("timestamp", "since", "reported"), SINCE)
-def test_a_call_counts_from_when_the_caller_has_last_looked_at_the_clock(
-    timestamp: float, since: float | None, reported: list[Event]
-) -> None:
+def test_a_slow_node_is_named() -> None:
     clock = Clock()
-    clock.run(2.0)
-    gatekeeper = Gatekeeper(PROTOCOL, clock=clock, slow_after=0.5)
-    gatekeeper.add_function(GotoXY, ignore)
+    gatekeeper = Gatekeeper(PROTOCOL, clock=clock)
+    gatekeeper.add_node(lambda: (0x008,), lambda *_: clock.run(1.0), "drive")
     gatekeeper.start()
-    gatekeeper.receive_data(*GOTO_FRAME, timestamp, since)
-    assert [each.event for each in gatekeeper.reports] == reported
-
-
-def test_a_slow_node_is_named_but_stays_with_the_receiving_thread() -> None:
-    clock = Clock()
-    waiting: list[Callable[[], None]] = []
-    gatekeeper = Gatekeeper(PROTOCOL, clock=clock, aside=waiting.append)
-    gatekeeper.add_frames(lambda: (0x008,), lambda *_: clock.run(1.0), "drive")
-    gatekeeper.start()
-    for timestamp in (1.0, 2.0, 3.0):
-        gatekeeper.receive(GOTO_FRAME, timestamp)
-    assert (clock.now, waiting) == (3.0, [])
-    assert {(each.event, each.name) for each in gatekeeper.reports} == {(Event.LISTENER_SLOW, "drive")}
-
-
-def test_a_backlog_that_overflows_keeps_the_newest_and_names_the_listener() -> None:
-    clock = Clock()
-    waiting: list[Callable[[], None]] = []
-    heard = Heard()
-    gatekeeper = Gatekeeper(PROTOCOL, clock=clock, aside=waiting.append)
-
-    def slow(message: StopDrive, timestamp: float) -> None:
-        heard(message, timestamp)
-        clock.run(1.0)
-
-    gatekeeper.add_function(StopDrive, slow, "slow")
-    gatekeeper.start()
-    for timestamp in range(1003):
-        gatekeeper.receive(STOP_FRAME, float(timestamp))
-    waiting[0]()
-    assert [each.timestamp for each in heard] == [0.0, *(float(timestamp) for timestamp in range(3, 1003))]
-    assert [(each.event, each.name) for each in gatekeeper.reports] == [
-        (Event.LISTENER_SLOW, "slow"),
-        (Event.QUEUE_OVERFLOW, "slow"),
-        (Event.QUEUE_OVERFLOW, "slow"),
-    ]
-    assert gatekeeper.statistics().listeners[0].lost == 2
+    gatekeeper.receive(GOTO_FRAME, 1.0)
+    assert [(each.event, each.name) for each in gatekeeper.reports] == [(Event.LISTENER_SLOW, "drive")]
 
 
 # Frames that do harm
@@ -407,7 +372,7 @@ def test_a_frame_too_short_is_counted_and_reported_and_only_a_node_gets_it(frame
     gatekeeper.add_function(GotoXY, broken)
     gatekeeper.add_frames(lambda: (0x008,), heard)
     gatekeeper.start()
-    assert gatekeeper.receive(frame, 1.0)
+    gatekeeper.receive(frame, 1.0)
     assert (heard, queue.drain(), gatekeeper.statistics().refused) == ([(frame, 1.0)], [], 1)
     [report] = gatekeeper.reports
     assert str(report).startswith(f"frame refused: 0x008: Goto XY (0x008): {len(frame.data)} bytes of data")
@@ -445,7 +410,7 @@ def test_reports_go_to_the_function_given() -> None:
 def test_statistics_count_each_listener_once_however_many_identifiers_it_has() -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     gatekeeper.add_queue(GotoXY, maxsize=1)
-    gatekeeper.add_frames(lambda: (0x004, 0x008), ignore, "drive")
+    gatekeeper.add_node(lambda: (0x004, 0x008), ignore, "drive")
     gatekeeper.start()
     for frame in (GOTO_FRAME, GOTO_FRAME, STOP_FRAME, SHORT_GOTO_FRAME, Frame(0x7FF)):
         gatekeeper.receive(frame, 1.0)

@@ -13,7 +13,7 @@ import can
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from eurobot_od.errors import BusError, FieldError
+from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.gatekeeper import Gatekeeper, Report
@@ -24,7 +24,9 @@ from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
+    EmergencyShutdown,
     EmergencyStop,
+    GotoConfirm,
     GotoStateRequest,
     GotoXY,
     StopDrive,
@@ -213,6 +215,20 @@ def test_a_value_out_of_range_is_the_callers_error_and_sends_nothing(channel: st
         assert live.gatekeeper.statistics().transmit.submitted == 0
 
 
+def test_a_node_sends_what_its_eds_has_as_tpdo_and_nothing_else(channel: str) -> None:
+    core = Core(dialects.load("core"))
+    with virtual(channel) as other, Live.node(virtual(channel), core) as live:
+        with pytest.raises(StateError, match="core has no TPDO for GotoConfirm"):
+            live.send(GotoConfirm())
+        with pytest.raises(FieldError, match="x = 5000"):
+            live.send(GotoXY(5000, 0, 0, 0))
+        live.send(StopDrive())
+        while (message := other.recv(LONG)) is not None and message.arbitration_id == 0x701:
+            pass  # boot-up, heartbeats
+    assert message is not None
+    assert message.arbitration_id == PROTOCOL.cob_id(StopDrive)
+
+
 def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: str) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     queue = gatekeeper.add_queue(StopDrive)
@@ -233,6 +249,27 @@ def test_a_driver_that_keeps_nobody_waiting_has_the_frame_when_send_returns(chan
         assert live.gatekeeper.statistics().transmit.completed == 1
     assert message is not None
     assert message.arbitration_id == PROTOCOL.cob_id(GotoStateRequest)
+
+
+class InterruptedBus(VirtualBus):
+    """A driver that is interrupted by Ctrl-C in its `send`, once."""
+
+    interrupts = 1
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if self.interrupts:
+            self.interrupts -= 1
+            raise KeyboardInterrupt
+        super().send(msg, timeout)
+
+
+def test_an_interrupt_while_sending_keeps_no_later_frame_back(channel: str) -> None:
+    with virtual(channel) as other, Live(InterruptedBus(channel), Gatekeeper(PROTOCOL)) as live:
+        with pytest.raises(KeyboardInterrupt):
+            live.send(StopDrive())
+        live.send(EmergencyShutdown())
+        received = {message and message.arbitration_id for message in (other.recv(LONG), other.recv(LONG))}
+    assert received == {PROTOCOL.cob_id(EmergencyShutdown), PROTOCOL.cob_id(StopDrive)}
 
 
 def test_what_such_a_driver_has_no_room_for_is_sent_later(channel: str) -> None:
@@ -257,6 +294,13 @@ class FilteringBus(VirtualBus):
         self.applied = filters
 
 
+@pytest.fixture
+def _filtering(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let python-can know the driver above as that of an interface which filters."""
+    monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", (__name__, FilteringBus.__name__))
+
+
+@pytest.mark.usefixtures("_filtering")
 def test_filters_are_for_drivers_that_filter_themselves(channel: str) -> None:
     gatekeeper = Gatekeeper(PROTOCOL)
     gatekeeper.add_queue(StopDrive)
@@ -276,10 +320,11 @@ def test_without_such_a_driver_the_gatekeeper_alone_sorts_out(channel: str) -> N
     assert gatekeeper.statistics().unheard == 1
 
 
+@pytest.mark.usefixtures("_filtering")
 def test_a_driver_that_does_not_take_changed_filters_has_failed_and_is_read_on(channel: str) -> None:
     gatekeeper, bus = Gatekeeper(PROTOCOL), FilteringBus(channel)
     queue = gatekeeper.add_queue(StopDrive)
-    gatekeeper.add_frames(lambda: (0x602,), lambda *_: gatekeeper.reroute(PROTOCOL), "master")
+    gatekeeper.add_node(lambda: (0x602,), lambda *_: gatekeeper.reroute(PROTOCOL), "master")
     with virtual(channel) as other, Live(bus, gatekeeper) as live:
         assert live.failure is None
         bus.error = OSError("no room\nfor filters")
@@ -321,7 +366,7 @@ class Clock:
 
 
 class Driver(can.BusABC):
-    """A driver without a wire: `error` is what sending raises, `broken` what reading raises once it is set.
+    """A driver without a wire: `error` is what sending raises, `broken` what reading and `stuck` what the end raises.
 
     `tries` are the frames that it was given, `attempt` is set at each of them; it returns once it `may_go_on`.
     `reader` is the thread that reads, once `entered` is set.
@@ -332,6 +377,7 @@ class Driver(can.BusABC):
         self.channel_info = "nowhere"
         self.error: Exception | None = None
         self.broken: Exception | None = None
+        self.stuck: Exception | None = None
         self.tries: list[Frame] = []
         self.attempt, self.may_go_on, self.entered, self._never = Event(), Event(), Event(), Event()
         self.may_go_on.set()
@@ -351,6 +397,11 @@ class Driver(can.BusABC):
             raise self.broken
         self._never.wait(timeout)
         return None, False
+
+    def shutdown(self) -> None:
+        super().shutdown()
+        if self.stuck is not None:
+            raise self.stuck
 
     def wait_for_tries(self, count: int) -> None:
         """Wait until it has been given `count` frames more."""
@@ -435,21 +486,42 @@ def test_a_frame_that_finds_a_mailbox_is_not_dropped_however_late_the_driver_is(
     assert reports.empty()
 
 
-def test_a_bus_that_fails_while_reading_is_a_bus_error(driver: Driver) -> None:
+def test_a_bus_that_fails_while_reading_is_a_bus_error_and_is_reported(driver: Driver) -> None:
+    reports = Reports()
     driver.broken = OSError("adapter\nwas pulled out")
-    with Live(driver, Gatekeeper(PROTOCOL)) as live:
-        assert driver.entered.wait(LONG)
-        driver.reader.join(LONG)
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports)) as live:
+        report = reports.wait_for(What.BUS_FAILED)
         assert isinstance(live.failure, BusError)
     assert str(live.failure) == "the bus nowhere failed: adapter was pulled out"
+    assert str(report) == f"bus failed: nowhere: {live.failure}"
 
 
-def test_a_bus_that_fails_while_sending_is_a_bus_error(driver: Driver) -> None:
+def test_a_bus_that_fails_while_sending_is_reported_once_and_keeps_the_stop(driver: Driver) -> None:
+    reports = Reports()
     driver.error = OSError("write failed")
-    with Live(driver, Gatekeeper(PROTOCOL)) as live:
+    with Live(driver, Gatekeeper(PROTOCOL, report=reports)) as live:
         live.send(StopDrive())
-        driver.wait_for_tries(2)  # it goes on, and ends without an exception
+        driver.wait_for_tries(3)
+        assert reports.wait_for(What.BUS_FAILED).text == "the bus nowhere failed: write failed"
+        driver.error = None  # the adapter is back
+        driver.wait_for_tries(1)
+    assert live.gatekeeper.statistics().transmit.completed == 1
+    assert reports.empty()
     assert str(live.failure) == "the bus nowhere failed: write failed"
+
+
+def test_a_bus_that_fails_at_the_end_is_a_bus_error(driver: Driver) -> None:
+    driver.stuck = OSError("no answer")
+    with pytest.raises(BusError, match="the bus nowhere failed: no answer"), Live(driver, Gatekeeper(PROTOCOL)):
+        pass
+    driver.stuck = None
+
+
+def test_a_bus_that_fails_at_the_end_does_not_replace_the_cause(driver: Driver) -> None:
+    driver.stuck = OSError("no answer")
+    with pytest.raises(ZeroDivisionError), Live(driver, Gatekeeper(PROTOCOL)):
+        raise ZeroDivisionError
+    driver.stuck = None
 
 
 def test_a_watch_tells_that_the_bus_has_failed(driver: Driver) -> None:
@@ -471,7 +543,7 @@ def test_frames_that_wait_at_the_end_are_sent(driver: Driver) -> None:
 # Listeners that do not behave
 
 
-def test_a_listener_that_never_returns_does_not_stop_the_node(channel: str) -> None:
+def test_a_function_that_hangs_is_reported_and_stops_neither_node_nor_queue(channel: str) -> None:
     entered, release, reports = Event(), Event(), Reports()
 
     def stuck(*_: object) -> None:
@@ -479,18 +551,38 @@ def test_a_listener_that_never_returns_does_not_stop_the_node(channel: str) -> N
         release.wait(LONG)
 
     drive = Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports)
-    drive.gatekeeper.add_function(CheckDriveRequest, stuck)
+    drive.gatekeeper.add_function(CheckDriveRequest, stuck, "stuck")
+    heard: SimpleQueue[float] = SimpleQueue()
+    drive.gatekeeper.add_function(CheckDriveRequest, lambda _, timestamp: heard.put(timestamp))
+    queue = drive.gatekeeper.add_queue(CheckDriveRequest)
     gatekeeper = Gatekeeper(PROTOCOL)
     answers = gatekeeper.add_queue(CheckDriveResponse)
     with drive, Live(virtual(channel), gatekeeper) as live:
         live.send(CheckDriveRequest())
         assert entered.wait(LONG)
         live.send(CheckDriveRequest())
-        heard = [answers.get(LONG), answers.get(LONG)]
-        assert not release.is_set()
+        assert None not in (answers.get(LONG), answers.get(LONG), queue.get(LONG), queue.get(LONG))
+        assert reports.wait_for(What.LISTENER_STUCK).name == "stuck"
+        assert heard.empty()
         release.set()
-    assert None not in heard
-    assert reports.wait_for(What.LISTENER_STUCK).name.endswith("stuck")
+        assert heard.get(timeout=LONG) < heard.get(timeout=LONG)
+
+
+def test_a_function_that_hangs_does_not_keep_the_end(channel: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eurobot_od.live.functions.PATIENCE", 0.01)
+    entered, release = Event(), Event()
+
+    def stuck(*_: object) -> None:
+        entered.set()
+        release.wait(LONG)
+
+    gatekeeper = Gatekeeper(PROTOCOL)
+    gatekeeper.add_function(StopDrive, stuck)
+    with Live(virtual(channel), Gatekeeper(PROTOCOL)) as other, Live(virtual(channel), gatekeeper):
+        other.send(StopDrive())
+        assert entered.wait(LONG)
+    assert not release.is_set()
+    release.set()
 
 
 def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:

@@ -1,13 +1,14 @@
-"""Frames on a live bus to typed messages in a listener, beside python-can's bare Notifier with an empty listener.
+"""Frames on a live bus to listeners, compared with python-can's bare Notifier with an empty listener.
 
 Rule of this file: both wait at an empty queue, get all frames at once, and are measured until the last one is taken.
 So neither the sender nor the start of the reader is in the time. On a bus a frame is read right after it was made: so
 that it is in the processor's cache here, too, the same thousand come again and again. What it costs to read as many
-different ones, which nobody does who keeps up with the bus, is reported beside it.
+different ones, which nobody does who keeps up with the bus, is reported next to it.
 """
 
 from __future__ import annotations
 
+import gc
 import random
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -22,11 +23,14 @@ import can
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import new_bus, new_channel, protocol
 from bench.traffic import maker
+from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live
 from eurobot_od.robot.messages import GotoXY
 
-LISTENERS = (1, 100, 10_000)
+OTHERS = (100, 10_000)
+"""Numbers of listeners on other messages."""
+
 WAITING = 20_000
 """Frames that wait at once."""
 
@@ -54,9 +58,12 @@ Reader = Callable[[Any], AbstractContextManager[object]]
 
 
 def emptied(reader: Reader, frames: list[can.Message]) -> Figures:
-    """Measure how long a reader that waits takes for frames that come all at once; one frame's time."""
+    """Measure how long a reader that waits takes for frames that come all at once; one frame's time.
+
+    The garbage collector rests: it runs for messages that wait in thousands, not where a program reads its queue.
+    """
     bus = new_bus(new_channel())
-    with reader(bus):
+    with reader(bus), resting_collector():
         begin = _give(bus.queue, frames)
         waiting = bus.queue.queue  # looking at it takes no lock from the reader
         while waiting and time.perf_counter() - begin < PATIENCE:
@@ -66,6 +73,16 @@ def emptied(reader: Reader, frames: list[can.Message]) -> Figures:
     if left:
         raise Wrong(f"{left} of {len(frames)} frames were still waiting after {PATIENCE:g} s")
     return {Quantity.TIME: seconds / len(frames)}
+
+
+@contextmanager
+def resting_collector() -> Iterator[None]:
+    """Have no garbage collected meanwhile."""
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 def _give(queue: Queue[Any], frames: list[can.Message]) -> float:
@@ -80,19 +97,24 @@ def nothing(_: object, __: float = 0.0) -> None:
     """Hear a message."""
 
 
-def gatekeeper(others: int) -> Gatekeeper:
-    """Return a gatekeeper with a listener on Goto XY and so many on other messages."""
+Register = Callable[[Gatekeeper], object]
+
+KINDS: dict[str, Register] = {
+    "queue": lambda keeper: keeper.add_queue(GotoXY),
+    "node": lambda keeper: keeper.add_node(lambda: (protocol().cob_id(GotoXY),), nothing, "node"),
+    "function": lambda keeper: keeper.add_function(GotoXY, nothing),
+}
+"""What hears Goto XY: a queue gets typed messages, a node frames; a function is called in a thread of its own."""
+
+
+def live(register: Register, others: int, bus: Any) -> AbstractContextManager[object]:
+    """Read with a gatekeeper that has a listener on Goto XY and so many on other messages."""
     keeper = Gatekeeper(protocol())
-    keeper.add_function(GotoXY, nothing)
+    register(keeper)
     types = [binding.type for binding in protocol().bindings if binding.type is not GotoXY]
     for message_type in islice(cycle(types), others):
         keeper.add_function(message_type, nothing)
-    return keeper
-
-
-def live(others: int, bus: Any) -> AbstractContextManager[object]:
-    """Read with the gatekeeper."""
-    return Live(bus, gatekeeper(others))
+    return Live(bus, keeper)
 
 
 def notifier(bus: Any) -> AbstractContextManager[object]:
@@ -101,14 +123,17 @@ def notifier(bus: Any) -> AbstractContextManager[object]:
 
 
 def check_messages(frames: list[can.Message]) -> None:
-    """Look whether the listener gets every frame as the right message; raises Wrong."""
-    got: list[GotoXY] = []
+    """Look whether queue, node and function get every frame, as what it is; raises Wrong."""
     keeper = Gatekeeper(protocol())
-    keeper.add_function(GotoXY, lambda message, _: got.append(message))
+    queue = keeper.add_queue(GotoXY)
+    heard: tuple[list[GotoXY], list[Frame]] = [], []
+    keeper.add_function(GotoXY, lambda message, _: heard[0].append(message))
+    keeper.add_node(lambda: (protocol().cob_id(GotoXY),), lambda frame, _: heard[1].append(frame), "node")
     emptied(lambda bus: Live(bus, keeper), frames)
-    right = [protocol().decode(each.arbitration_id, bytes(each.data)) for each in frames]
-    if got != right:
-        raise Wrong(f"the listener got {len(got)} messages of {len(frames)}, or others")
+    right = [Frame(each.arbitration_id, bytes(each.data)) for each in frames]
+    typed = [protocol().decode(*each) for each in right]
+    if ([each.message for each in queue.drain()], *heard) != (typed, typed, right):
+        raise Wrong("a listener did not get all messages, or others")
 
 
 @contextmanager
@@ -116,16 +141,19 @@ def opened(different: int, scale: Scale) -> Iterator[Mapping[str, Contender]]:
     """Give the readers; of the frames that wait so many are different."""
     frames = received_gotos(scale.of(different, 50)) * scale.of(WAITING // different, 1)
     check_messages(frames[:1000])
-    readers: dict[str, Reader] = {f"ours {others}": partial(live, others) for others in LISTENERS}
+    readers: dict[str, Reader] = {name: partial(live, register, 1) for name, register in KINDS.items()}
+    readers |= {f"{others} others": partial(live, KINDS["queue"], others) for others in OTHERS}
     yield {name: partial(emptied, reader, frames) for name, reader in ({"notifier": notifier} | readers).items()}
 
 
 CLAIMS = (
-    Claim("frame to typed message in a function: bare Notifier", "ours 1", "notifier", Way.RATIO, 1.4),
-    *(Claim(f"{n} listeners on other messages: 1", f"ours {n}", "ours 1", Way.RATIO, 1.1) for n in LISTENERS[1:]),
+    Claim("frame to typed message in a queue: bare Notifier", "queue", "notifier", Way.RATIO, 1.6),
+    Claim("frame to a node: bare Notifier", "node", "notifier", Way.RATIO, 1.6),
+    Claim("frame to a function in its own thread: bare Notifier", "function", "notifier", Way.RATIO),
+    *(Claim(f"{n} listeners on other messages: 1", f"{n} others", "queue", Way.RATIO, 1.1) for n in OTHERS),
 )
-BACKLOG = Claim(f"a backlog of {WAITING} different frames: bare Notifier", "ours 1", "notifier", Way.RATIO)
+BACKLOG = Claim(f"a backlog of {WAITING} different frames: bare Notifier", "queue", "notifier", Way.RATIO)
 SERIES = (
-    Series("receive", "frame to typed message in a function", partial(opened, DIFFERENT), CLAIMS, often=5),
+    Series("receive", "frame to a listener", partial(opened, DIFFERENT), CLAIMS, often=5),
     Series("receive", "a backlog of different frames", partial(opened, WAITING), (BACKLOG,), often=3),
 )

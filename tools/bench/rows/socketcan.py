@@ -1,4 +1,4 @@
-"""A full SocketCAN bus: frames lost and CPU share of our live operation, beside python-can's bare Notifier.
+"""A full SocketCAN bus: frames lost and CPU share of our live operation, compared with python-can's bare Notifier.
 
 Rule of this file: real sockets and a sender in a process of its own, see `programs/send_paced.py`; in turns, some
 seconds each. `vcan0` carries 100 % of 1 Mbit/s, although it has no bit rate: the sender counts the bits.
@@ -21,8 +21,9 @@ import can
 from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
 from bench.process import ENVIRONMENT, PROGRAMS, PYTHON
 from bench.shared import protocol
-from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
 from eurobot_od.live import Live
+from eurobot_od.pdo.message import Message
 
 CHANNEL = "vcan0"
 BITRATE = 1_000_000
@@ -35,8 +36,8 @@ SO_RCVBUFFORCE = 33
 QUIET = 0.3
 """Seconds without a frame after which none is expected any more."""
 
-Count = list[int]
-"""How many frames came, in its only place."""
+Count = Callable[[], int]
+"""Tells how many frames came so far."""
 
 
 def new_bus() -> Any:
@@ -49,50 +50,46 @@ def new_bus() -> Any:
     return bus
 
 
-def counter(count: Count) -> Callable[..., None]:
-    """Return a listener that counts."""
-
-    def hear(*_: object) -> None:
-        count[0] += 1
-
-    return hear
-
-
-def live(count: Count) -> AbstractContextManager[object]:
-    """Count typed messages with a listener on each."""
+@contextmanager
+def live() -> Iterator[Count]:
+    """Count typed messages in a queue of all of them, which keeps the newest."""
     keeper = Gatekeeper(protocol())
-    for binding in protocol().bindings:
-        keeper.add_function(binding.type, counter(count))
-    return Live(new_bus(), keeper)
+    queue: MessageQueue[Message] = keeper.add_queue(None, maxsize=100)
+    with Live(new_bus(), keeper):
+        yield lambda: queue.delivered
 
 
 @contextmanager
-def notifier(count: Count) -> Iterator[None]:
+def notifier() -> Iterator[Count]:
     """Count frames with a bare Notifier."""
-    with new_bus() as bus, can.Notifier(bus, [counter(count)], timeout=0.1):
-        yield
+    seen = [0]
+
+    def hear(_: can.Message) -> None:
+        seen[0] += 1
+
+    with new_bus() as bus, can.Notifier(bus, [hear], timeout=0.1):
+        yield lambda: seen[0]
 
 
-def listened(reader: Callable[[Count], AbstractContextManager[object]], shortest: int, seconds: int) -> Figures:
+def listened(reader: Callable[[], AbstractContextManager[Count]], shortest: int, seconds: int) -> Figures:
     """Measure a reader while the sender fills the bus, until all is quiet."""
-    count = [0]
     command = [PYTHON, str(PROGRAMS / "send_paced.py"), CHANNEL, str(BITRATE), str(seconds), str(shortest)]
-    with reader(count):
+    with reader() as count:
         begin = time.process_time()
         done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
         _wait_until_quiet(count)
-        cpu = time.process_time() - begin
+        cpu, came = time.process_time() - begin, count()
     if done.returncode:
         raise Wrong(f"the sender failed: {done.stderr.strip().rpartition(chr(10))[2]}")
     sent = json.loads(done.stdout)
     load = sent["bits"] / seconds / BITRATE
-    return {Quantity.CPU: cpu / seconds, Quantity.COUNT: sent["frames"] - count[0], Quantity.LOAD: load}
+    return {Quantity.CPU: cpu / seconds, Quantity.COUNT: sent["frames"] - came, Quantity.LOAD: load}
 
 
 def _wait_until_quiet(count: Count) -> None:
     before = -1
-    while count[0] != before:
-        before = count[0]
+    while (now := count()) != before:
+        before = now
         time.sleep(QUIET)
 
 

@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
@@ -20,10 +20,14 @@ COB_IDS: dict[str, Address] = {pdo.name: (pdo.index, 1) for pdo in DRIVE.pdos}
 CHECK, STATE = COB_IDS["Check Drive Request"], COB_IDS["Goto State Request"]
 
 
-def changed(values: dict[Address, Value], dictionary: Dictionary = DRIVE) -> Protocol:
+def changed_pdos(values: dict[Address, Value]) -> list[Pdo]:
+    """Return the drive's PDOs with other values of objects."""
+    return list(DRIVE.read_pdos(lambda address: values.get(address, DRIVE.default(address))))
+
+
+def changed(values: dict[Address, Value]) -> Protocol:
     """Return the drive's protocol with other values of objects."""
-    pdos = dictionary.read_pdos(lambda address: values.get(address, dictionary.default(address)))
-    return Protocol([(dictionary, pdos)], CATALOGUE)
+    return Protocol([(DRIVE, changed_pdos(values))], CATALOGUE)
 
 
 def heard(gatekeeper: Gatekeeper) -> list[object]:
@@ -39,6 +43,16 @@ def test_a_listener_hears_its_message_under_the_new_identifier_only() -> None:
     gatekeeper.receive(Frame(0x3C5), 1.0)
     assert [received.timestamp for received in queue.drain()] == [1.0]
     assert heard(gatekeeper) == [0x3C5]
+
+
+def test_a_message_without_a_class_of_its_own_is_followed_too() -> None:
+    before, after = (Protocol([(DRIVE, changed_pdos({CHECK: cob_id}))]) for cob_id in (0x3C0, 0x3C5))
+    gatekeeper = Gatekeeper(before)
+    queue = gatekeeper.add_queue(before.binding_of(0x3C0).type)
+    gatekeeper.start()
+    gatekeeper.reroute(after)
+    gatekeeper.receive(Frame(0x3C5), 1.0)
+    assert [received.timestamp for received in queue.drain()] == [1.0]
 
 
 def test_two_messages_may_change_places() -> None:
@@ -77,11 +91,11 @@ def test_who_listens_to_frames_is_asked_again() -> None:
     assert heard(gatekeeper) == [0x703, 0x704]
 
 
-def test_who_wants_to_know_of_a_change_is_called_behind_it_in_the_thread_that_receives() -> None:
+def test_who_wants_to_know_of_a_change_is_called_after_it_in_the_thread_that_receives() -> None:
     told: list[tuple[list[object], threading.Thread]] = []
     gatekeeper = Gatekeeper(changed({}))
     gatekeeper.add_queue(CheckDriveRequest)
-    gatekeeper.add_frames(lambda: (0x602,), lambda *_: gatekeeper.reroute(changed({CHECK: 0x3C5})), "master")
+    gatekeeper.add_node(lambda: (0x602,), lambda *_: gatekeeper.reroute(changed({CHECK: 0x3C5})), "master")
     gatekeeper.start()
     gatekeeper.rerouted = lambda: told.append((heard(gatekeeper), threading.current_thread()))
     gatekeeper.receive(Frame(0x3C0), 0.0)
