@@ -247,10 +247,21 @@ def _block_download_size(request: bytes) -> int | None:
     return int.from_bytes(request[4:], "little") if request[0] & 2 else None
 
 
-REFUSALS = tuple(
-    code
-    for code in AbortCode
-    if code not in (AbortCode.TOGGLE_BIT, AbortCode.TIMEOUT, AbortCode.UNKNOWN_COMMAND, AbortCode.NO_SUBINDEX)
+REFUSALS = (
+    AbortCode.OUT_OF_MEMORY,
+    AbortCode.NO_OBJECT,
+    AbortCode.NOT_MAPPABLE,
+    AbortCode.MAPPING_TOO_LONG,
+    AbortCode.INCOMPATIBLE,
+    AbortCode.HARDWARE,
+    AbortCode.TOO_LONG,
+    AbortCode.TOO_SHORT,
+    AbortCode.VALUE,
+    AbortCode.TOO_HIGH,
+    AbortCode.TOO_LOW,
+    AbortCode.NOT_TRANSFERRED,
+    AbortCode.DEVICE_STATE,
+    AbortCode.NO_DATA,
 )
 """Causes that a value, or the device's state, may give."""
 
@@ -290,7 +301,7 @@ LONG: list[Address] = [(0x1008, 0), (0x1009, 0), (0x1021, 0)]
 """Objects that do not fit an expedited transfer; they are asked for more often than the others."""
 
 
-class Client:
+class RandomClient:
     """Makes up requests: mostly what fits the state, now and then anything."""
 
     def __init__(self, dictionary: Dictionary, chance: random.Random) -> None:
@@ -361,7 +372,7 @@ def run(node: str, dialect: str | None, requests: int, seed: int) -> int:
     """Send so many requests to a node; return how many it answered with an abort. Raises Fault."""
     chance = random.Random(seed)
     dictionary = dialects.load(node, dialect)
-    device, judge, client = Device(dictionary), Judge(dictionary), Client(dictionary, chance)
+    device, judge, client = Device(dictionary), Judge(dictionary), RandomClient(dictionary, chance)
     rx, tx = device.number(SDO_RECEIVE), device.number(SDO_TRANSMIT)
     device.start(0.0)
     aborts = 0

@@ -12,19 +12,11 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, TypeAlias
 
 from eurobot_od.check.values import Expected, Operand, Variables
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import flagged_fields
 from eurobot_od.pdo.protocol import Protocol
-
-STATE_NAMES = {
-    NmtState.INITIALISING: "boot-up",
-    NmtState.STOPPED: "stopped",
-    NmtState.OPERATIONAL: "operational",
-    NmtState.PRE_OPERATIONAL: "pre-operational",
-}
-"""What a heartbeat says, by its state (CiA 301, 7.2.8.3.2.2)."""
 
 ANY = "any"
 """Any state in a heartbeat, any code in an EMCY."""
@@ -163,7 +155,7 @@ class HeartbeatPattern:
         """Return how a heartbeat differs."""
         if len(frame.data) != 1:
             return [Difference("length", "1 byte", f"{len(frame.data)} bytes")]
-        came = STATE_NAMES[NmtState(frame.data[0])] if frame.data[0] in set(NmtState) else f"0x{frame.data[0]:02X}"
+        came = STATE_NAMES.get(frame.data[0], f"0x{frame.data[0]:02X}")
         return [] if self.state is None or frame.data[0] == self.state else [Difference("state", self._state, came)]
 
     @property

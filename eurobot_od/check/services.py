@@ -14,12 +14,12 @@ import yaml
 
 from eurobot_od.check import shapes
 from eurobot_od.check.objects import ObjectType, find_address, object_type, services
-from eurobot_od.check.patterns import ANY, STATE_NAMES, EmergencyPattern, HeartbeatPattern, Pattern
+from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
 from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
 from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
-from eurobot_od.device.nmt import ALL_NODES, NmtCommand
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.od.dictionary import Dictionary
@@ -28,13 +28,7 @@ from eurobot_od.yaml_places import Problems, Text, refuse
 
 T = TypeVar("T")
 
-NMT_COMMANDS = {
-    "start": NmtCommand.START,
-    "stop": NmtCommand.STOP,
-    "pre-operational": NmtCommand.ENTER_PRE_OPERATIONAL,
-    "reset": NmtCommand.RESET_NODE,
-    "reset communication": NmtCommand.RESET_COMMUNICATION,
-}
+NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
 BYTES = re.compile(r"(?:[0-9A-Fa-f]{2}\s*)*")
 

@@ -11,7 +11,6 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from eurobot_od import durations
-from eurobot_od.check import sdo
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.patterns import Difference, Pattern
 from eurobot_od.check.results import Finding
@@ -35,6 +34,8 @@ from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, download, upload
+from eurobot_od.sdo.wire import LENGTH
 
 
 class Failed(Exception):
@@ -206,21 +207,9 @@ class Doer:
 
     # SDO
 
-    def _exchange(self, node: NodeServices, within: float | None) -> sdo.Exchange:
-        async def exchange(request: bytes) -> bytes:
-            start = len(self._trace)
-            await self._put(Frame(node.sdo_request, request))
-            number = await self._trace.first(frozenset([node.sdo_answer]), start, self._deadline(within))
-            if number is None:
-                raise NoAnswer("SDO request", f"answer of {node.name}", 1, self._longest(within))
-            self._use(number)
-            return self._trace.frames[number].frame.data
-
-        return exchange
-
     async def _sdo_read(self, action: SdoRead) -> None:
         self._ask()
-        data = await self._transfer(action, sdo.upload(self._exchange(action.node, action.within), action.address))
+        data = await self._transfer(action, upload(action.address, self._longest(action.within)))
         if data is None:
             return
         value = action.decode(data)
@@ -234,15 +223,20 @@ class Doer:
     async def _sdo_write(self, action: SdoWrite) -> None:
         self._ask()
         content = action.encode(self._variables)
-        exchange = self._exchange(action.node, action.within)
-        await self._transfer(action, sdo.download(exchange, action.address, content))
+        await self._transfer(action, download(action.address, content, self._longest(action.within)))
 
-    async def _transfer(self, action: SdoRead | SdoWrite, transfer: Awaitable[bytes | None]) -> bytes | None:
-        """Do a transfer that may have to be refused; None if it was as it had to be, or if there is nothing to read."""
+    async def _transfer(self, action: SdoRead | SdoWrite, transfer: Transfer) -> bytes | None:
+        """Do a transfer that may have to be refused; None if it was refused as it had to be.
+
+        Raises Failed, NoAnswer, OddAnswer.
+        """
         wanted = None if action.abort is None else f"abort 0x{action.abort:08X}"
+        await self._run(transfer, action.node)
         try:
-            data = await transfer
-        except sdo.SdoAborted as error:
+            data = transfer.result()
+        except Silence:
+            raise NoAnswer("SDO request", f"answer of {action.node.name}", 1, transfer.wait) from None
+        except Refused as error:
             if error.code == action.abort:
                 return None
             came = f"abort 0x{error.code:08X}"
@@ -250,6 +244,25 @@ class Doer:
         if wanted is not None:
             raise Failed(Finding(f"{action}: the node does not refuse", wanted, "no abort"))
         return data
+
+    async def _run(self, transfer: Transfer, node: NodeServices) -> None:
+        """Do a transfer to its end; raises OddAnswer for an answer that is no SDO frame by its length."""
+        requests = transfer.start(self._trace.now)
+        while True:
+            start = len(self._trace)
+            for request in requests:
+                await self._put(Frame(node.sdo_request, request))
+            if transfer.done:
+                return
+            number = await self._trace.first(frozenset([node.sdo_answer]), start, transfer.deadline)
+            if number is None:
+                requests = transfer.tick(transfer.deadline)
+                continue
+            self._use(number)
+            answer = self._trace.frames[number].frame.data
+            if len(answer) != LENGTH:
+                raise OddAnswer(answer, f"of {LENGTH} bytes")
+            requests = transfer.receive(answer, self._trace.now)
 
     # Variables
 

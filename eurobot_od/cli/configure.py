@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import remote
 
 if TYPE_CHECKING:
-    from eurobot_od.client.configure import Plan
+    from eurobot_od.client.configure import ChangePlan
 
 HEARTBEAT_WAIT = 1.2
 """Seconds in which a node's heartbeat tells the state it is to go back to; ours send one a second."""
@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def summary(plan: Plan, node_id: int) -> str:
+def summary(plan: ChangePlan, node_id: int) -> str:
     """Return the difference between the node and the file, a line an object."""
     from eurobot_od.client.master import label
 

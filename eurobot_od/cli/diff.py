@@ -1,7 +1,6 @@
 """Compare two EDS or DCF files, or one with a live node.
 
-Rule of this file: it parses, reads (a file, or a node by SDO) and prints; what a difference is says `lint.diff`. Exit
-status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus trouble.
+Exit status 0 no difference, 1 differences or a node that does not answer, 2 a file that cannot be read, 3 bus trouble.
 """
 
 from __future__ import annotations
@@ -9,16 +8,12 @@ from __future__ import annotations
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError, NodeRefused
-from eurobot_od.lint.diff import NO_OBJECT, Difference, Reading, compare, compare_live, place, read_device, readable
+from eurobot_od.errors import LocalError
+from eurobot_od.lint.diff import Difference, compare, compare_live, place, read_device, readable
 from eurobot_od.lint.model import LintedDevice
-from eurobot_od.od.values import NODE_IDS, Address
-
-if TYPE_CHECKING:
-    from eurobot_od.client.master import RemoteNode
+from eurobot_od.od.values import NODE_IDS
 
 SAME, DIFFERENT = 0, 1
 
@@ -51,29 +46,10 @@ def _compare_live(device: LintedDevice, arguments: Namespace) -> list[Difference
     if node_id is None:
         raise LocalError("nothing to compare with: name a second file, or a live node with --node")
     from eurobot_od.client.master import Master
+    from eurobot_od.client.reading import read_bytes
 
     with Master(shared.open_bus(arguments)) as master:
-        return compare_live(device, read_node(master.node(node_id), readable(device)), node_id)
-
-
-def read_node(node: RemoteNode, addresses: Sequence[Address]) -> dict[Address, Reading]:
-    """Read variables of a node by SDO: their bytes, or the abort code; a missing object is asked for once.
-
-    Raises NoAnswer if the node does not answer.
-    """
-    found: dict[Address, Reading] = {}
-    missing: set[int] = set()
-    for address in addresses:
-        found[address] = NO_OBJECT if address[0] in missing else _read(node, address)
-        missing |= {address[0]} if found[address] == NO_OBJECT else set()
-    return found
-
-
-def _read(node: RemoteNode, address: Address) -> Reading:
-    try:
-        return node.upload(address)
-    except NodeRefused as error:
-        return error.code
+        return compare_live(device, read_bytes(master.node(node_id), readable(device)), node_id)
 
 
 def _print(found: Sequence[Difference], as_json: bool) -> None:

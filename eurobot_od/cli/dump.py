@@ -1,7 +1,4 @@
-"""Print all objects of a CANopen node that can be read, with their values.
-
-Rule of this file: parse, call `client.reading`, print; an object that cannot be read is said, not left out.
-"""
+"""Print all objects of a CANopen node that can be read, with their values."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003).
-
-Rule of this file: parse, call `client.history`, print.
-"""
+"""Print the errors that a CANopen node remembers, newest first, or clear them (0x1001, 0x1003)."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import remote
 
 if TYPE_CHECKING:
-    from eurobot_od.client.history import Entry, History
+    from eurobot_od.client.history import History, RememberedError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +44,7 @@ def text(found: History, node_id: int) -> str:
     return f"{head}\n{remote.columns(rows)}" if rows else f"{head}\nno error remembered"
 
 
-def _words(entry: Entry) -> str:
+def _words(entry: RememberedError) -> str:
     from eurobot_od.device.emergency import error_words
     from eurobot_od.robot.messages import CATALOGUE
 

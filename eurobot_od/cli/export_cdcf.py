@@ -14,9 +14,6 @@ from eurobot_od.cli import remote
 from eurobot_od.errors import DictionaryError, LocalError
 
 if TYPE_CHECKING:
-    from eurobot_od.client.description import Description
-    from eurobot_od.client.pdo_order import Step
-    from eurobot_od.client.reading import Reading
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.values import Address
 
@@ -39,13 +36,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 def write_concise(arguments: argparse.Namespace) -> int:
     """Write or print the concise DCF of a DCF."""
-    from eurobot_od.client.configure import check_file
+    from eurobot_od.client.configure import all_writes, check_file
     from eurobot_od.client.description import from_file
     from eurobot_od.od.concise import pack
 
     description = from_file(arguments.file)
     check_file(description, description.dictionary.node_id)
-    writes = concise(description)
+    writes = all_writes(description)
     if not arguments.output:
         return _print(writes, description.dictionary)
     Path(arguments.output).write_bytes(pack(writes))
@@ -53,23 +50,11 @@ def write_concise(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def concise(description: Description) -> list[Step]:
-    """Return the writes that configure a device of which nothing is known, in their order."""
-    from eurobot_od.client.configure import settings
-    from eurobot_od.client.objects import encode, find_one
-    from eurobot_od.client.pdo_order import procedure_objects, steps
-
-    wanted = {thing.address: data for thing, data in settings(description)}
-    dictionary = description.dictionary
-    for index, subindex in set(procedure_objects(wanted)) - set(wanted):
-        thing = find_one(f"0x{index:04X}:{subindex}", dictionary)
-        wanted[index, subindex] = encode(thing, dictionary.default((index, subindex)))
-    return steps(wanted, {})
-
-
 def read_concise(arguments: argparse.Namespace) -> int:
     """Print a concise DCF, or write the DCF that says the same."""
     from eurobot_od.client.description import from_file
+    from eurobot_od.client.reading import dcf_of_writes
+    from eurobot_od.live import BITRATE
     from eurobot_od.od.concise import Truncated, unpack
 
     try:
@@ -81,30 +66,14 @@ def read_concise(arguments: argparse.Namespace) -> int:
         return _print(writes, description.dictionary if description else None)
     if description is None:
         raise LocalError("a DCF is made of an EDS and a concise DCF: name the EDS by --eds")
-    text = verbose(description, writes)
+    text = dcf_of_writes(description, writes, BITRATE // 1000)
     Path(arguments.output).write_text(text, encoding="utf-8", errors="surrogateescape")
     print(f"{arguments.output}: for node {description.dictionary.node_id}")
     return 0
 
 
-def verbose(description: Description, writes: Iterable[tuple[Address, bytes]]) -> str:
-    """Return the DCF of what objects have after all writes; raises UnknownName for one that the EDS does not have."""
-    from eurobot_od.live import BITRATE
-    from eurobot_od.od import dcf
-
-    dictionary = description.dictionary
-    values = {address: _reading(address, data, dictionary).value for address, data in writes}
-    return dcf.with_values(description.text, values, dictionary.node_id, dictionary.name, BITRATE // 1000)
-
-
 def _print(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> int:
-    remote.print_readings((_reading(address, data, dictionary) for address, data in writes), as_json=False)
+    from eurobot_od.client.reading import decoded
+
+    remote.print_readings(decoded(writes, dictionary), as_json=False)
     return 0
-
-
-def _reading(address: Address, data: bytes, dictionary: Dictionary | None) -> Reading:
-    from eurobot_od.client.objects import decode, find_one
-    from eurobot_od.client.reading import Reading
-
-    thing = find_one(f"0x{address[0]:04X}:{address[1]}", dictionary)
-    return Reading(thing, decode(thing, data))

@@ -1,7 +1,4 @@
-"""Write the DCF of a live CANopen node: its EDS with the values that its parameters have now.
-
-Rule of this file: parse, call `client.reading`, write.
-"""
+"""Write the DCF of a live CANopen node: its EDS with the values that its parameters have now."""
 
 from __future__ import annotations
 
@@ -21,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Write the file; 1 if the node refuses objects of its EDS, which are left out."""
+    from eurobot_od.client.master import label
     from eurobot_od.client.reading import dcf_text
     from eurobot_od.live import BITRATE
 
@@ -32,5 +30,5 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         print(text, end="")
     for thing, _, reason in refused:
-        print(f"left out 0x{thing.address[0]:04X}:{thing.address[1]} {thing.name}: {reason}", file=sys.stderr)
+        print(f"left out {label(thing.address, thing.name)}: {reason}", file=sys.stderr)
     return 1 if refused else 0

@@ -9,19 +9,14 @@ import argparse
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import remote
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, TARGET, NmtCommand
+from eurobot_od.od.values import NMT_COB_ID
 
 if TYPE_CHECKING:
     from eurobot_od.client.master import RemoteNode
-    from eurobot_od.device.nmt import NmtCommand
 
-COMMANDS = {
-    "start": "START",
-    "stop": "STOP",
-    "pre-operational": "ENTER_PRE_OPERATIONAL",
-    "reset": "RESET_NODE",
-    "reset-communication": "RESET_COMMUNICATION",
-}
-"""Words of the command line, and the NmtCommand each stands for."""
+COMMANDS = {name.replace(" ", "-"): NmtCommand(command) for command, name in COMMAND_NAMES.items()}
+"""The NMT commands by their words on the command line."""
 
 ALL = "all"
 
@@ -37,42 +32,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Send the command; 1 if the node's heartbeat tells that it did not follow."""
-    from eurobot_od.device.nmt import NmtCommand
-    from eurobot_od.od.values import NMT_COB_ID
-
-    command = NmtCommand[COMMANDS[arguments.command]]
+    command = COMMANDS[arguments.command]
     if arguments.node == ALL:
         with remote.master(arguments) as master:
-            master.send(NMT_COB_ID, bytes([command, 0]))
+            master.send(NMT_COB_ID, bytes([command, ALL_NODES]))
         print(f"{arguments.command} sent to all nodes")
         return 0
     with remote.node(arguments) as node:
-        return (
-            _reset(node, command)
-            if command in (NmtCommand.RESET_NODE, NmtCommand.RESET_COMMUNICATION)
-            else _go(node, command)
-        )
+        return _go(node, command) if command in TARGET else _reset(node, command)
 
 
 def _reset(node: RemoteNode, command: NmtCommand) -> int:
     """Reset the node; raises NoAnswer if it does not boot."""
-    from eurobot_od.client.configure import state_text
-
     node.reset(command)
     state = node.state(HEARTBEAT_WAIT)
-    print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {state_text(state)}"))
+    print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
     return 0
 
 
 def _go(node: RemoteNode, command: NmtCommand) -> int:
-    from eurobot_od.client.configure import state_text
-    from eurobot_od.device.nmt import TARGET
-
     node.command(command)
     followed = node.wait_for(TARGET[command], HEARTBEAT_WAIT)
     state = node.last_state
     if state is None:
         print(f"sent; node {node.node_id} has no heartbeat that would tell its state")
         return 0
-    print(f"node {node.node_id} is {state_text(state)}")
+    print(f"node {node.node_id} is {STATE_NAMES[state]}")
     return 0 if followed else 1

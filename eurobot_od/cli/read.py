@@ -1,7 +1,4 @@
-"""Read objects of a CANopen node, by number or by the EDS's name.
-
-Rule of this file: parse, call `client.objects`, print.
-"""
+"""Read objects of a CANopen node, by number or by the EDS's name."""
 
 from __future__ import annotations
 

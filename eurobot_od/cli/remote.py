@@ -82,7 +82,9 @@ def description(arguments: argparse.Namespace, node: RemoteNode) -> Description 
 
     if arguments.eds:
         return found.from_file(arguments.eds, node.node_id)
-    return found.of_dialect(node, arguments.dialect) or found.uploaded(node)
+    names = [arguments.dialect] if arguments.dialect else dialects.names()
+    known = (each for name in names for each in dialects.load_all(name))
+    return found.fitting(node, known) or found.uploaded(node)
 
 
 def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Description:

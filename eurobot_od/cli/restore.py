@@ -1,7 +1,4 @@
-"""Have a CANopen node take the defaults of its parameters again, from its next reset on (0x1011).
-
-Rule of this file: parse, write the signature, print.
-"""
+"""Have a CANopen node take the defaults of its parameters again, from its next reset on (0x1011)."""
 
 from __future__ import annotations
 
@@ -18,11 +15,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Restore all default parameters."""
-    from eurobot_od.client.configure import LOAD, RESTORE
-    from eurobot_od.client.master import STORE_WAIT
+    from eurobot_od.client.configure import restore
 
     with remote.node(arguments) as node:
-        node.download(RESTORE, LOAD, "Restore all default parameters", STORE_WAIT)
+        restore(node)
         if arguments.reset:
             node.reset()
     when = "has" if arguments.reset else "will have, from its next reset on,"

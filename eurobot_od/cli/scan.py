@@ -1,7 +1,4 @@
-"""List the CANopen nodes of a bus: who answers, in which state, what it is.
-
-Rule of this file: a node is listed because it answered or its heartbeat was heard, for no other frame.
-"""
+"""List the CANopen nodes of a bus: which answer, in which state, what they are."""
 
 from __future__ import annotations
 
@@ -12,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
 from eurobot_od.cli import remote
+from eurobot_od.device.nmt import STATE_NAMES
 
 if TYPE_CHECKING:
     from eurobot_od.client.scan import Found
@@ -39,19 +37,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def as_data(found: Found) -> dict[str, Any]:
     """Return a node as plain data."""
-    from eurobot_od.client.configure import state_text
-
     identity = found.identity._asdict() if found.identity else None
-    state = None if found.state is None else state_text(found.state)
+    state = None if found.state is None else STATE_NAMES[found.state]
     return {"node_id": found.node_id, "name": found.name, "state": state, "identity": identity}
 
 
 def rows(found: list[Found]) -> Iterator[tuple[str, ...]]:
     """Yield the table of the nodes."""
-    from eurobot_od.client.configure import state_text
-
     yield "node", "name", "state", "vendor", "product", "revision", "serial"
     for each in found:
-        state = "-" if each.state is None else state_text(each.state)
+        state = "-" if each.state is None else STATE_NAMES[each.state]
         numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
         yield f"{each.node_id:>4}", each.name or "-", state, *numbers

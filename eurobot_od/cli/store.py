@@ -1,7 +1,4 @@
-"""Have a CANopen node store its parameters, so that they survive a reset (0x1010).
-
-Rule of this file: parse, write the signature, print.
-"""
+"""Have a CANopen node store its parameters, so that they survive a reset (0x1010)."""
 
 from __future__ import annotations
 
@@ -17,10 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Store all parameters."""
-    from eurobot_od.client.configure import SAVE, STORE
-    from eurobot_od.client.master import STORE_WAIT
+    from eurobot_od.client.configure import store
 
     with remote.node(arguments) as node:
-        node.download(STORE, SAVE, "Save all parameters", STORE_WAIT)
+        store(node)
     print(f"node {node.node_id} has stored all parameters")
     return 0

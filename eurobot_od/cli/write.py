@@ -12,7 +12,7 @@ from eurobot_od.cli import remote
 
 if TYPE_CHECKING:
     from eurobot_od.client.master import RemoteNode
-    from eurobot_od.client.objects import Object
+    from eurobot_od.client.objects import NamedObject
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _bytes(node: RemoteNode, thing: Object, text: str) -> bytes:
+def _bytes(node: RemoteNode, thing: NamedObject, text: str) -> bytes:
     from eurobot_od.client.objects import encode, parse
 
     size = len(node.upload(thing.address)) if thing.variable is None else 0

@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode, label
-from eurobot_od.client.objects import Object, all_objects, decode, encode, written, wrong
-from eurobot_od.client.pdo_order import Bytes, Step, pdo_of, procedure_objects, steps
-from eurobot_od.device.nmt import NmtCommand, NmtState
+from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written, wrong
+from eurobot_od.client.pdo_order import Bytes, Write, in_order, pdo_of, procedure_objects
+from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
+from eurobot_od.sdo.wire import AbortCode
 
 STORE: Address = (0x1010, 1)
 SAVE = b"save"
@@ -33,12 +34,6 @@ EPOCH = datetime(1984, 1, 1)
 NOT_CONFIGURATION = frozenset({0x1003, 0x1010, 0x1011, 0x1020, 0x1023, 0x1024, 0x1F50, 0x1F51})
 """Objects that can be written and mean a history, a command or our own mark, no parameter."""
 
-NO_SUCH_OBJECT = frozenset({0x06020000, 0x06090011})
-"""SDO aborts for an object and for a sub-index that is not there (CiA 301, Table 22)."""
-
-READ_WRITE_ONLY = 0x06010001
-"""SDO abort for reading what can only be written."""
-
 COMMAND_TO: dict[NmtState | None, NmtCommand] = {
     NmtState.OPERATIONAL: NmtCommand.START,
     NmtState.PRE_OPERATIONAL: NmtCommand.ENTER_PRE_OPERATIONAL,
@@ -46,10 +41,10 @@ COMMAND_TO: dict[NmtState | None, NmtCommand] = {
 """The NMT command that leads back to the state a node was in."""
 
 
-class Change(NamedTuple):
+class ChangedObject(NamedTuple):
     """An object whose bytes differ: `before` in the node (None: it cannot be read), `after` in the file."""
 
-    thing: Object
+    thing: NamedObject
     before: bytes | None
     after: bytes
 
@@ -60,23 +55,23 @@ class Change(NamedTuple):
         return before, written(self.thing, decode(self.thing, self.after))
 
 
-class Plan(NamedTuple):
+class ChangePlan(NamedTuple):
     """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs."""
 
     dictionary: Dictionary
-    changes: tuple[Change, ...]
+    changes: tuple[ChangedObject, ...]
     present: Bytes
 
-    def steps(self) -> list[Step]:
+    def writes(self) -> list[Write]:
         """Return all writes in their order."""
-        return steps({each.thing.address: each.after for each in self.changes}, self.present)
+        return in_order({each.thing.address: each.after for each in self.changes}, self.present)
 
-    def way_back(self, done: Iterable[Step]) -> list[Step]:
+    def way_back(self, done: Iterable[Write]) -> list[Write]:
         """Return the writes that undo those of `done`, of objects whose former bytes are known."""
-        state = {**self.present, **{step.address: step.data for step in done}}
-        touched = {_unit(step.address) for step in done}
+        state = {**self.present, **{write.address: write.data for write in done}}
+        touched = {_unit(write.address) for write in done}
         former = {**{c.thing.address: c.before for c in self.changes if c.before is not None}, **self.present}
-        return steps({address: data for address, data in former.items() if _unit(address) in touched}, state)
+        return in_order({address: data for address, data in former.items() if _unit(address) in touched}, state)
 
     def name(self, address: Address) -> str:
         """Return an object's name."""
@@ -84,38 +79,47 @@ class Plan(NamedTuple):
         return "" if variable is None else variable.qualname
 
 
-class Outcome(NamedTuple):
+class Configured(NamedTuple):
     """What a configuration did: how many objects it changed, and whether the node has stored them."""
 
     changed: int
     stored: bool
 
 
-def configure(node: RemoteNode, description: Description, now: datetime) -> Outcome:
+def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
     """Make a node what a DCF says; `now` is what is written to verify configuration 0x1020.
 
     Raises DictionaryError for the file, before anything is written; ConfigurationError if the node did not take all
     of it, with the state it is left in; RemoteError and BusError before anything is written.
     """
     plan = difference(node, description)
-    return apply(node, plan, now) if plan.changes else Outcome(0, False)
+    return apply(node, plan, now) if plan.changes else Configured(0, False)
 
 
 # The file
 
 
-def settings(description: Description) -> list[tuple[Object, bytes]]:
+def settings(description: Description) -> list[tuple[NamedObject, bytes]]:
     """Return the objects that a DCF configures, with their bytes: those with a ParameterValue that can be written.
 
-    A mapping's entries behind the last that counts are none. Raises DictionaryError for a value that its object cannot
-    have.
+    A mapping's entries after the last that counts are not among them. Raises DictionaryError for a value that its
+    object cannot have.
     """
     dictionary = description.dictionary
     parameters = (each for each in all_objects(dictionary) if is_parameter(each) and _raw(each))
     return [(each, _bytes(dictionary, each)) for each in parameters if _counts(dictionary, each.address)]
 
 
-def is_parameter(thing: Object) -> bool:
+def all_writes(description: Description) -> list[Write]:
+    """Return the writes that configure a device of which nothing is known, in their order; raises as `settings`."""
+    wanted = {thing.address: data for thing, data in settings(description)}
+    dictionary = description.dictionary
+    for address in set(procedure_objects(wanted)) - set(wanted):
+        wanted[address] = encode(at(address, dictionary), dictionary.default(address))
+    return in_order(wanted, {})
+
+
+def is_parameter(thing: NamedObject) -> bool:
     """Whether a configuration may write an object."""
     return thing.variable is not None and thing.variable.writable and thing.address[0] not in NOT_CONFIGURATION
 
@@ -140,18 +144,18 @@ def check_file(description: Description, node_id: int) -> None:
 
 
 def _counts(dictionary: Dictionary, address: Address) -> bool:
-    """Whether an object is anything but a mapping entry behind the last that counts."""
+    """Whether an object is anything but a mapping entry after the last that counts."""
     index, subindex = address
     count = dictionary.default((index, 0))
     return pdo_of(address) in (None, index) or not isinstance(count, int) or subindex <= count
 
 
-def _raw(thing: Object) -> str:
+def _raw(thing: NamedObject) -> str:
     """Return the text of a ParameterValue, `` if there is none."""
     return getattr(thing.variable, "value_raw", "")
 
 
-def _bytes(dictionary: Dictionary, thing: Object) -> bytes:
+def _bytes(dictionary: Dictionary, thing: NamedObject) -> bytes:
     value = None if thing.variable is None else thing.variable.value
     allowed = wrong(thing, value)
     if allowed is not None:
@@ -163,7 +167,7 @@ def _bytes(dictionary: Dictionary, thing: Object) -> bytes:
 # The difference
 
 
-def difference(node: RemoteNode, description: Description) -> Plan:
+def difference(node: RemoteNode, description: Description) -> ChangePlan:
     """Compare a node with a DCF, by reading alone.
 
     Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node
@@ -177,20 +181,22 @@ def difference(node: RemoteNode, description: Description) -> Plan:
     wanted = settings(description)
     present = {thing.address: _present(node, dictionary, thing, len(data)) for thing, data in wanted}
     read = ((thing, present[thing.address], data) for thing, data in wanted)
-    changes = tuple(Change(*each) for each in read if each[1] != each[2])
+    changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
     needed = procedure_objects(each.thing.address for each in changes)
-    return Plan(dictionary, changes, {address: present.get(address) or node.upload(address) for address in needed})
+    return ChangePlan(
+        dictionary, changes, {address: present.get(address) or node.upload(address) for address in needed}
+    )
 
 
-def _present(node: RemoteNode, dictionary: Dictionary, thing: Object, size: int) -> bytes | None:
+def _present(node: RemoteNode, dictionary: Dictionary, thing: NamedObject, size: int) -> bytes | None:
     """Read an object, `size` bytes of it: some devices send 4 of everything."""
     try:
         return node.upload(thing.address, thing.name)[:size]
     except NodeRefused as error:
-        if error.code in NO_SUCH_OBJECT:
+        if error.code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
             what = f"sub {thing.address[1]} ({thing.name}): node {node.node_id} has no such object"
             raise DictionaryError(dictionary.file, thing.address[0], what) from error
-        if error.code == READ_WRITE_ONLY:
+        if error.code == AbortCode.WRITE_ONLY:
             return None
         raise
 
@@ -204,71 +210,78 @@ def _unit(address: Address) -> Address:
 # The change
 
 
-def apply(node: RemoteNode, plan: Plan, now: datetime) -> Outcome:
+def apply(node: RemoteNode, plan: ChangePlan, now: datetime) -> Configured:
     """Write a plan: pre-operational, writes, read back, verify configuration, store, reset, verify.
 
     Raises ConfigurationError, or BusError, that names the state in which the node is.
     """
     former, mark = node.last_state, _mark(plan.dictionary, now)
-    done: list[Step] = []
+    done: list[Write] = []
     try:
+        # A node at work would send PDOs half in the old form, half in the new, and some refuse to be mapped anew.
         node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
-        _write(node, plan, plan.steps(), done)
+        _write(node, plan, plan.writes(), done)
         read_back(node, plan)
+        # The node clears the mark when its configuration changes, so it comes after all else; and it is stored too.
         _write(node, plan, mark, [])
-        stored = store(node, plan.dictionary)
+        stored = plan.dictionary.variable(STORE) is not None
+        if stored:
+            store(node)
     except (EurobotError, KeyboardInterrupt) as error:
         raise _failure(error, _take_back(node, plan, done, former)) from error
     _restart(node, plan, mark, stored, former)
-    return Outcome(len(plan.changes), stored)
+    return Configured(len(plan.changes), stored)
 
 
-def read_back(node: RemoteNode, plan: Plan) -> None:
+def read_back(node: RemoteNode, plan: ChangePlan) -> None:
     """Raise ConfigurationError unless a node has all that a plan was to write."""
     for thing, before, after in plan.changes:
         found = after if before is None else node.upload(thing.address, thing.name)[: len(after)]
         if found != after:
-            reads, wrote = Change(thing, found, after).texts
+            reads, wrote = ChangedObject(thing, found, after).texts
             what = f"node {node.node_id}: {label(thing.address, thing.name)} reads {reads} after {wrote} was written"
             raise ConfigurationError(what)
 
 
-def store(node: RemoteNode, dictionary: Dictionary) -> bool:
-    """Have a node store its parameters; return whether it can."""
-    if dictionary.variable(STORE) is None:
-        return False
+def store(node: RemoteNode) -> None:
+    """Have a node store its parameters, so that they survive a reset; raises as `RemoteNode.download`."""
     node.download(STORE, SAVE, "Save all parameters", STORE_WAIT)
-    return True
 
 
-def _mark(dictionary: Dictionary, now: datetime) -> list[Step]:
+def restore(node: RemoteNode) -> None:
+    """Have a node take the defaults of its parameters again, from its next reset on; raises as `store`."""
+    node.download(RESTORE, LOAD, "Restore all default parameters", STORE_WAIT)
+
+
+def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
     """Return the writes of verify configuration, none if the device does not have it."""
     if any(dictionary.variable(address) is None for address in VERIFY):
         return []
     since = now - EPOCH
     milliseconds = since.seconds * 1000 + since.microseconds // 1000
-    return [Step(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY, (since.days, milliseconds))]
+    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY, (since.days, milliseconds))]
 
 
-def _write(node: RemoteNode, plan: Plan, writes: Iterable[Step], done: list[Step]) -> None:
+def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
     """Write and note in `done` what the node has, or may have; a write that it refused it has not."""
-    for step in writes:
-        done.append(step)
+    for write in writes:
+        done.append(write)
         try:
-            node.download(step.address, step.data, plan.name(step.address))
+            node.download(write.address, write.data, plan.name(write.address))
         except NodeRefused:
             done.pop()
             raise
 
 
-def _restart(node: RemoteNode, plan: Plan, mark: list[Step], stored: bool, former: NmtState | None) -> None:
+def _restart(node: RemoteNode, plan: ChangePlan, mark: list[Write], stored: bool, former: NmtState | None) -> None:
     """Reset a node that has stored its parameters and see that it still has them; leave another as it was."""
     if not stored:
         node.command(COMMAND_TO.get(former, NmtCommand.START))
         return
     try:
         node.reset()
-        if any(node.upload(step.address) != step.data for step in mark) or not mark:
+        # The mark that it still has stands for all of them: that saves reading every object once more.
+        if any(node.upload(write.address) != write.data for write in mark) or not mark:
             read_back(node, plan)
     except EurobotError as error:
         raise _failure(error, f"node {node.node_id} was written completely, stored and reset before that") from error
@@ -277,19 +290,19 @@ def _restart(node: RemoteNode, plan: Plan, mark: list[Step], stored: bool, forme
 # The way back
 
 
-def _take_back(node: RemoteNode, plan: Plan, done: list[Step], former: NmtState | None) -> str:
+def _take_back(node: RemoteNode, plan: ChangePlan, done: list[Write], former: NmtState | None) -> str:
     """Give a node back what it had, and return in which state it is."""
     try:
         _write(node, plan, plan.way_back(done), [])
-        state = former if former in COMMAND_TO else NmtState.PRE_OPERATIONAL
+        state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
     except EurobotError:
         return _half_way(node, plan, done)
-    return f"node {node.node_id} has its former values again and is {state_text(state)}"
+    return f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}"
 
 
-def _half_way(node: RemoteNode, plan: Plan, done: list[Step]) -> str:
-    units = {_unit(step.address) for step in done}
+def _half_way(node: RemoteNode, plan: ChangePlan, done: list[Write]) -> str:
+    units = {_unit(write.address) for write in done}
     new = [c.thing for c in plan.changes if _unit(c.thing.address) in units]
     old = [c.thing for c in plan.changes if _unit(c.thing.address) not in units]
     return (
@@ -298,15 +311,10 @@ def _half_way(node: RemoteNode, plan: Plan, done: list[Step]) -> str:
     )
 
 
-def _names(things: list[Object]) -> str:
+def _names(things: list[NamedObject]) -> str:
     return ", ".join(label(thing.address, thing.name) for thing in things) or "nothing"
 
 
 def _failure(error: BaseException, state: str) -> EurobotError:
     kind: type[EurobotError] = BusError if isinstance(error, BusError) else ConfigurationError
     return kind(f"{str(error) or 'interrupted'}; {state}")
-
-
-def state_text(state: NmtState | None) -> str:
-    """Return an NMT state for a person: `pre-operational`."""
-    return "in a state unknown" if state is None else state.name.lower().replace("_", "-")

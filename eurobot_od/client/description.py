@@ -1,10 +1,11 @@
-"""What a node is: its identity 0x1018, and the EDS that describes it, from wherever one can be had.
+"""What a node is: its identity 0x1018, and the EDS that describes it, wherever there is one.
 
 Rule of this file: an EDS is only taken for a node whose identity it has; a file that a person names is taken as it is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,6 @@ from eurobot_od.client.master import RemoteNode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
-from eurobot_od.robot import dialects
 
 IDENTITY = 0x1018
 STORED_EDS: Address = (0x1021, 0)
@@ -34,7 +34,14 @@ class Identity(NamedTuple):
     @classmethod
     def read(cls, node: RemoteNode) -> Identity:
         """Ask a node; only the vendor-ID is mandatory."""
-        return cls(*(_number(node, subindex, name) for subindex, name in enumerate(cls._fields, start=1)))
+        return cls(*(cls._number(node, subindex, name) for subindex, name in enumerate(cls._fields, start=1)))
+
+    @staticmethod
+    def _number(node: RemoteNode, subindex: int, name: str) -> int:
+        try:
+            return int.from_bytes(node.upload((IDENTITY, subindex), name), "little")
+        except NodeRefused:
+            return 0
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Identity:
@@ -77,21 +84,23 @@ def uploaded(node: RemoteNode) -> Description | None:
     try:
         if node.upload(STORE_FORMAT, "Store format") != PLAIN_TEXT:
             return None
-        text = node.upload_block(STORED_EDS, "Store EDS").decode(errors="surrogateescape")
+        content = node.upload_block(STORED_EDS, "Store EDS")
     except NodeRefused:
         return None
-    return _parsed(text, f"EDS of node {node.node_id}", node.node_id) if text else None
+    if not content:
+        return None
+    dictionary = Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id)
+    return Description(dictionary, content.decode(errors="surrogateescape"))
 
 
-def of_dialect(node: RemoteNode, dialect: str | Path | None = None) -> Description | None:
-    """Return the EDS that has the node's identity, of one dialect or of all; None if there is none.
+def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:
+    """Return the first of the known EDS files that has the node's identity; None if there is none.
 
-    Raises UnknownName for the dialect, DictionaryError, and what reading the identity raises.
+    Raises DictionaryError, and what reading the identity raises.
     """
     identity = Identity.read(node)
-    known = (each for name in ([dialect] if dialect else dialects.names()) for each in dialects.load_all(name))
-    fitting = next((each for each in known if Identity.of(each).difference(identity) is None), None)
-    return None if fitting is None else from_file(fitting.file, node.node_id)
+    found = next((each for each in known if Identity.of(each).difference(identity) is None), None)
+    return None if found is None else from_file(found.file, node.node_id)
 
 
 def device_name(node: RemoteNode) -> str:
@@ -100,14 +109,3 @@ def device_name(node: RemoteNode) -> str:
         return node.upload(DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
     except NodeRefused:
         return ""
-
-
-def _parsed(text: str, name: str, node_id: int) -> Description:
-    return Description(Dictionary.read(text.encode(errors="surrogateescape"), Path(name), node_id), text)
-
-
-def _number(node: RemoteNode, subindex: int, name: str) -> int:
-    try:
-        return int.from_bytes(node.upload((IDENTITY, subindex), name), "little")
-    except NodeRefused:
-        return 0

@@ -20,7 +20,7 @@ REGISTER_BITS = (
 """Names of the bits of the error register, bit 0 first (CiA 301, 7.5.2.2)."""
 
 
-class Entry(NamedTuple):
+class RememberedError(NamedTuple):
     """One remembered error: its emergency error `code` and the manufacturer's `info`, 16 bits each."""
 
     code: int
@@ -31,7 +31,7 @@ class History(NamedTuple):
     """The error register, and the remembered errors, newest first."""
 
     register: int
-    entries: list[Entry]
+    entries: list[RememberedError]
 
     @property
     def register_bits(self) -> list[str]:
@@ -43,13 +43,11 @@ def history(node: RemoteNode) -> History:
     """Read the errors of a node. Raises NodeRefused, NoAnswer, BusError."""
     register = node.upload(REGISTER, "Error register")[0]
     count = node.upload((FIELD, 0), "Number of errors")[0]
-    return History(register, [_entry(node.upload((FIELD, sub))) for sub in range(1, count + 1)])
+    fields = (node.upload((FIELD, sub)) for sub in range(1, count + 1))
+    parts = ((int.from_bytes(each[:2], "little"), int.from_bytes(each[2:4], "little")) for each in fields)
+    return History(register, [RememberedError(code, info) for code, info in parts])
 
 
 def clear(node: RemoteNode) -> None:
     """Empty the history; raises as `history` does."""
     node.download((FIELD, 0), b"\0", "Number of errors")
-
-
-def _entry(data: bytes) -> Entry:
-    return Entry(int.from_bytes(data[:2], "little"), int.from_bytes(data[2:4], "little"))

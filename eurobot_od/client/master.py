@@ -1,7 +1,7 @@
 """A CANopen master on a python-can bus: SDO transfers with one node after the other, NMT, heartbeats.
 
-Rule of this file: the only waiting of the package. No thread receives; whoever waits for an answer takes the frames
-from the bus meanwhile.
+Rule of this file: no thread receives. Whoever waits for something takes the frames from the bus meanwhile, and each
+frame goes to the listener of its COB-ID; so whatever comes while nobody waits is read when the next one does.
 """
 
 from __future__ import annotations
@@ -9,20 +9,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
-import can
-import canopen
-from canopen.objectdictionary import ObjectDictionary
-from canopen.sdo.client import SdoClient
-from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError, SdoError
-
-from eurobot_od.device.nmt import NmtCommand, NmtState
-from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
+from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
+from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
+from eurobot_od.live.buses import failure
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
+from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, block_upload, download, upload
+from eurobot_od.sdo.wire import reason
 
 if TYPE_CHECKING:
-    from can import BusABC
+    import can
 
 ANSWER_WAIT = 0.5
 """Seconds that a node has for the answer to an SDO request, where nothing else is said."""
@@ -33,25 +30,21 @@ STORE_WAIT = 5.0
 BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
 
-SDO_LENGTH = 8
-"""Bytes of every SDO frame (CiA 301, 7.2.4.3)."""
-
-DRIVER_ERRORS = (can.CanError, OSError)
-"""What python-can's drivers raise."""
-
-T = TypeVar("T")
-
 
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
-    `answer_wait` is how many seconds a node has for an answer. `states` has the last NMT state heard of each node.
+    `answer_wait` is how many seconds a node has for an answer. `states` has the last NMT state heard of each node,
+    `listeners` what is called with the data of a frame, by COB-ID.
     """
 
-    def __init__(self, bus: BusABC, answer_wait: float = ANSWER_WAIT) -> None:
+    def __init__(self, bus: can.BusABC, answer_wait: float = ANSWER_WAIT) -> None:
+        import can
+
         self.bus, self.answer_wait = bus, answer_wait
-        self.network = canopen.Network(bus)
         self.states: dict[int, NmtState] = {}
+        self.listeners: dict[int, Callable[[bytes], None]] = {}
+        self._message = can.Message
 
     def __enter__(self) -> Master:
         return self
@@ -67,42 +60,40 @@ class Master:
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; raises BusError."""
+        message = self._message(arbitration_id=cob_id, data=data, is_extended_id=False)
         try:
-            self.network.send_message(cob_id, data)
-        except DRIVER_ERRORS as error:
-            raise self.failure(error) from error
+            self.bus.send(message)
+        except Exception as error:  # drivers raise OSError, CanError, ValueError and whatever else their makers liked
+            raise failure(self.bus, error) from error
 
     def drain(self) -> None:
         """Take in the frames that are waiting already. Raises BusError."""
-        try:
-            while (message := self.bus.recv(0)) is not None:
-                self._take(message)
-        except DRIVER_ERRORS as error:
-            raise self.failure(error) from error
+        while self._receive(0):
+            pass
 
     def pump(self, done: Callable[[], bool], wait: float) -> bool:
         """Take in frames until `done`, for `wait` seconds at most; return whether it is done. Raises BusError."""
         end = time.monotonic() + wait
-        try:
-            while not done() and (left := end - time.monotonic()) > 0:
-                if (message := self.bus.recv(left)) is not None:
-                    self._take(message)
-        except DRIVER_ERRORS as error:
-            raise self.failure(error) from error
+        while not done() and (left := end - time.monotonic()) > 0:
+            self._receive(left)
         return done()
 
-    def failure(self, error: Exception) -> BusError:
-        """Return a driver's error as one of ours, in one line."""
-        what = " ".join(str(error).split()) or type(error).__name__
-        return BusError(f"the bus {self.bus.channel_info} failed: {what}")
+    def _receive(self, wait: float) -> bool:
+        """Take in the next frame; False if there is none in `wait` seconds."""
+        try:
+            message = self.bus.recv(wait)
+        except Exception as error:  # as in `send`
+            raise failure(self.bus, error) from error
+        if message is not None and not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
+            self._take(message.arbitration_id, bytes(message.data))
+        return message is not None
 
-    def _take(self, message: can.Message) -> None:
-        if message.is_extended_id or message.is_error_frame or message.is_remote_frame:
-            return
-        node_id = message.arbitration_id - ERROR_CONTROL_BASE
-        if node_id in NODE_IDS and len(message.data) == 1 and message.data[0] in set(NmtState):
-            self.states[node_id] = NmtState(message.data[0])
-        self.network.notify(message.arbitration_id, message.data, message.timestamp)
+    def _take(self, cob_id: int, data: bytes) -> None:
+        node_id = cob_id - ERROR_CONTROL_BASE
+        if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
+            self.states[node_id] = NmtState(data[0])
+        if cob_id in self.listeners:
+            self.listeners[cob_id](data)
 
 
 class RemoteNode:
@@ -110,23 +101,21 @@ class RemoteNode:
 
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
-        self._sdo = _Sdo(master, node_id)
-        master.network.subscribe(SDO_RESPONSE_BASE + node_id, self._sdo.on_response)
 
     def upload(self, address: Address, name: str = "") -> bytes:
         """Read an object's bytes. Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError."""
-        return self._transfer("read", address, name, lambda: self._sdo.upload(*address))
+        return self._transfer("read", address, name, upload(address, self.master.answer_wait))
 
     def upload_block(self, address: Address, name: str = "") -> bytes:
         """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
         try:
-            return self._transfer("read", address, name, lambda: self._sdo.upload_block(*address))
+            return self._transfer("read", address, name, block_upload(address, self.master.answer_wait))
         except RemoteError:
             return self.upload(address, name)
 
     def download(self, address: Address, data: bytes, name: str = "", wait: float | None = None) -> None:
         """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does."""
-        self._transfer("write", address, name, lambda: self._sdo.download(*address, data), wait)
+        self._transfer("write", address, name, download(address, data, wait or self.master.answer_wait))
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node; it is not confirmed, and heartbeats from before it count no more."""
@@ -138,7 +127,7 @@ class RemoteNode:
         """Wait for the node's next heartbeat and return its state, None if there is no heartbeat."""
         self.master.states.pop(self.node_id, None)
         self.master.pump(lambda: self.node_id in self.master.states, wait)
-        return self.master.states.get(self.node_id)
+        return self.last_state
 
     def wait_for(self, state: NmtState, wait: float) -> bool:
         """Wait until a heartbeat tells a state, INITIALISING being the boot-up; return whether one did."""
@@ -153,58 +142,36 @@ class RemoteNode:
         """Reset the node and wait for its boot-up message. Raises NoAnswer."""
         self.command(command)
         if not self.wait_for(NmtState.INITIALISING, BOOT_WAIT):
-            raise NoAnswer(command.name.replace("_", " ").lower(), f"boot-up of node {self.node_id}", 1, BOOT_WAIT)
+            raise NoAnswer(COMMAND_NAMES[command], f"boot-up of node {self.node_id}", 1, BOOT_WAIT)
 
-    def _transfer(
-        self, verb: str, address: Address, name: str, transfer: Callable[[], T], wait: float | None = None
-    ) -> T:
-        """Turn what canopen and the driver raise on a transfer into one of our errors."""
-        self._sdo.wait = wait or self.master.answer_wait
+    def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
+        """Do a transfer, and turn how it failed into the error that says it of this node and object."""
+        self._run(transfer)
+        request = f"{verb} {label(address, name)}"
         try:
-            return transfer()
-        except SdoError as error:
-            raise self._error(error, f"{verb} {label(address, name)}") from error
-        except DRIVER_ERRORS as error:
-            raise self.master.failure(error) from error
+            return transfer.result()
+        except Refused as error:
+            raise NodeRefused(self.node_id, request, error.code, reason(error.code)) from error
+        except Silence as error:
+            raise NoAnswer(request, f"answer of node {self.node_id}", 1, transfer.wait) from error
+        except OddAnswer as error:
+            raise RemoteError(f"node {self.node_id} gave an odd answer to {request}: {error}") from error
 
-    def _error(self, error: SdoError, request: str) -> RemoteError:
-        if isinstance(error, SdoAbortedError):
-            reason = SdoAbortedError.CODES.get(error.code, "for a reason of its own")
-            return NodeRefused(self.node_id, request, error.code, reason)
-        if isinstance(error, _Silence):
-            return NoAnswer(request, f"answer of node {self.node_id}", 1, self._sdo.wait)
-        return RemoteError(f"node {self.node_id} gave an odd answer to {request}: {error}")
+    def _run(self, transfer: Transfer) -> None:
+        def send(requests: list[bytes]) -> None:
+            for request in requests:
+                self.master.send(SDO_REQUEST_BASE + self.node_id, request)
+
+        # An answer that came too late for the request before would be taken for the answer to this one.
+        self.master.drain()
+        cob_id = SDO_RESPONSE_BASE + self.node_id
+        self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, time.monotonic()))
+        send(transfer.start(time.monotonic()))
+        while not transfer.done:
+            self.master.pump(lambda: transfer.done, transfer.deadline - time.monotonic())
+            send(transfer.tick(time.monotonic()))
 
 
 def label(address: Address, name: str = "") -> str:
     """Write an address for a person: `0x1017:0 Producer heartbeat time`."""
     return f"0x{address[0]:04X}:{address[1]} {name}".rstrip()
-
-
-class _Silence(SdoCommunicationError):
-    """No answer came in its time."""
-
-
-class _Sdo(SdoClient):
-    """canopen's SDO client without a receiving thread; a frame that is no SDO frame by its length is not heard."""
-
-    def __init__(self, master: Master, node_id: int) -> None:
-        super().__init__(SDO_REQUEST_BASE + node_id, SDO_RESPONSE_BASE + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
-        self.network = master.network
-        self.wait = master.answer_wait
-        self._pump = master.pump
-
-    def on_response(self, can_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) == SDO_LENGTH:
-            super().on_response(can_id, data, timestamp)  # type: ignore[no-untyped-call]
-
-    def upload_block(self, index: int, subindex: int) -> bytes:
-        """Read an object by block transfer, with CRC."""
-        with self.open(index, subindex, "rb", block_transfer=True) as stream:  # type: ignore[no-untyped-call]
-            return bytes(stream.read())
-
-    def read_response(self) -> bytes:
-        if not self._pump(lambda: not self.responses.empty(), self.wait):
-            raise _Silence("no answer")
-        response: bytes = super().read_response()  # type: ignore[no-untyped-call]
-        return response

@@ -20,7 +20,7 @@ NO_ENTRIES = b"\0"
 """Number of mapping entries while they change."""
 
 
-class Step(NamedTuple):
+class Write(NamedTuple):
     """One write."""
 
     address: Address
@@ -28,7 +28,7 @@ class Step(NamedTuple):
 
 
 def pdo_of(address: Address) -> int | None:
-    """Return the index of the communication record of the PDO that an object is a parameter of, None if of none."""
+    """Return the index of the communication record of the PDO that has this parameter; None for any other object."""
     index = address[0]
     for base in (direction.value for direction in PdoDirection):
         if base <= index < base + MAPPING_OFFSET + PDO_COUNT:
@@ -46,7 +46,7 @@ def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
                 yield address[0], 0
 
 
-def steps(wanted: Bytes, present: Bytes) -> list[Step]:
+def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
     """Return the writes that give objects their `wanted` bytes; what is `present` already is not written again.
 
     Other objects come first. Then all PDOs that change become invalid, each mapping goes empty and gets its entries
@@ -55,11 +55,11 @@ def steps(wanted: Bytes, present: Bytes) -> list[Step]:
     """
     final = {**present, **wanted}
     pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address)) is not None})
-    others = (Step(address, data) for address, data in wanted.items() if pdo_of(address) is None)
-    invalid = (Step((pdo, COB_ID), _invalid({**wanted, **present}[pdo, COB_ID])) for pdo in pdos)
-    mapped = (step for pdo in pdos for step in _mapping(pdo + MAPPING_OFFSET, wanted, final))
-    communication = (Step(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
-    valid = (Step((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
+    others = (Write(address, data) for address, data in wanted.items() if pdo_of(address) is None)
+    invalid = (Write((pdo, COB_ID), _invalid({**wanted, **present}[pdo, COB_ID])) for pdo in pdos)
+    mapped = (write for pdo in pdos for write in _mapping(pdo + MAPPING_OFFSET, wanted, final))
+    communication = (Write(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
+    valid = (Write((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
     return list(_effective((*others, *invalid, *mapped, *communication, *valid), present))
 
 
@@ -67,21 +67,21 @@ def _invalid(cob_id: bytes) -> bytes:
     return (int.from_bytes(cob_id, "little") | NOT_VALID).to_bytes(len(cob_id), "little")
 
 
-def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Step]:
-    """Give the writes of one mapping record; entries behind the last that counts are left alone."""
+def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
+    """Give the writes of one mapping record; entries after the last that counts are left alone."""
     entries = sorted(address for address in wanted if address[0] == index)
     if not entries:
         return
     count = final[index, 0]
-    yield Step((index, 0), NO_ENTRIES)
-    yield from (Step(address, wanted[address]) for address in entries if 1 <= address[1] <= count[0])
-    yield Step((index, 0), count)
+    yield Write((index, 0), NO_ENTRIES)
+    yield from (Write(address, wanted[address]) for address in entries if 1 <= address[1] <= count[0])
+    yield Write((index, 0), count)
 
 
-def _effective(writes: Iterable[Step], present: Bytes) -> Iterator[Step]:
+def _effective(writes: Iterable[Write], present: Bytes) -> Iterator[Write]:
     """Leave out writes of what is there already."""
     state = dict(present)
-    for step in writes:
-        if state.get(step.address) != step.data:
-            yield step
-        state[step.address] = step.data
+    for write in writes:
+        if state.get(write.address) != write.data:
+            yield write
+        state[write.address] = write.data

@@ -1,4 +1,4 @@
-"""Reads all objects of a node: for a listing of them, and for a DCF of the node as it is.
+"""Reads all objects of a node: for a listing of them, for a comparison, and for a DCF of the node as it is.
 
 Rule of this file: a node that refuses one object is asked for the next; one that does not answer ends the reading.
 """
@@ -13,22 +13,23 @@ from canopen.objectdictionary import datatypes
 from eurobot_od.client.configure import is_parameter
 from eurobot_od.client.description import Description, device_name
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.objects import Object, all_objects, decode
+from eurobot_od.client.objects import NamedObject, all_objects, at, decode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Value
+from eurobot_od.od.values import Address, Value
+from eurobot_od.sdo.wire import AbortCode
 
 
 class Reading(NamedTuple):
     """An object's `value` in a node, or why there is none: the text of the refusal."""
 
-    thing: Object
+    thing: NamedObject
     value: Value = None
     refusal: str = ""
 
 
-def read_all(node: RemoteNode, things: Iterable[Object]) -> Iterator[Reading]:
+def read_all(node: RemoteNode, things: Iterable[NamedObject]) -> Iterator[Reading]:
     """Read objects one after the other. Raises NoAnswer, RemoteError, BusError."""
     for thing in things:
         try:
@@ -37,18 +38,48 @@ def read_all(node: RemoteNode, things: Iterable[Object]) -> Iterator[Reading]:
             yield Reading(thing, refusal=error.reason)
 
 
-def readable(dictionary: Dictionary) -> Iterator[Object]:
+def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
+    """Read objects as their bytes, or the abort code; raises as `read_all`.
+
+    Once the node has said that there is nothing at an index, its other sub-indices are not asked for.
+    """
+    found: dict[Address, bytes | int] = {}
+    missing: set[int] = set()
+    for address in addresses:
+        try:
+            found[address] = AbortCode.NO_OBJECT if address[0] in missing else node.upload(address)
+        except NodeRefused as error:
+            found[address] = error.code
+            missing |= {address[0]} if error.code == AbortCode.NO_OBJECT else set()
+    return found
+
+
+def readable(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give the objects that can be read, files (DOMAIN) not among them."""
     for thing in all_objects(dictionary):
         if thing.variable is not None and thing.variable.readable and thing.variable.data_type != datatypes.DOMAIN:
             yield thing
 
 
-def parameters(dictionary: Dictionary) -> Iterator[Object]:
+def parameters(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give the objects that are a node's configuration: what can be read and written and is no process data."""
     for thing in readable(dictionary):
         if is_parameter(thing) and thing.variable is not None and not thing.variable.pdo_mappable:
             yield thing
+
+
+def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[Reading]:
+    """Give objects and their values by their bytes."""
+    for address, data in writes:
+        thing = at(address, dictionary)
+        yield Reading(thing, decode(thing, data))
+
+
+def dcf_of_writes(description: Description, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int) -> str:
+    """Return the DCF of what objects have after all writes; raises UnknownName for one that the EDS does not have."""
+    dictionary = description.dictionary
+    values = {each.thing.address: each.value for each in decoded(writes, dictionary)}
+    return dcf.with_values(description.text, values, dictionary.node_id, dictionary.name, baudrate_kbit)
 
 
 def dcf_text(node: RemoteNode, description: Description, baudrate_kbit: int) -> tuple[str, list[Reading]]:

@@ -1,19 +1,21 @@
 """Finds the nodes of a bus.
 
 Rule of this file: a node is there if it answers an SDO request of ours, or if its heartbeat is heard. Other frames
-prove nothing: this protocol's own identifiers look like PDOs of a node 64.
+prove nothing: a protocol's own identifiers may look like PDOs of any node.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 from typing import NamedTuple
 
 from eurobot_od.client.description import Identity, device_name
-from eurobot_od.client.master import SDO_LENGTH, Master
+from eurobot_od.client.master import Master
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import RemoteError
-from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
+from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
+from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 
 PACE = 0.005
 """Seconds between two requests: 127 of them are not to fill a bus that others use."""
@@ -21,12 +23,8 @@ PACE = 0.005
 LISTEN = 1.5
 """Seconds for which heartbeats are awaited; most nodes send one a second."""
 
-DEVICE_TYPE = bytes([0x00, 0x10, 0x00])
-"""Index and sub-index of 0x1000, as an SDO frame has them."""
-
-UPLOAD = bytes([0x40])
-ANSWERS = (0x40, 0x80)
-"""Command bytes of an upload request, and of an answer or abort to it, by their three highest bits."""
+DEVICE_TYPE: Address = (0x1000, 0)
+"""What every CANopen node has (CiA 301, 7.5.2.1)."""
 
 
 class Found(NamedTuple):
@@ -41,29 +39,34 @@ class Found(NamedTuple):
 def scan(master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE, listen: float = LISTEN) -> list[Found]:
     """Return the nodes that are there, by node-ID. Raises BusError."""
     wanted = sorted(node_ids)
-    answered = _Answers(master, wanted)
+    answered: set[int] = set()
+
+    def received(node_id: int, data: bytes) -> None:
+        if _is_answer(data):
+            answered.add(node_id)
+
+    # All are asked before the first has to have answered: one after the other, silent node-IDs would take a minute.
     for node_id in wanted:
-        master.send(SDO_REQUEST_BASE + node_id, (UPLOAD + DEVICE_TYPE).ljust(SDO_LENGTH, b"\0"))
+        master.listeners[SDO_RESPONSE_BASE + node_id] = partial(received, node_id)
+        master.send(SDO_REQUEST_BASE + node_id, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
         master.pump(_never, pace)
     master.pump(_never, max(listen - pace * len(wanted), master.answer_wait))
-    return [_found(master, node_id) for node_id in sorted(answered.nodes | set(master.states)) if node_id in wanted]
+    return [_found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
 
 
-class _Answers:
-    """Takes note of the `nodes` that answer the upload of 0x1000, be it by an abort."""
+def _is_answer(data: bytes) -> bool:
+    """Whether an SDO server says this to the upload of 0x1000, be it by an abort.
 
-    def __init__(self, master: Master, node_ids: Iterable[int]) -> None:
-        self.nodes: set[int] = set()
-        for node_id in node_ids:
-            master.network.subscribe(SDO_RESPONSE_BASE + node_id, self._received)
-
-    def _received(self, cob_id: int, data: bytearray, timestamp: float) -> None:
-        if len(data) == SDO_LENGTH and data[0] & 0xE0 in ANSWERS and data[1:4] == DEVICE_TYPE:
-            self.nodes.add(cob_id - SDO_RESPONSE_BASE)
+    A transfer would not do here: it ends with the first odd answer, and another master may be asking the node as well.
+    """
+    if len(data) != LENGTH:
+        return False
+    answer = Initiate.of(data)
+    return answer.command >> 5 in (ServerCommand.UPLOAD, ServerCommand.ABORT) and answer.address == DEVICE_TYPE
 
 
 def _found(master: Master, node_id: int) -> Found:
-    """Ask a node that is there who it is; one in STOPPED does not answer."""
+    """Ask a node that is there for its identity; one in STOPPED does not answer."""
     node = master.node(node_id)
     try:
         identity, name = Identity.read(node), device_name(node)

@@ -5,6 +5,7 @@ Rule of this file: no clock and no bus; the state machine is one table, and who 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
@@ -21,6 +22,15 @@ class NmtState(IntEnum):
     STOPPED = 4
     OPERATIONAL = 5
     PRE_OPERATIONAL = 127
+
+
+STATE_NAMES: Mapping[int, str] = {
+    NmtState.INITIALISING: "boot-up",
+    NmtState.STOPPED: "stopped",
+    NmtState.OPERATIONAL: "operational",
+    NmtState.PRE_OPERATIONAL: "pre-operational",
+}
+"""What a heartbeat says, by the state in it: of INITIALISING nothing is ever heard but the boot-up message."""
 
 
 class Services(NamedTuple):
@@ -48,6 +58,16 @@ class NmtCommand(IntEnum):
     ENTER_PRE_OPERATIONAL = 128
     RESET_NODE = 129
     RESET_COMMUNICATION = 130
+
+
+COMMAND_NAMES: Mapping[int, str] = {
+    NmtCommand.START: "start",
+    NmtCommand.STOP: "stop",
+    NmtCommand.ENTER_PRE_OPERATIONAL: "pre-operational",
+    NmtCommand.RESET_NODE: "reset",
+    NmtCommand.RESET_COMMUNICATION: "reset communication",
+}
+"""What a person calls each command: on the command line, in suites, in logs."""
 
 
 class Reset(Enum):

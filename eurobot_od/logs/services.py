@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import error_words
-from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import (
     EMCY_BASE,
@@ -24,6 +24,7 @@ from eurobot_od.od.values import (
     SDO_RESPONSE_BASE,
     Address,
 )
+from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, part_in, reason
 
 EMCY_ENTRY: Address = (0x1014, 0)
 SDO_REQUEST_ENTRY: Address = (0x1200, 1)
@@ -89,15 +90,13 @@ def _sdo(node: Known, table: Commands) -> Service:
 def nmt_text(names: Mapping[int, str], data: bytes) -> str:
     """Say what an NMT command tells whom (CiA 301, 7.2.8.3.1)."""
     command, node_id = data
-    name = _plain(NmtCommand(command)) if command in set(NmtCommand) else f"command {command}"
+    name = COMMAND_NAMES.get(command, f"command {command}")
     return f"{name}, {'all nodes' if node_id == ALL_NODES else names.get(node_id, f'node {node_id}')}"
 
 
 def heartbeat_text(data: bytes) -> str:
     """Say a node's state; a boot-up message is a heartbeat of state 0 (CiA 301, 7.2.8.3.2.2, 7.2.8.3.3)."""
-    if data[0] == NmtState.INITIALISING:
-        return "boot-up"
-    return _plain(NmtState(data[0])) if data[0] in set(NmtState) else f"state {data[0]}"
+    return STATE_NAMES.get(data[0], f"state {data[0]}")
 
 
 def emcy_text(errors: Mapping[int, str], data: bytes) -> str:
@@ -106,17 +105,10 @@ def emcy_text(errors: Mapping[int, str], data: bytes) -> str:
     return f"0x{code:04X} {error_words(code, errors)}, register 0x{register:02X}, {info}"
 
 
-def _plain(member: NmtCommand | NmtState) -> str:
-    return member.name.lower().replace("_", " ")
-
-
 # SDO (CiA 301, 7.2.4.3)
 
 SdoText: TypeAlias = Callable[["Outline | None", bytes], str]
 Commands: TypeAlias = Mapping[int, SdoText]
-
-EXPEDITED, SIZED, LAST = 1 << 1, 1 << 0, 1 << 0
-"""Bits of a command byte: data in the frame itself, its size is given, last segment."""
 
 
 def sdo_text(commands: Commands, outline: Outline | None, data: bytes) -> str:
@@ -125,23 +117,17 @@ def sdo_text(commands: Commands, outline: Outline | None, data: bytes) -> str:
     return text(outline, data) if text else f"command {data[0] >> 5}"
 
 
-def _address(data: bytes) -> Address:
-    return int.from_bytes(data[1:3], "little"), data[3]
-
-
-def _object(outline: Outline | None, data: bytes) -> str:
-    index, subindex = address = _address(data)
+def _object(outline: Outline | None, address: Address) -> str:
+    index, subindex = address
     where = f"0x{index:04X}:{subindex:02X}"
     described = outline.described(address) if outline else None
     return where if described is None else f"{where} {described.name.replace('.', ', ')}"
 
 
-def _expedited(outline: Outline | None, data: bytes) -> str:
-    command, content = data[0], data[4:]
-    if not command & EXPEDITED:
-        return f", {int.from_bytes(content, 'little')} bytes" if command & SIZED else ""
-    value = content[: 4 - (command >> 2 & 3)] if command & SIZED else content
-    return f" = {_value(outline, _address(data), value)}"
+def _content(outline: Outline | None, initiate: Initiate) -> str:
+    if initiate.command & EXPEDITED:
+        return f" = {_value(outline, initiate.address, initiate.rest[: initiate.size])}"
+    return "" if initiate.size is None else f", {initiate.size} bytes"
 
 
 def _value(outline: Outline | None, address: Address, value: bytes) -> str:
@@ -153,19 +139,20 @@ def _value(outline: Outline | None, address: Address, value: bytes) -> str:
 
 
 def _segment(_: Outline | None, data: bytes) -> str:
-    return f"segment of {7 - (data[0] >> 1 & 7)} bytes" + ", the last" * (data[0] & LAST)
+    return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
 
 
 def _abort(outline: Outline | None, data: bytes) -> str:
-    from canopen.sdo.exceptions import SdoAbortedError
-
-    code = int.from_bytes(data[4:], "little")
-    reason = SdoAbortedError.CODES.get(code, "unknown code")
-    return f"abort {_object(outline, data)}: 0x{code:08X} {reason}"
+    _, address, _ = abort = Initiate.of(data)
+    return f"abort {_object(outline, address)}: 0x{abort.number:08X} {reason(abort.number)}"
 
 
 def _of_object(what: str, value: bool = False) -> SdoText:
-    return lambda outline, data: f"{what} {_object(outline, data)}{_expedited(outline, data) if value else ''}"
+    def text(outline: Outline | None, data: bytes) -> str:
+        initiate = Initiate.of(data)
+        return f"{what} {_object(outline, initiate.address)}{_content(outline, initiate) if value else ''}"
+
+    return text
 
 
 def _plainly(what: str) -> SdoText:
@@ -173,23 +160,21 @@ def _plainly(what: str) -> SdoText:
 
 
 REQUESTS: Commands = {
-    0: _segment,
-    1: _of_object("write", value=True),
-    2: _of_object("read"),
-    3: _plainly("next segment"),
-    4: _abort,
-    5: _plainly("block upload"),
-    6: _plainly("block download"),
+    ClientCommand.DOWNLOAD_SEGMENT: _segment,
+    ClientCommand.DOWNLOAD: _of_object("write", value=True),
+    ClientCommand.UPLOAD: _of_object("read"),
+    ClientCommand.UPLOAD_SEGMENT: _plainly("next segment"),
+    ClientCommand.ABORT: _abort,
+    ClientCommand.BLOCK_UPLOAD: _plainly("block upload"),
+    ClientCommand.BLOCK_DOWNLOAD: _plainly("block download"),
 }
-"""Client command specifiers."""
 
 ANSWERS: Commands = {
-    0: _segment,
-    1: _plainly("segment taken"),
-    2: _of_object("value of", value=True),
-    3: _of_object("written"),
-    4: _abort,
-    5: _plainly("block download"),
-    6: _plainly("block upload"),
+    ServerCommand.UPLOAD_SEGMENT: _segment,
+    ServerCommand.DOWNLOAD_SEGMENT: _plainly("segment taken"),
+    ServerCommand.UPLOAD: _of_object("value of", value=True),
+    ServerCommand.DOWNLOAD: _of_object("written"),
+    ServerCommand.ABORT: _abort,
+    ServerCommand.BLOCK_DOWNLOAD: _plainly("block download"),
+    ServerCommand.BLOCK_UPLOAD: _plainly("block upload"),
 }
-"""Server command specifiers."""

@@ -7,79 +7,27 @@ one replaces it. What an object is, who may access it and how long it is, the ob
 from __future__ import annotations
 
 from binascii import crc_hqx
+from collections import deque
 from collections.abc import Callable, Mapping
-from enum import IntEnum
 from math import inf
-from typing import ClassVar, NamedTuple, Protocol, TypeAlias
+from typing import ClassVar, Protocol, TypeAlias
 
 from eurobot_od.od.values import Address
-from eurobot_od.sdo.wire import Abort, AbortCode
-
-LENGTH = 8
-"""Bytes of every SDO request and answer; frames of another length are no SDO (CiA 301, 7.2.4.3.1)."""
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import Abort, AbortCode, Block, ClientCommand, Initiate, ServerCommand
 
 TIMEOUT = 1.0
 """Seconds without a request after which the server gives up a transfer."""
 
-EXPEDITED_SIZE = 4
-SEGMENT_SIZE = 7
-BLOCK_SEGMENTS = 127
-"""Most bytes in an expedited transfer and in a segment, most segments in a block (CiA 301, 7.2.4.3)."""
-
 SIZE_LIMIT = 1 << 16
 """Most bytes the server takes for an object without a length of its own."""
-
-ABORT = 0x80
-TOGGLE = 0x10
-LAST = 0x01
-EXPEDITED = 0x02
-SIZE_GIVEN = 0x01
-BLOCK_SIZE_GIVEN = 0x02
-BLOCK_CRC = 0x04
-BLOCK_LAST = 0x80
-"""Bits of command bytes (CiA 301, Figures 23 to 36)."""
-
-
-class Client(IntEnum):
-    """What a client asks for: the upper three bits of the command byte."""
-
-    DOWNLOAD_SEGMENT = 0
-    DOWNLOAD = 1
-    UPLOAD = 2
-    UPLOAD_SEGMENT = 3
-    BLOCK_UPLOAD = 5
-    BLOCK_DOWNLOAD = 6
-
-
-NO_INITIATE: Mapping[int, int] = {Client.BLOCK_UPLOAD: 3, Client.BLOCK_DOWNLOAD: 1}
-"""Bits of a block request's command byte that make it another one than the first."""
 
 NO_ADDRESS: Address = (0, 0)
 """What an abort names that is about no transfer."""
 
 
-class Block(IntEnum):
-    """Sub-command of a block request or answer: its lowest two bits; a download has the first three."""
-
-    INITIATE = 0
-    END = 1
-    ACKNOWLEDGE = 2
-    START = 3
-
-
-class Server(IntEnum):
-    """Command bytes of answers, without their flags."""
-
-    UPLOAD_SEGMENT = 0x00
-    DOWNLOAD_SEGMENT = 0x20
-    UPLOAD = 0x40
-    DOWNLOAD = 0x60
-    BLOCK_DOWNLOAD = 0xA0
-    BLOCK_UPLOAD = 0xC0
-
-
 class ObjectAccess(Protocol):
-    """The objects behind a server; every method raises Abort."""
+    """The objects that a server gives access to; every method raises Abort."""
 
     def read(self, address: Address) -> bytes:
         """Return an object's value."""
@@ -91,40 +39,10 @@ class ObjectAccess(Protocol):
         """Give an object its value."""
 
 
-class Request(NamedTuple):
-    """The first request of a transfer: command byte, object, and the four bytes behind."""
-
-    command: int
-    address: Address
-    rest: bytes
-
-    @classmethod
-    def of(cls, data: bytes) -> Request:
-        """Read a request."""
-        return cls(data[0], (data[1] | data[2] << 8, data[3]), data[4:])
-
-    @property
-    def number(self) -> int:
-        """The four bytes behind, as a number: mostly a size."""
-        return int.from_bytes(self.rest, "little")
-
-
-def _initiated(command: int, address: Address, rest: bytes = b"") -> bytes:
-    return bytes([command]) + address[0].to_bytes(2, "little") + bytes([address[1]]) + rest.ljust(4, b"\0")
-
-
-def _plain(command: int, rest: bytes = b"") -> bytes:
-    return bytes([command]) + rest.ljust(SEGMENT_SIZE, b"\0")
-
-
-def _aborted(address: Address, code: AbortCode) -> bytes:
-    return _initiated(ABORT, address, code.to_bytes(4, "little"))
-
-
 # Transfers under way
 
 
-class Transfer(Protocol):
+class ServedTransfer(Protocol):
     """A transfer that takes more than one request; `done` once it needs no more."""
 
     address: Address
@@ -142,20 +60,19 @@ class SegmentedUpload:
 
     def __init__(self, address: Address, content: bytes) -> None:
         self.address, self.done = address, False
-        self._content, self._sent, self._toggle = content, 0, 0
+        self._left, self._toggle = deque(wire.parts(content)), 0
 
     def takes(self, command: int) -> bool:
-        return command >> 5 == Client.UPLOAD_SEGMENT
+        return command >> 5 == ClientCommand.UPLOAD_SEGMENT
 
     def receive(self, data: bytes) -> list[bytes]:
-        if data[0] & TOGGLE != self._toggle:
+        if data[0] & wire.TOGGLE != self._toggle:
             raise Abort(AbortCode.TOGGLE_BIT)
-        segment = self._content[self._sent : self._sent + SEGMENT_SIZE]
-        self._sent += len(segment)
-        self.done = self._sent == len(self._content)
-        command = Server.UPLOAD_SEGMENT | self._toggle | SEGMENT_SIZE - len(segment) << 1 | self.done * LAST
-        self._toggle ^= TOGGLE
-        return [_plain(command, segment)]
+        part = self._left.popleft()
+        self.done = not self._left
+        answer = wire.segment(ServerCommand.UPLOAD_SEGMENT, self._toggle, part, last=self.done)
+        self._toggle ^= wire.TOGGLE
+        return [answer]
 
 
 class Download:
@@ -166,9 +83,6 @@ class Download:
         self._access, self._size = access, size
         self._room = access.admit(address, size)
         self._content = bytearray()
-
-    def _add(self, segment: bytes) -> None:
-        self._content += segment
 
     def _check_room(self, surplus: int = 0) -> None:
         limit = self._room if self._size is None else self._size
@@ -188,18 +102,18 @@ class SegmentedDownload(Download):
     _toggle = 0
 
     def takes(self, command: int) -> bool:
-        return command >> 5 == Client.DOWNLOAD_SEGMENT
+        return command >> 5 == ClientCommand.DOWNLOAD_SEGMENT
 
     def receive(self, data: bytes) -> list[bytes]:
         command = data[0]
-        if command & TOGGLE != self._toggle:
+        if command & wire.TOGGLE != self._toggle:
             raise Abort(AbortCode.TOGGLE_BIT)
-        self._add(data[1 : LENGTH - (command >> 1 & SEGMENT_SIZE)])
+        self._content += wire.part_in(data)
         self._check_room()
-        if command & LAST:
+        if command & wire.LAST:
             self._finish()
-        answer = _plain(Server.DOWNLOAD_SEGMENT | self._toggle)
-        self._toggle ^= TOGGLE
+        answer = wire.plain(ServerCommand.DOWNLOAD_SEGMENT << 5 | self._toggle)
+        self._toggle ^= wire.TOGGLE
         return [answer]
 
 
@@ -209,13 +123,13 @@ class BlockUpload:
     def __init__(self, address: Address, content: bytes, segments: int, crc: bool) -> None:
         self.address, self.done = address, False
         self._segments = _checked_block_size(segments)
-        self._parts = [content[at : at + SEGMENT_SIZE] for at in range(0, max(len(content), 1), SEGMENT_SIZE)]
+        self._parts = wire.parts(content)
         self._crc = crc_hqx(content, 0) if crc else 0
         self._acknowledged, self._sent = 0, 0
         self._next: dict[Block, Callable[[bytes], list[bytes]]] = {Block.START: self._start}
 
     def takes(self, command: int) -> bool:
-        return command >> 5 == Client.BLOCK_UPLOAD and command & 3 != Block.INITIATE
+        return command >> 5 == ClientCommand.BLOCK_UPLOAD and command & 3 != Block.INITIATE
 
     def receive(self, data: bytes) -> list[bytes]:
         step = self._next.get(Block(data[0] & 3))
@@ -227,17 +141,14 @@ class BlockUpload:
         return self._block()
 
     def _block(self) -> list[bytes]:
-        """Return the segments behind the last one acknowledged, as many as the client takes."""
-        block = self._parts[self._acknowledged : self._acknowledged + self._segments]
-        self._sent = len(block)
-        last = self._acknowledged + len(block) == len(self._parts)
+        """Return the segments after the last one acknowledged, as many as the client takes."""
+        sent = self._parts[self._acknowledged : self._acknowledged + self._segments]
+        self._sent = len(sent)
         self._next = {Block.ACKNOWLEDGE: self._acknowledge}
-        return [
-            _plain(number | BLOCK_LAST * (last and number == len(block)), part) for number, part in enumerate(block, 1)
-        ]
+        return wire.block(sent, last=self._acknowledged + len(sent) == len(self._parts))
 
     def _acknowledge(self, data: bytes) -> list[bytes]:
-        """Go on behind the segments that arrived, at the end with the CRC."""
+        """Go on after the segments that arrived, at the end with the CRC."""
         arrived, self._segments = data[1], _checked_block_size(data[2])
         if arrived > self._sent:
             raise Abort(AbortCode.SEQUENCE_NUMBER)
@@ -245,8 +156,7 @@ class BlockUpload:
         if self._acknowledged < len(self._parts):
             return self._block()
         self._next = {Block.END: self._end}
-        unused = SEGMENT_SIZE - len(self._parts[-1])
-        return [_plain(Server.BLOCK_UPLOAD | unused << 2 | Block.END, self._crc.to_bytes(2, "little"))]
+        return [wire.block_end(ServerCommand.BLOCK_UPLOAD, self._parts[-1], self._crc)]
 
     def _end(self, _: bytes) -> list[bytes]:
         self.done = True
@@ -254,13 +164,13 @@ class BlockUpload:
 
 
 def _checked_block_size(segments: int) -> int:
-    if not 1 <= segments <= BLOCK_SEGMENTS:
+    if not 1 <= segments <= wire.BLOCK_SEGMENTS:
         raise Abort(AbortCode.BLOCK_SIZE)
     return segments
 
 
 class BlockDownload(Download):
-    """Takes an object in blocks of segments; what arrives behind a gap is asked for again (CiA 301, 7.2.4.3.8)."""
+    """Takes an object in blocks of segments; what arrives after a gap is asked for again (CiA 301, 7.2.4.3.8)."""
 
     def __init__(self, access: ObjectAccess, address: Address, size: int | None, crc: bool) -> None:
         super().__init__(access, address, size)
@@ -269,39 +179,41 @@ class BlockDownload(Download):
         self._complete = False
 
     def takes(self, command: int) -> bool:
-        return not self._complete or (command >> 5 == Client.BLOCK_DOWNLOAD and command & 3 == Block.END)
+        # A segment has no command, only its number: until the last one has come, a frame cannot be anything else.
+        return not self._complete or (command >> 5 == ClientCommand.BLOCK_DOWNLOAD and command & 3 == Block.END)
 
     def receive(self, data: bytes) -> list[bytes]:
         return self._end(data) if self._complete else self._segment(data)
 
     def _segment(self, data: bytes) -> list[bytes]:
-        number, last = data[0] & ~BLOCK_LAST, bool(data[0] & BLOCK_LAST)
+        number, last = data[0] & ~wire.BLOCK_LAST, bool(data[0] & wire.BLOCK_LAST)
         if number == 0:
             raise Abort(AbortCode.SEQUENCE_NUMBER)
         if number == self._arrived + 1:
             self._arrived = number
-            self._add(data[1:])
-            self._check_room(surplus=SEGMENT_SIZE)
+            self._content += data[1:]
+            self._check_room(surplus=wire.SEGMENT_SIZE)
             self._complete = last
-        if not last and number != BLOCK_SEGMENTS:
+        if not last and number != wire.BLOCK_SEGMENTS:
             return []
         arrived, self._arrived = self._arrived, 0
-        return [_plain(Server.BLOCK_DOWNLOAD | Block.ACKNOWLEDGE, bytes([arrived, BLOCK_SEGMENTS]))]
+        return [
+            wire.plain(ServerCommand.BLOCK_DOWNLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, wire.BLOCK_SEGMENTS]))
+        ]
 
     def _end(self, data: bytes) -> list[bytes]:
-        unused = data[0] >> 2 & SEGMENT_SIZE
-        del self._content[len(self._content) - unused :]
+        del self._content[len(self._content) - wire.unused_in(data) :]
         self._check_room()
-        if self._crc and crc_hqx(self._content, 0) != int.from_bytes(data[1:3], "little"):
+        if self._crc and crc_hqx(self._content, 0) != wire.crc_in(data):
             raise Abort(AbortCode.CRC)
         self._finish()
-        return [_plain(Server.BLOCK_DOWNLOAD | Block.END)]
+        return [wire.plain(ServerCommand.BLOCK_DOWNLOAD << 5 | Block.END)]
 
 
 # The server
 
 
-Initiator: TypeAlias = "Callable[[SdoServer, Request], bytes]"
+Initiator: TypeAlias = "Callable[[SdoServer, Initiate], bytes]"
 """Begins a transfer with its first request, or does it all; returns the answer."""
 
 
@@ -310,25 +222,27 @@ class SdoServer:
 
     def __init__(self, access: ObjectAccess) -> None:
         self._access = access
-        self._transfer: Transfer | None = None
+        self._transfer: ServedTransfer | None = None
         self.deadline = inf
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
-        """Return the answers to a request; what is no request, or a client's abort, has none."""
-        if len(data) != LENGTH:
+        """Return the answers to a request; what is not a request has none, nor has a client's abort."""
+        if len(data) != wire.LENGTH:
             return []
-        if data[0] == ABORT:
+        # Looked at before the transfer under way, which in a block download takes any frame for a segment.
+        if data[0] == wire.ABORT:
             self.forget()
             return []
         transfer = self._transfer
         if transfer is not None and transfer.takes(data[0]):
             return self._answered(transfer.address, lambda: self._go_on(transfer, data), now)
-        initiate = self._initiator(data[0])
-        if initiate is not None:
-            request = Request.of(data)
-            return self._answered(request.address, lambda: [initiate(self, request)], now)
+        begin = self._initiator(data[0])
+        if begin is not None:
+            request = Initiate.of(data)
+            return self._answered(request.address, lambda: [begin(self, request)], now)
+        # Neither a step of the transfer nor the first request of another: its client has lost its way.
         self.forget()
-        return [_aborted(transfer.address if transfer else NO_ADDRESS, AbortCode.UNKNOWN_COMMAND)]
+        return [wire.aborted(transfer.address if transfer else NO_ADDRESS, AbortCode.UNKNOWN_COMMAND)]
 
     def tick(self, now: float) -> list[bytes]:
         """Return the abort of a transfer whose client fell silent."""
@@ -336,7 +250,7 @@ class SdoServer:
             return []
         address = self._transfer.address
         self.forget()
-        return [_aborted(address, AbortCode.TIMEOUT)]
+        return [wire.aborted(address, AbortCode.TIMEOUT)]
 
     def forget(self) -> None:
         """Drop the transfer under way without a word."""
@@ -348,11 +262,11 @@ class SdoServer:
             answers = answer()
         except Abort as abort:
             self.forget()
-            return [_aborted(address, abort.code)]
+            return [wire.aborted(address, abort.code)]
         self.deadline = now + TIMEOUT if self._transfer else inf
         return answers
 
-    def _go_on(self, transfer: Transfer, data: bytes) -> list[bytes]:
+    def _go_on(self, transfer: ServedTransfer, data: bytes) -> list[bytes]:
         answers = transfer.receive(data)
         if transfer.done:
             self._transfer = None
@@ -361,50 +275,49 @@ class SdoServer:
     def _initiator(self, command: int) -> Initiator | None:
         """Return what begins a transfer for a command byte, None if it begins none."""
         specifier = command >> 5
-        return None if command & NO_INITIATE.get(specifier, 0) else self.INITIATE.get(specifier)
+        return None if command & wire.REQUEST_SUB_COMMAND.get(specifier, 0) else self.INITIATE.get(specifier)
 
     # The first request of a transfer
 
-    def _upload(self, request: Request) -> bytes:
+    def _upload(self, request: Initiate) -> bytes:
         self._transfer = None
         content = self._access.read(request.address)
-        if 1 <= len(content) <= EXPEDITED_SIZE:
-            command = Server.UPLOAD | EXPEDITED | SIZE_GIVEN | EXPEDITED_SIZE - len(content) << 2
-            return _initiated(command, request.address, content)
-        self._transfer = SegmentedUpload(request.address, content)
-        return _initiated(Server.UPLOAD | SIZE_GIVEN, request.address, len(content).to_bytes(4, "little"))
+        answer = wire.carrying(ServerCommand.UPLOAD, request.address, content)
+        if not answer[0] & wire.EXPEDITED:
+            self._transfer = SegmentedUpload(request.address, content)
+        return answer
 
-    def _download(self, request: Request) -> bytes:
+    def _download(self, request: Initiate) -> bytes:
         self._transfer = None
-        size_given = bool(request.command & SIZE_GIVEN)
-        if request.command & EXPEDITED:
-            self._write_expedited(request, size_given)
+        if request.command & wire.EXPEDITED:
+            self._write_expedited(request)
         else:
-            size = request.number if size_given else None
-            self._transfer = SegmentedDownload(self._access, request.address, size)
-        return _initiated(Server.DOWNLOAD, request.address)
+            self._transfer = SegmentedDownload(self._access, request.address, request.size)
+        return wire.initiate(ServerCommand.DOWNLOAD << 5, request.address)
 
-    def _write_expedited(self, request: Request, size_given: bool) -> None:
+    def _write_expedited(self, request: Initiate) -> None:
         """Write up to 4 bytes; a client that does not say how many means as many as the object has."""
-        size = EXPEDITED_SIZE - (request.command >> 2 & 3) if size_given else None
+        size = request.size
         room = self._access.admit(request.address, size)
-        self._access.write(request.address, request.rest[: min(room, EXPEDITED_SIZE) if size is None else size])
+        self._access.write(request.address, request.rest[: min(room, wire.EXPEDITED_SIZE) if size is None else size])
 
-    def _block_upload(self, request: Request) -> bytes:
+    def _block_upload(self, request: Initiate) -> bytes:
         content = self._access.read(request.address)
-        crc = bool(request.command & BLOCK_CRC)
+        crc = bool(request.command & wire.BLOCK_CRC)
         self._transfer = BlockUpload(request.address, content, request.rest[0], crc)
-        command = Server.BLOCK_UPLOAD | BLOCK_CRC | BLOCK_SIZE_GIVEN
-        return _initiated(command, request.address, len(content).to_bytes(4, "little"))
+        command = ServerCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
+        return wire.initiate(command, request.address, len(content).to_bytes(4, "little"))
 
-    def _block_download(self, request: Request) -> bytes:
-        size = request.number if request.command & BLOCK_SIZE_GIVEN else None
-        self._transfer = BlockDownload(self._access, request.address, size, bool(request.command & BLOCK_CRC))
-        return _initiated(Server.BLOCK_DOWNLOAD | BLOCK_CRC, request.address, bytes([BLOCK_SEGMENTS]))
+    def _block_download(self, request: Initiate) -> bytes:
+        size = request.number if request.command & wire.BLOCK_SIZE_GIVEN else None
+        self._transfer = BlockDownload(self._access, request.address, size, bool(request.command & wire.BLOCK_CRC))
+        return wire.initiate(
+            ServerCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC, request.address, bytes([wire.BLOCK_SEGMENTS])
+        )
 
     INITIATE: ClassVar[Mapping[int, Initiator]] = {
-        Client.DOWNLOAD: _download,
-        Client.UPLOAD: _upload,
-        Client.BLOCK_UPLOAD: _block_upload,
-        Client.BLOCK_DOWNLOAD: _block_download,
+        ClientCommand.DOWNLOAD: _download,
+        ClientCommand.UPLOAD: _upload,
+        ClientCommand.BLOCK_UPLOAD: _block_upload,
+        ClientCommand.BLOCK_DOWNLOAD: _block_download,
     }

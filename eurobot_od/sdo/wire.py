@@ -1,47 +1,224 @@
-"""Why an SDO access is refused: the abort codes of CiA 301 (7.2.4.3.17, Table 22) and the error that carries one.
+"""What SDO frames say: command bytes, the forms of requests and answers, and why an access is refused.
 
-Rule of this file: the code names the true cause; there is no code for "something went wrong".
+Numbers are those of CiA 301, 7.2.4.3. Both ends use the same functions: what one writes, the other reads.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
+from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
+from eurobot_od.od.values import Address
+
+LENGTH = 8
+"""Bytes of every SDO request and answer; frames of another length are not SDO (CiA 301, 7.2.4.3.1)."""
+
+EXPEDITED_SIZE = 4
+SEGMENT_SIZE = 7
+BLOCK_SEGMENTS = 127
+"""Most bytes in an expedited transfer and in a segment, most segments in a block."""
+
+TOGGLE = 0x10
+LAST = 0x01
+EXPEDITED = 0x02
+SIZE_GIVEN = 0x01
+BLOCK_SIZE_GIVEN = 0x02
+BLOCK_CRC = 0x04
+BLOCK_LAST = 0x80
+"""Bits of command bytes (CiA 301, Figures 23 to 36)."""
+
+
+class ClientCommand(IntEnum):
+    """Client command specifiers: the upper three bits of a request's command byte."""
+
+    DOWNLOAD_SEGMENT = 0
+    DOWNLOAD = 1
+    UPLOAD = 2
+    UPLOAD_SEGMENT = 3
+    ABORT = 4
+    BLOCK_UPLOAD = 5
+    BLOCK_DOWNLOAD = 6
+
+
+class ServerCommand(IntEnum):
+    """Server command specifiers: the upper three bits of an answer's command byte. Not all are the client's."""
+
+    UPLOAD_SEGMENT = 0
+    DOWNLOAD_SEGMENT = 1
+    UPLOAD = 2
+    DOWNLOAD = 3
+    ABORT = 4
+    BLOCK_DOWNLOAD = 5
+    BLOCK_UPLOAD = 6
+
+
+class Block(IntEnum):
+    """Sub-commands of block requests and answers."""
+
+    INITIATE = 0
+    END = 1
+    ACKNOWLEDGE = 2
+    START = 3
+
+
+REQUEST_SUB_COMMAND: Mapping[int, int] = {ClientCommand.BLOCK_UPLOAD: 3, ClientCommand.BLOCK_DOWNLOAD: 1}
+ANSWER_SUB_COMMAND: Mapping[int, int] = {ServerCommand.BLOCK_UPLOAD: 1, ServerCommand.BLOCK_DOWNLOAD: 3}
+"""Bits of a command byte that hold the sub-command: one bit where its sender has only two sub-commands."""
+
+ABORT = ClientCommand.ABORT << 5
+"""Command byte of an abort, of either end."""
 
 
 class AbortCode(IntEnum):
-    """SDO abort codes that a device of ours sends or understands."""
+    """SDO abort codes, and the `text` of each (CiA 301, Table 22)."""
 
-    TOGGLE_BIT = 0x0503_0000
-    TIMEOUT = 0x0504_0000
-    UNKNOWN_COMMAND = 0x0504_0001
-    BLOCK_SIZE = 0x0504_0002
-    SEQUENCE_NUMBER = 0x0504_0003
-    CRC = 0x0504_0004
-    OUT_OF_MEMORY = 0x0504_0005
-    WRITE_ONLY = 0x0601_0001
-    READ_ONLY = 0x0601_0002
-    NO_OBJECT = 0x0602_0000
-    NOT_MAPPABLE = 0x0604_0041
-    MAPPING_TOO_LONG = 0x0604_0042
-    INCOMPATIBLE = 0x0604_0043
-    HARDWARE = 0x0606_0000
-    TOO_LONG = 0x0607_0012
-    TOO_SHORT = 0x0607_0013
-    NO_SUBINDEX = 0x0609_0011
-    VALUE = 0x0609_0030
-    TOO_HIGH = 0x0609_0031
-    TOO_LOW = 0x0609_0032
-    NOT_TRANSFERRED = 0x0800_0020
-    DEVICE_STATE = 0x0800_0022
-    NO_DATA = 0x0800_0024
+    text: str
+
+    def __new__(cls, code: int, text: str = "") -> AbortCode:
+        """Make a member of its code and its words."""
+        member = int.__new__(cls, code)
+        member._value_, member.text = code, text
+        return member
+
+    TOGGLE_BIT = 0x0503_0000, "SDO toggle bit error"
+    TIMEOUT = 0x0504_0000, "Timeout of transfer communication detected"
+    UNKNOWN_COMMAND = 0x0504_0001, "Unknown SDO command specified"
+    BLOCK_SIZE = 0x0504_0002, "Invalid block size"
+    SEQUENCE_NUMBER = 0x0504_0003, "Invalid sequence number"
+    CRC = 0x0504_0004, "CRC error"
+    OUT_OF_MEMORY = 0x0504_0005, "Out of memory"
+    UNSUPPORTED_ACCESS = 0x0601_0000, "Unsupported access to an object"
+    WRITE_ONLY = 0x0601_0001, "Attempt to read a write only object"
+    READ_ONLY = 0x0601_0002, "Attempt to write a read only object"
+    NO_OBJECT = 0x0602_0000, "Object does not exist"
+    NOT_MAPPABLE = 0x0604_0041, "Object cannot be mapped to the PDO"
+    MAPPING_TOO_LONG = 0x0604_0042, "PDO length exceeded"
+    INCOMPATIBLE = 0x0604_0043, "General parameter incompatibility reason"
+    INCOMPATIBLE_INSIDE = 0x0604_0047, "General internal incompatibility in the device"
+    HARDWARE = 0x0606_0000, "Access failed due to a hardware error"
+    LENGTH = 0x0607_0010, "Data type and length code do not match"
+    TOO_LONG = 0x0607_0012, "Data type does not match, length of service parameter too high"
+    TOO_SHORT = 0x0607_0013, "Data type does not match, length of service parameter too low"
+    NO_SUBINDEX = 0x0609_0011, "Subindex does not exist"
+    VALUE = 0x0609_0030, "Value range of parameter exceeded"
+    TOO_HIGH = 0x0609_0031, "Value of parameter written too high"
+    TOO_LOW = 0x0609_0032, "Value of parameter written too low"
+    LIMITS_CROSSED = 0x0609_0036, "Maximum value is less than minimum value"
+    NO_RESOURCE = 0x060A_0023, "Resource not available"
+    GENERAL = 0x0800_0000, "General error"
+    NOT_TRANSFERRED = 0x0800_0020, "Data cannot be transferred or stored to the application"
+    LOCAL_CONTROL = 0x0800_0021, "Data cannot be transferred or stored to the application because of local control"
+    DEVICE_STATE = (
+        0x0800_0022,
+        "Data cannot be transferred or stored to the application because of the present device state",
+    )
+    NO_DICTIONARY = 0x0800_0023, "Object dictionary dynamic generation fails or no object dictionary is present"
+    NO_DATA = 0x0800_0024, "No data available"
+
+
+def reason(code: int) -> str:
+    """Return an abort code in words; devices have codes of their own too."""
+    return AbortCode(code).text if code in set(AbortCode) else "unknown code"
 
 
 class Abort(LocalError):
-    """An access to an object that the device refuses, and its `code`."""
+    """An access to an object that the device refuses, and its `code`: the one that names the true cause."""
 
     def __init__(self, code: AbortCode, why: str = "") -> None:
         self.code = code
-        text = f"0x{code:08X} {code.name.lower().replace('_', ' ')}"
+        text = f"0x{code:08X} {code.text}"
         super().__init__(f"{text}: {why}" if why else text)
+
+
+# Frames that name an object: the first request of a transfer, its answer, and aborts
+
+
+class Initiate(NamedTuple):
+    """A frame that names an object: command byte, the object's address, and the four bytes after it."""
+
+    command: int
+    address: Address
+    rest: bytes
+
+    @classmethod
+    def of(cls, data: bytes) -> Initiate:
+        """Read a frame of 8 bytes."""
+        return cls(data[0], (data[1] | data[2] << 8, data[3]), data[4:])
+
+    @property
+    def number(self) -> int:
+        """The four bytes as a number: mostly a size."""
+        return int.from_bytes(self.rest, "little")
+
+    @property
+    def size(self) -> int | None:
+        """How many bytes a transfer other than a block's has, in this frame or later; None if that is not said."""
+        if not self.command & SIZE_GIVEN:
+            return None
+        return EXPEDITED_SIZE - (self.command >> 2 & 3) if self.command & EXPEDITED else self.number
+
+
+def initiate(command: int, address: Address, rest: bytes = b"") -> bytes:
+    """Return a frame that names an object."""
+    index, subindex = address
+    return bytes([command, index & 0xFF, index >> 8, subindex]) + rest.ljust(4, b"\0")
+
+
+def carrying(specifier: int, address: Address, content: bytes) -> bytes:
+    """Return an initiate with an object's content if it fits in, else with its size, for segments to follow."""
+    command = specifier << 5 | SIZE_GIVEN
+    if 1 <= len(content) <= EXPEDITED_SIZE:
+        return initiate(command | EXPEDITED | EXPEDITED_SIZE - len(content) << 2, address, content)
+    return initiate(command, address, len(content).to_bytes(4, "little"))
+
+
+def aborted(address: Address, code: AbortCode) -> bytes:
+    """Return an abort."""
+    return initiate(ABORT, address, code.to_bytes(4, "little"))
+
+
+# Frames within a transfer
+
+
+def plain(command: int, rest: bytes = b"") -> bytes:
+    """Return a frame that does not name an object."""
+    return bytes([command]) + rest.ljust(SEGMENT_SIZE, b"\0")
+
+
+def parts(content: bytes) -> list[bytes]:
+    """Cut a content into what its segments carry; an empty one has one segment too."""
+    return [content[at : at + SEGMENT_SIZE] for at in range(0, max(len(content), 1), SEGMENT_SIZE)]
+
+
+def segment(specifier: int, toggle: int, part: bytes, last: bool) -> bytes:
+    """Return a segment of a segmented transfer."""
+    return plain(specifier << 5 | toggle | SEGMENT_SIZE - len(part) << 1 | last * LAST, part)
+
+
+def part_in(data: bytes) -> bytes:
+    """Return what a segment of a segmented transfer carries."""
+    return data[1 : LENGTH - (data[0] >> 1 & 7)]
+
+
+def block(content: Sequence[bytes], last: bool) -> list[bytes]:
+    """Return the segments of a block, numbered from 1; `last` if the transfer has no segments after them."""
+    return [
+        plain(number | BLOCK_LAST * (last and number == len(content)), part) for number, part in enumerate(content, 1)
+    ]
+
+
+def block_end(specifier: int, last_part: bytes, crc: int) -> bytes:
+    """Return the end of a block transfer, which tells how many bytes of the last segment are not meant."""
+    return plain(specifier << 5 | SEGMENT_SIZE - len(last_part) << 2 | Block.END, crc.to_bytes(2, "little"))
+
+
+def unused_in(data: bytes) -> int:
+    """Return how many bytes of the last segment are not meant, by the end of a block transfer."""
+    return data[0] >> 2 & 7
+
+
+def crc_in(data: bytes) -> int:
+    """Return the CRC in the end of a block transfer."""
+    return int.from_bytes(data[1:3], "little")

@@ -1,97 +1,64 @@
-"""The SDO client reads and writes what our SDO server has, and tells aborts and odd answers."""
+"""SDO steps against a drive whose answers are damaged on their way: each is told as what it is."""
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
 
 import pytest
 
-from eurobot_od.check.sdo import OddAnswer, SdoAborted, download, upload
-from eurobot_od.od.values import Address
-from eurobot_od.sdo.server import SdoServer
-from eurobot_od.sdo.wire import Abort, AbortCode
-
-OBJECT: Address = (0x2000, 1)
-SIZES = [0, 1, 2, 3, 4, 5, 6, 7, 8, 13, 14, 15, 100]
-
-
-class Objects:
-    """One object of any length, as an SDO server wants it."""
-
-    def __init__(self, content: bytes = b"") -> None:
-        self.content = content
-
-    def read(self, address: Address) -> bytes:
-        if address != OBJECT:
-            raise Abort(AbortCode.NO_OBJECT)
-        return self.content
-
-    def admit(self, address: Address, size: int | None) -> int:
-        self.read(address)
-        return 1000
-
-    def write(self, address: Address, data: bytes) -> None:
-        self.content = data
+from eurobot_od.check.results import Finding
+from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.simulated import run_simulated
+from eurobot_od.frame import Frame
+from eurobot_od.robot.faults.hooks import leaving, sdo_answer
+from eurobot_od.robot.nodes import ROLES, Drive
+from tests.check.suites import document, suite
 
 
-class Line:
-    """Carries requests to a server and its answers back."""
+def finding(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Finding, list[str]]:
+    """Return why a step is red when the drive's answers are changed or lost, and what the tester sent."""
 
-    def __init__(self, objects: Objects) -> None:
-        self._server = SdoServer(objects)
+    def changed(_: object, frame: Frame) -> Iterable[Frame]:
+        data = change(frame.data)
+        return [] if data is None else [Frame(frame.cob_id, data)]
 
-    async def exchange(self, request: bytes) -> bytes:
-        assert len(request) == 8
-        (answer,) = self._server.receive(request, 0.0)
-        return answer
-
-
-class Recording:
-    """Gives the same answers whatever is asked."""
-
-    def __init__(self, answers: Sequence[str]) -> None:
-        self._answers = [bytes.fromhex(answer) for answer in answers]
-
-    async def exchange(self, _: bytes) -> bytes:
-        return self._answers.pop(0)
+    broken = type("Broken", (leaving(sdo_answer, changed), Drive), {})
+    roles = {**ROLES, "drive": broken}
+    (result,) = run_simulated(suite(document(step)), Options(), Interrupt(), lambda _: None, 1, roles).steps
+    assert result.finding is not None
+    return result.finding, [str(line.frame) for line in result.finding.frames if line.own]
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_reads_what_is_there(size: int) -> None:
-    content = bytes(range(size))
-    assert asyncio.run(upload(Line(Objects(content)).exchange, OBJECT)) == content
+NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
 
 
-@pytest.mark.parametrize("size", SIZES)
-def test_writes_what_it_is_given(size: int) -> None:
-    objects = Objects(b"before")
-    asyncio.run(download(Line(objects).exchange, OBJECT, bytes(range(size))))
-    assert objects.content == bytes(range(size))
-
-
-def test_tells_an_abort() -> None:
-    exchange = Line(Objects()).exchange
-    with pytest.raises(SdoAborted, match="the node aborts with 0x06020000"):
-        asyncio.run(upload(exchange, (0x5000, 0)))
-    with pytest.raises(SdoAborted, match="the node aborts with 0x06020000"):
-        asyncio.run(download(exchange, (0x5000, 0), b"\1"))
-
-
-ODD_UPLOADS = [
-    (["4B00200100"], "of 8 bytes"),
-    (["4B01200100000000"], "about 0x2000:1"),  # another object
-    (["6000200100000000"], "an answer to the request"),  # a download's answer
-    (["4100200108000000", "1000000000000000"], "with the toggle bit"),
-    (["4100200108000000", "2000000000000000"], "an answer to the request"),
-]
-
-
-@pytest.mark.parametrize(("answers", "what"), ODD_UPLOADS)
-def test_tells_an_odd_answer(answers: Sequence[str], what: str) -> None:
-    with pytest.raises(OddAnswer, match=what):
-        asyncio.run(upload(Recording(answers).exchange, OBJECT))
-
-
-def test_takes_an_expedited_answer_that_does_not_say_its_size() -> None:
-    assert asyncio.run(upload(Recording(["4200200101020304"]).exchange, OBJECT)) == bytes([1, 2, 3, 4])
+@pytest.mark.parametrize(
+    ("step", "change", "what", "sent"),
+    [
+        (PERIOD, lambda data: data[:5], "the answer 4B171000E8 is not of 8 bytes", "602#4017100000000000"),
+        (
+            PERIOD,
+            lambda data: data[:1] + b"\x18" + data[2:],
+            "the answer 4B181000E8030000 is not about 0x1017:0",
+            "602#8017100000000008",
+        ),
+        (
+            NAME,
+            lambda data: bytes([data[0] ^ 0x10]) + data[1:] if data[0] < 0x20 else data,
+            "the answer 104575726F626F74 is not with the toggle bit of the request",
+            "602#8008100000000305",
+        ),
+        (
+            PERIOD,
+            lambda _: None,
+            "no answer of drive after 1 x SDO request (1000 ms each)",
+            "602#8017100000000405",  # the tester gives up, and says so
+        ),
+    ],
+)
+def test_an_answer_that_does_not_fit_is_told(
+    step: str, change: Callable[[bytes], bytes | None], what: str, sent: str
+) -> None:
+    found, frames = finding(step, change)
+    assert found.what.endswith(what)
+    assert frames[-1] == sent

@@ -104,7 +104,7 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
         assert run(channel, "write", "2", "0x1017", "0x1F4")[:2] == (0, "node 2: 0x1017:0 = 0x1F4\n")
         assert run(channel, "read", "2", "0x1017")[:2] == (0, "0x1017:0    0x1F4\n")
         status, _, err = run(channel, "read", "2", "Motion")
-        assert (status, err) == (2, "eurobot-od: unknown object without an EDS 'Motion'\n")
+        assert (status, err) == (2, "eurobot-od: without an EDS no object is known as 'Motion'; give its number\n")
         status, _, err = run(channel, "dump", "2")
         assert (status, err[:60]) == (2, "eurobot-od: no EDS has the identity of node 2, and it keeps ")
 

@@ -10,7 +10,7 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.client.configure import Outcome, apply, configure, difference
+from eurobot_od.client.configure import Configured, apply, configure, difference
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.device.nmt import NmtState
@@ -96,13 +96,13 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
     description = make(NEW)
     with robot("drive") as channel, master_on(channel) as master:
         node = master.node(2)
-        assert configure(node, description, NOW) == Outcome(len(NEW), stored=True)
+        assert configure(node, description, NOW) == Configured(len(NEW), stored=True)
         assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
         assert difference(node, description).changes == ()
         protocol = EurobotProtocol.of(description.dictionary)
         heard: list[Frame] = []
         confirm = protocol.cob_id(GotoConfirm)
-        master.network.subscribe(confirm, lambda cob_id, data, _: heard.append(Frame(cob_id, bytes(data))))
+        master.listeners[confirm] = lambda data: heard.append(Frame(confirm, data))
         master.send(*protocol.encode(GotoXY(1500, 1000, 90, 50)))
         assert protocol.cob_id(GotoXY) == 0x18
         assert master.pump(lambda: heard == [Frame(confirm)], 1)
@@ -136,7 +136,7 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Description]
 def test_nothing_is_written_where_nothing_differs(make: Callable[..., Description]) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
-        assert configure(master.node(2), make({HEARTBEAT: 1000}), NOW) == Outcome(0, stored=False)
+        assert configure(master.node(2), make({HEARTBEAT: 1000}), NOW) == Configured(0, stored=False)
         assert writes.addresses == []
 
 
@@ -144,7 +144,7 @@ def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[.
     eds = DRIVE.read_text().replace("=0x1010\n", "=0x5010\n").replace("[1010", "[5010")
     with stock_drive() as (channel, node), master_on(channel) as master:
         writes = Writes(node)
-        assert configure(master.node(2), make(NEW, eds), NOW) == Outcome(len(NEW), stored=False)
+        assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=False)
         assert STORE not in writes.addresses
 
 

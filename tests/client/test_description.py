@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.description import Identity, device_name, from_file, of_dialect, uploaded
+from eurobot_od.client.description import Identity, device_name, fitting, from_file, uploaded
 from eurobot_od.errors import DictionaryError
 from eurobot_od.robot import dialects
 from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
@@ -45,14 +45,14 @@ def test_a_node_without_identity_has_zeros_and_no_name() -> None:
 def test_our_nodes_are_recognised_by_their_identity() -> None:
     with robot("drive", "navigation") as channel, master_on(channel) as master:
         for node_id, name in ((2, "drive"), (3, "navigation")):
-            found = of_dialect(master.node(node_id))
+            found = fitting(master.node(node_id), dialects.load_all("canopen"))
             assert found is not None
             assert found.dictionary.file == dialects.folder("canopen") / f"{name}.eds"
 
 
 def test_an_eds_of_another_dialect_is_not_taken() -> None:
     with robot("drive") as channel, master_on(channel) as master:
-        assert of_dialect(master.node(2), "firmware2014") is None
+        assert fitting(master.node(2), dialects.load_all("firmware2014")) is None
 
 
 def test_our_node_gives_its_eds() -> None:

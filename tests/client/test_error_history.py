@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.client.history import Entry, History, clear, history
+from eurobot_od.client.history import History, RememberedError, clear, history
 from eurobot_od.errors import NodeRefused
 from tests.client.peers import master_on, robot, stock_drive
 
@@ -19,7 +19,7 @@ def test_errors_are_read_newest_first_and_cleared() -> None:
         found = history(remote)
         clear(remote)
         assert history(remote).entries == []
-    assert found == History(0x11, [Entry(0x8220, 7), Entry(0xFF02, 0)])
+    assert found == History(0x11, [RememberedError(0x8220, 7), RememberedError(0xFF02, 0)])
     assert found.register_bits == ["generic error", "communication"]
 
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 import pytest
 from canopen.objectdictionary import ODVariable, datatypes
 
-from eurobot_od.client.objects import Object, decode, encode, find, find_one, integer_range, parse, written
-from eurobot_od.errors import FieldError, UnknownName
+from eurobot_od.client.objects import NamedObject, decode, encode, find, find_one, integer_range, parse, written
+from eurobot_od.errors import FieldError, LocalError
 from eurobot_od.od.values import Value
 from eurobot_od.robot import dialects
 
 DRIVE = dialects.load("drive", "canopen")
 
 
-def typed(data_type: int, low: int | None = None, high: int | None = None) -> Object:
+def typed(data_type: int, low: int | None = None, high: int | None = None) -> NamedObject:
     variable = ODVariable("Thing", 0x2000, 1)
     variable.data_type, variable.min, variable.max = data_type, low, high
-    return Object((0x2000, 1), "Thing", variable)
+    return NamedObject((0x2000, 1), "Thing", variable)
 
 
 # Names
@@ -57,18 +57,18 @@ def test_an_index_is_all_its_members(text: str) -> None:
     ],
 )
 def test_a_name_of_none_or_several_is_refused(text: str, named: str) -> None:
-    with pytest.raises(UnknownName, match=named):
+    with pytest.raises(LocalError, match=named):
         find(text, DRIVE)
 
 
 def test_a_record_is_no_single_object() -> None:
-    with pytest.raises(UnknownName, match="0x1018:4 Identity object"):
+    with pytest.raises(LocalError, match="0x1018:4 Identity object"):
         find_one("0x1018", DRIVE)
 
 
 def test_without_an_eds_there_are_numbers_and_no_names() -> None:
-    assert find("0x1018:1", None) == [Object((0x1018, 1))]
-    with pytest.raises(UnknownName, match="without an EDS"):
+    assert find("0x1018:1", None) == [NamedObject((0x1018, 1))]
+    with pytest.raises(LocalError, match="without an EDS"):
         find("Motion", None)
 
 
@@ -117,7 +117,7 @@ def test_a_value_of_each_type_there_and_back(data_type: int, text: str, data: st
         (typed(datatypes.OCTET_STRING), "0x1", "bytes in hexadecimal digits"),
     ],
 )
-def test_a_value_that_does_not_fit_is_refused(thing: Object, text: str, allowed: str) -> None:
+def test_a_value_that_does_not_fit_is_refused(thing: NamedObject, text: str, allowed: str) -> None:
     with pytest.raises(FieldError) as refused:
         encode(thing, parse(thing, text))
     assert refused.value.allowed == allowed
@@ -145,15 +145,15 @@ def test_bytes_of_another_length(data_type: int, data: bytes, value: Value) -> N
     ],
 )
 def test_without_a_type_bytes_are_shown_as_they_are(data: bytes, value: Value, shown: str) -> None:
-    thing = Object((0x5000, 0))
+    thing = NamedObject((0x5000, 0))
     assert decode(thing, data) == value
     assert written(thing, value) == shown
 
 
 def test_without_a_type_a_number_is_written_with_the_length_that_is_there() -> None:
-    assert encode(Object((0x5000, 0)), 5, 2) == b"\5\0"
+    assert encode(NamedObject((0x5000, 0)), 5, 2) == b"\5\0"
     with pytest.raises(FieldError, match="2 bytes"):
-        encode(Object((0x5000, 0)), 65536, 2)
+        encode(NamedObject((0x5000, 0)), 65536, 2)
 
 
 def test_limits_lie_inside_the_type() -> None:

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from eurobot_od.cli.diff import read_node
+from eurobot_od.client.reading import read_bytes
 from eurobot_od.errors import NoAnswer
 from eurobot_od.lint.diff import NO_DATA, NO_OBJECT, Reading, compare, compare_live, read_device, readable
 from eurobot_od.lint.model import LintedDevice, load
@@ -129,10 +129,10 @@ def test_a_nodes_answers_are_compared(readings: dict[tuple[int, int], Reading], 
 def test_a_live_node_is_compared_by_sdo() -> None:
     file = read_device(str(DRIVE))
     with stock_drive() as (channel, node), master_on(channel) as master:
-        same = compare_live(file, read_node(master.node(2), readable(file)), 2)
+        same = compare_live(file, read_bytes(master.node(2), readable(file)), 2)
         node.data_store[0x1017] = {0: (123).to_bytes(2, "little")}
         node.data_store[0x1400] = {1: (0x80000001).to_bytes(4, "little")}
-        changed = compare_live(file, read_node(master.node(2), readable(file)), 2)
+        changed = compare_live(file, read_bytes(master.node(2), readable(file)), 2)
     assert same == []
     assert [str(each) for each in changed] == [
         "0x1017 sub 0: value: 1000 -> 123",
@@ -143,9 +143,9 @@ def test_a_live_node_is_compared_by_sdo() -> None:
 def test_our_own_node_is_as_its_eds_says() -> None:
     file = read_device(str(DRIVE))
     with robot("drive") as channel, master_on(channel) as master:
-        assert compare_live(file, read_node(master.node(2), readable(file)), 2) == []
+        assert compare_live(file, read_bytes(master.node(2), readable(file)), 2) == []
 
 
 def test_a_node_that_is_not_there_is_told() -> None:
     with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer, match="0x1000:0"):
-        read_node(master.node(9), [(0x1000, 0)])
+        read_bytes(master.node(9), [(0x1000, 0)])

@@ -13,13 +13,13 @@ from eurobot_od.robot.protocol import decoder as robot_decoder
 SERVICES = [
     # NMT: to all, to a known node, to another one, an unknown command
     (0x000, "01 00", "NMT", "start, all nodes"),
-    (0x000, "81 02", "NMT", "reset node, drive"),
-    (0x000, "80 7F", "NMT", "enter pre operational, node 127"),
+    (0x000, "81 02", "NMT", "reset, drive"),
+    (0x000, "80 7F", "NMT", "pre-operational, node 127"),
     (0x000, "07 02", "NMT", "command 7, drive"),
     # boot-up, heartbeat, a state that CiA 301 does not have
     (0x702, "00", "Heartbeat", "drive, boot-up"),
     (0x701, "05", "Heartbeat", "core, operational"),
-    (0x703, "7F", "Heartbeat", "navigation, pre operational"),
+    (0x703, "7F", "Heartbeat", "navigation, pre-operational"),
     (0x710, "04", "Heartbeat", "node 16, stopped"),
     (0x701, "09", "Heartbeat", "core, state 9"),
     # EMCY: ours by name, CiA 301's by its class, one that is gone

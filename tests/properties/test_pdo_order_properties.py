@@ -5,9 +5,9 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.client.configure import Change, Plan
-from eurobot_od.client.objects import Object
-from eurobot_od.client.pdo_order import Step, pdo_of, procedure_objects, steps
+from eurobot_od.client.configure import ChangedObject, ChangePlan
+from eurobot_od.client.objects import NamedObject
+from eurobot_od.client.pdo_order import Write, in_order, pdo_of, procedure_objects
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address
 from eurobot_od.robot import dialects
 
@@ -25,8 +25,8 @@ class StrictDevice:
     def valid(self, pdo: int) -> bool:
         return not int.from_bytes(self.objects[pdo, 1], "little") & NOT_VALID
 
-    def write(self, step: Step) -> None:
-        address, data = step
+    def write(self, write: Write) -> None:
+        address, data = write
         pdo = pdo_of(address)
         if pdo is not None:
             self.check(pdo, address, int.from_bytes(data, "little"))
@@ -74,8 +74,8 @@ def test_a_strict_device_takes_every_write_and_ends_as_wanted(
 ) -> None:
     device = StrictDevice(before)
     wanted = {address: data for address, data in counting(after).items() if before[address] != data}
-    for step in steps(wanted, before):
-        device.write(step)
+    for write in in_order(wanted, before):
+        device.write(write)
     assert {address: device.objects[address] for address in counting(after)} == counting(after)
 
 
@@ -86,9 +86,9 @@ def test_from_wherever_the_writing_ends_there_is_a_way_back(
 ) -> None:
     device = StrictDevice(before)
     wanted = {address: data for address, data in counting(after).items() if before[address] != data}
-    changes = tuple(Change(Object(address), before[address], data) for address, data in wanted.items())
-    plan = Plan(DRIVE, changes, {address: before[address] for address in procedure_objects(wanted)})
-    done = plan.steps()[: round(share * len(plan.steps()))]
-    for step in [*done, *plan.way_back(done)]:
-        device.write(step)
+    changes = tuple(ChangedObject(NamedObject(address), before[address], data) for address, data in wanted.items())
+    plan = ChangePlan(DRIVE, changes, {address: before[address] for address in procedure_objects(wanted)})
+    done = plan.writes()[: round(share * len(plan.writes()))]
+    for write in [*done, *plan.way_back(done)]:
+        device.write(write)
     assert {address: device.objects[address] for address in counting(before)} == counting(before)

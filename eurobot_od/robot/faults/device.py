@@ -29,17 +29,9 @@ from eurobot_od.robot.faults.hooks import (
     sdo_request,
     twice,
 )
+from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiate, ServerCommand, aborted, initiate
 
 BOOT_UP = NmtState.INITIALISING
-ABORT = 0x80
-"""Command byte of an SDO abort (CiA 301, 7.2.4.3.17)."""
-
-DOWNLOAD, DOWNLOADED = 0x20, 0x60
-"""Command bytes of an expedited SDO download, without its size, and of its answer (CiA 301, 7.2.4.3.3)."""
-
-SIZE_BITS = 0x0F
-GENERAL_ERROR = (0x0800_0000).to_bytes(4, "little")
-"""Abort code "general error" (CiA 301, Table 22)."""
 
 
 class HeartbeatStops(Node):
@@ -84,8 +76,9 @@ class WritesForgotten(Node):
     """Confirms what is written by SDO and forgets it."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        if frame.cob_id == sdo_request(self) and frame.data[:1] and frame.data[0] & ~SIZE_BITS == DOWNLOAD:
-            return [Frame(sdo_answer(self), bytes([DOWNLOADED]) + frame.data[1:4] + bytes(4))]
+        is_request = frame.cob_id == sdo_request(self) and len(frame.data) == LENGTH
+        if is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
+            return [Frame(sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, Initiate.of(frame.data).address))]
         return super().receive(frame, now)
 
 
@@ -129,7 +122,9 @@ def _never_cleared(_: Node, frame: Frame) -> Iterable[Frame]:
 
 
 def _general_abort(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [Frame(frame.cob_id, frame.data[:4] + GENERAL_ERROR) if frame.data[0] == ABORT else frame]
+    if frame.data[0] != ABORT:
+        return [frame]
+    return [Frame(frame.cob_id, aborted(Initiate.of(frame.data).address, AbortCode.GENERAL))]
 
 
 def _silent_abort(_: Node, frame: Frame) -> Iterable[Frame]:

@@ -1,21 +1,20 @@
-"""Which EDS another node is loaded from: its revision number, read by SDO (CiA 301, 7.2.4.3.3 and 7.5.2.21).
+"""Which EDS another node is loaded from: its revision number, read by SDO (CiA 301, 7.2.4.3.3 and 7.5.2.19).
 
-Rule of this file: a node that does not answer is no CANopen node, such as the 2014 robot's own; it cannot be asked and
-is believed. One that answers with another revision speaks another dialect, and is not driven.
+Rule of this file: a node that does not answer is not a CANopen node, such as the 2014 robot's own; it cannot be asked
+and is believed. One that answers with another revision speaks another dialect, and is not driven.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.device import Device
 from eurobot_od.errors import DictionaryError, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
-from eurobot_od.sdo.server import EXPEDITED, Client, Request, Server
+from eurobot_od.sdo.client import TransferError, upload
 
 REVISION: Address = (0x1018, 3)
 """Where a node keeps the revision number of its EDS."""
@@ -51,21 +50,24 @@ class Channel(NamedTuple):
 
     def ask(self) -> Frame:
         """Return the request for the revision number."""
-        index, subindex = REVISION
-        return Frame(self.request, bytes([Client.UPLOAD << 5, index & 0xFF, index >> 8, subindex]).ljust(8, b"\0"))
+        (request,) = upload(REVISION, inf).start(0.0)
+        return Frame(self.request, request)
 
 
 def revision_in(answer: Frame) -> int | None:
     """Return the revision number in an answer, None if it says something else."""
-    if len(answer.data) != 8:
+    # One answer is awaited and nothing but the question is sent, so the transfer needs no time and goes no further: a
+    # node that would send its number in segments, or an odd answer, has not said what its revision is.
+    question = upload(REVISION, inf)
+    question.start(0.0)
+    question.receive(answer.data, 0.0)
+    try:
+        return int.from_bytes(question.result(), "little") if question.done else None
+    except TransferError:
         return None
-    request = Request.of(answer.data)
-    expedited = request.command & ~0x1F == Server.UPLOAD and request.command & EXPEDITED
-    return request.number if expedited and request.address == REVISION else None
 
 
 def description(node: str, revision: int) -> str:
     """Say in words what EDS has a revision number, by the dialect that has it."""
-    loaded: Callable[[str], Dictionary] = lambda dialect: dialects.load(node, dialect)  # noqa: E731
-    known = [dialect for dialect in dialects.names() if loaded(dialect).default(REVISION) == revision]
+    known = [each for each in dialects.names() if dialects.load(node, each).default(REVISION) == revision]
     return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.client.configure import Outcome, configure
+from eurobot_od.client.configure import Configured, configure
 from eurobot_od.client.description import from_file
 from eurobot_od.client.scan import scan
 from eurobot_od.frame import Frame
@@ -61,7 +61,7 @@ def goto_changes(node: Node) -> dict[Address, Value]:
     return {(pdo.index, 1): MOVED | no_rtr, (pdo.mapping_index, 1): WIDE_X}
 
 
-def configured_from_dcf(channel: str, node: Node, file: Path) -> Outcome:
+def configured_from_dcf(channel: str, node: Node, file: Path) -> Configured:
     eds = dialects.eds_folder() / dialects.DEFAULT / f"{node.name}.eds"
     file.write_text(dcf.with_values(eds.read_text(), goto_changes(node), node.device.node_id, node.name, 500))
     with master_on(channel) as master:
@@ -84,7 +84,7 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
             stack.enter_context(Live.node(open_bus(channel), node, clock))
         for node in cast.nodes:
             if node.name in changed:
-                assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Outcome(2, stored=True)
+                assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Configured(2, stored=True)
         asyncio.run(player.play())
     assert player.errors, "no place was reached"
     assert {frame.cob_id for frame in seen} & {0x008, MOVED} == {MOVED}

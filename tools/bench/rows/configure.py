@@ -19,12 +19,11 @@ import canopen
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way
 from bench.shared import new_bus, new_channel
-from eurobot_od.cli.export_cdcf import concise
-from eurobot_od.client.configure import configure
+from eurobot_od.client.configure import all_writes, configure
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
 from eurobot_od.client.objects import integer_range
-from eurobot_od.client.pdo_order import Step, pdo_of
+from eurobot_od.client.pdo_order import Write, pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
@@ -75,7 +74,7 @@ def other_values(description: Description) -> Iterator[tuple[Address, int]]:
             yield thing.address, EVENT_DRIVEN
 
 
-def stock(bus: can.BusABC, writes: Sequence[Step]) -> float:
+def stock(bus: can.BusABC, writes: Sequence[Write]) -> float:
     """Return the seconds in which stock canopen writes objects one by one."""
     network = canopen.Network(bus)
     network.NOTIFIER_CYCLE = 0.01
@@ -104,7 +103,7 @@ def opened(kind: str, _: Scale) -> Iterator[Mapping[str, Contender]]:
     node = ROLES["drive"](dialects.load("drive"))
     with tempfile.TemporaryDirectory() as folder, Live.node(new_bus(channel), node):
         found = descriptions(Path(folder))
-        delivered, writes = concise(found["delivered"]), concise(found[kind])
+        delivered, writes = all_writes(found["delivered"]), all_writes(found[kind])
 
         def by_stock() -> Figures:
             stock(new_bus(channel), delivered)

@@ -1,0 +1,284 @@
+"""The SDO client: reads or writes one object of a server, expedited, by segments or by blocks (CiA 301, 7.2.4.3).
+
+Rule of this file: answers and the time in seconds go in, requests come out, each 8 bytes; whoever drives a transfer has
+the bus and the clock. What comes from the wire never raises here: it ends the transfer, and `result` says how.
+
+    transfer = upload((0x1018, 1), wait=0.5)
+    requests = transfer.start(now)
+    while not transfer.done:
+        send all `requests`, and await a frame from the server until `transfer.deadline`
+        requests = transfer.receive(data, now) if it came, else transfer.tick(now)
+    content = transfer.result()
+
+The last requests are to be sent too: the end of a block upload, or the abort that tells the server of an odd answer or
+of our time-out. Each kind of transfer is a generator that reads as CiA 301 draws it: it yields requests, is given the
+answer, and returns the object's content with the requests that are left to send.
+"""
+
+from __future__ import annotations
+
+from binascii import crc_hqx
+from collections.abc import Callable, Generator
+from math import inf
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.errors import RemoteError
+from eurobot_od.od.values import Address
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
+
+FRUITLESS_BLOCKS = 2
+"""So many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
+
+
+class TransferError(RemoteError):
+    """A transfer that failed, and the abort `code` of it."""
+
+    code: int
+
+
+class Refused(TransferError):
+    """The server aborted."""
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+        super().__init__(f"the node aborts with 0x{code:08X}")
+
+
+class OddAnswer(TransferError):
+    """An answer that does not fit its request; `code` is what the server is told."""
+
+    def __init__(self, answer: bytes, expected: str, code: AbortCode = AbortCode.UNKNOWN_COMMAND) -> None:
+        self.code = code
+        super().__init__(f"the answer {answer.hex().upper()} is not {expected}")
+
+
+class Silence(TransferError):
+    """No answer came in its time."""
+
+    code = AbortCode.TIMEOUT
+
+    def __init__(self) -> None:
+        super().__init__("no answer in its time")
+
+
+class Ended(NamedTuple):
+    """A transfer that is through: the object's `content`, empty after a download, and the `requests` left to send."""
+
+    content: bytes
+    requests: list[bytes]
+
+
+Steps: TypeAlias = Generator[list[bytes], bytes, Ended]
+"""A transfer step by step; time-out and abort are thrown into it, and a step may raise OddAnswer."""
+
+
+class Transfer:
+    """One transfer; `wait` is how many seconds the server has for each answer.
+
+    `deadline` is when to call `tick`, infinite before the transfer starts and when it is `done`.
+    """
+
+    def __init__(self, address: Address, steps: Steps, wait: float) -> None:
+        self.wait = wait
+        self._address, self._steps = address, steps
+        self._outcome: bytes | TransferError | None = None
+        self.deadline = inf
+
+    @property
+    def done(self) -> bool:
+        """Whether there is a result."""
+        return self._outcome is not None
+
+    def start(self, now: float) -> list[bytes]:
+        """Return the first request."""
+        return self._step(lambda: next(self._steps), now)
+
+    def receive(self, data: bytes, now: float) -> list[bytes]:
+        """Return the requests that follow an answer; a frame that is not 8 bytes long is not heard."""
+        if self.done or len(data) != wire.LENGTH:
+            return []
+        if data[0] == wire.ABORT:
+            refused = Refused(Initiate.of(data).number)
+            return self._step(lambda: self._steps.throw(refused), now)
+        return self._step(lambda: self._steps.send(data), now)
+
+    def tick(self, now: float) -> list[bytes]:
+        """Return what is sent after the server's time is over: mostly the abort."""
+        return self._step(lambda: self._steps.throw(Silence()), now) if now >= self.deadline else []
+
+    def result(self) -> bytes:
+        """Return the object's content, empty after a download; raises Refused, OddAnswer, Silence."""
+        assert self._outcome is not None, "the transfer is under way"
+        if isinstance(self._outcome, TransferError):
+            raise self._outcome
+        return self._outcome
+
+    def _step(self, step: Callable[[], list[bytes]], now: float) -> list[bytes]:
+        try:
+            requests = step()
+        except StopIteration as end:
+            self._outcome, requests = end.value
+        except TransferError as error:
+            self._outcome = error
+            # An abort is not answered, neither by a server nor by us.
+            requests = [] if isinstance(error, Refused) else [wire.aborted(self._address, AbortCode(error.code))]
+        self.deadline = inf if self.done else now + self.wait
+        return requests
+
+
+def upload(address: Address, wait: float) -> Transfer:
+    """Read an object; the server has `wait` seconds for each answer."""
+    return Transfer(address, _upload(address), wait)
+
+
+def download(address: Address, content: bytes, wait: float) -> Transfer:
+    """Write an object, by segments if it has more than 4 bytes."""
+    return Transfer(address, _download(address, content), wait)
+
+
+def block_upload(address: Address, wait: float, segments: int = wire.BLOCK_SEGMENTS) -> Transfer:
+    """Read an object in blocks of up to 127 segments. A server without block transfer aborts."""
+    return Transfer(address, _block_upload(address, segments), wait)
+
+
+def block_download(address: Address, content: bytes, wait: float) -> Transfer:
+    """Write an object in blocks as long as the server wants them. A server without block transfer aborts."""
+    return Transfer(address, _block_download(address, content), wait)
+
+
+# Expedited and segmented
+
+
+def _upload(address: Address) -> Steps:
+    answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
+    initiated = _initiated(answer, ServerCommand.UPLOAD, address)
+    if initiated.command & wire.EXPEDITED:
+        return Ended(initiated.rest[: initiated.size], [])
+    content, toggle, last = bytearray(), 0, 0
+    while not last:
+        answer = yield [wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)]
+        _check_segment(answer, ServerCommand.UPLOAD_SEGMENT, toggle)
+        content += wire.part_in(answer)
+        last, toggle = answer[0] & wire.LAST, toggle ^ wire.TOGGLE
+        _check_size(answer, content, initiated.size, complete=bool(last))
+    return Ended(bytes(content), [])
+
+
+def _download(address: Address, content: bytes) -> Steps:
+    request = wire.carrying(ClientCommand.DOWNLOAD, address, content)
+    _initiated((yield [request]), ServerCommand.DOWNLOAD, address)
+    left = [] if request[0] & wire.EXPEDITED else wire.parts(content)
+    for number, part in enumerate(left, 1):
+        toggle = 0 if number % 2 else wire.TOGGLE
+        answer = yield [wire.segment(ClientCommand.DOWNLOAD_SEGMENT, toggle, part, last=number == len(left))]
+        _check_segment(answer, ServerCommand.DOWNLOAD_SEGMENT, toggle)
+    return Ended(b"", [])
+
+
+# Blocks
+
+
+def _block_upload(address: Address, segments: int) -> Steps:
+    answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
+    initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
+    size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
+    content, complete, fruitless = bytearray(), False, 0
+    request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.START)
+    while not complete:
+        arrived, complete, latest = yield from _receive_block(request, content, segments)
+        fruitless = 0 if arrived else fruitless + 1
+        if fruitless == FRUITLESS_BLOCKS:
+            raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
+        request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
+    end = yield [request]
+    _check(end, ServerCommand.BLOCK_UPLOAD, Block.END)
+    del content[len(content) - wire.unused_in(end) :]
+    _check_size(end, content, size, complete=True)
+    if initiated.command & wire.BLOCK_CRC and crc_hqx(content, 0) != wire.crc_in(end):
+        raise OddAnswer(end, f"the end of what came, whose CRC is 0x{crc_hqx(content, 0):04X}", AbortCode.CRC)
+    return Ended(bytes(content), [wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.END)])
+
+
+class ReceivedBlock(NamedTuple):
+    """A block as it came: segments in sequence, whether they end with the last of all, and the frame heard last."""
+
+    arrived: int
+    complete: bool
+    latest: bytes
+
+
+def _receive_block(request: bytes, content: bytearray, segments: int) -> Generator[list[bytes], bytes, ReceivedBlock]:
+    """Ask for a block and take it in."""
+    requests, latest, last = [request], b"", False
+    arrived, number, complete = 0, 0, False
+    try:
+        while not last and number < segments:
+            latest = yield requests
+            requests, number, last = [], latest[0] & ~wire.BLOCK_LAST, bool(latest[0] & wire.BLOCK_LAST)
+            if number == arrived + 1:
+                content += latest[1:]
+                arrived, complete = number, last
+    except Silence:
+        # If anything came, only the end of the block is lost, and the acknowledgement makes the server go on. If
+        # nothing did, our request may be lost: the server would take the next one for an answer to the block before.
+        if not latest:
+            raise
+    return ReceivedBlock(arrived, complete, latest)
+
+
+def _block_download(address: Address, content: bytes) -> Steps:
+    command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
+    answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
+    initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
+    left, segments, fruitless = wire.parts(content), _block_size(answer, initiated.rest[0]), 0
+    last_part = left[-1]
+    while left:
+        sent = left[:segments]
+        answer = yield wire.block(sent, last=len(sent) == len(left))
+        _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
+        arrived, segments = answer[1], _block_size(answer, answer[2])
+        fruitless = 0 if arrived else fruitless + 1
+        if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:
+            raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
+        del left[:arrived]
+    answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, last_part, crc_hqx(content, 0))]
+    _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.END)
+    return Ended(b"", [])
+
+
+def _block_size(answer: bytes, segments: int) -> int:
+    if not 1 <= segments <= wire.BLOCK_SEGMENTS:
+        raise OddAnswer(answer, f"with a block of 1 to {wire.BLOCK_SEGMENTS} segments", AbortCode.BLOCK_SIZE)
+    return segments
+
+
+# What an answer has to be
+
+
+def _check(answer: bytes, specifier: ServerCommand, sub_command: Block = Block.INITIATE) -> None:
+    found = answer[0] >> 5, answer[0] & wire.ANSWER_SUB_COMMAND.get(specifier, 0)
+    if found != (specifier, sub_command):
+        raise OddAnswer(answer, f"an answer to the request ({specifier.name.lower().replace('_', ' ')})")
+
+
+def _initiated(answer: bytes, specifier: ServerCommand, address: Address) -> Initiate:
+    _check(answer, specifier)
+    initiated = Initiate.of(answer)
+    if initiated.address != address:
+        raise OddAnswer(answer, f"about 0x{address[0]:04X}:{address[1]}", AbortCode.GENERAL)
+    return initiated
+
+
+def _check_segment(answer: bytes, specifier: ServerCommand, toggle: int) -> None:
+    _check(answer, specifier)
+    if answer[0] & wire.TOGGLE != toggle:
+        raise OddAnswer(answer, "with the toggle bit of the request", AbortCode.TOGGLE_BIT)
+
+
+def _check_size(answer: bytes, content: bytearray, size: int | None, complete: bool) -> None:
+    """Refuse a content that is longer than its server said, or, once it is complete, shorter."""
+    if size is None or len(content) == size or (len(content) < size and not complete):
+        return
+    code = AbortCode.TOO_LONG if len(content) > size else AbortCode.TOO_SHORT
+    raise OddAnswer(answer, f"the end of {size} bytes: {len(content)} came", code)
