@@ -1,7 +1,4 @@
-"""Rules about PDOs: their communication parameters, their identifiers and their mappings (CiA 301).
-
-Rule of this file: as in `file_rules`; ranges of identifiers and transmission types are tables.
-"""
+"""Rules about PDOs: their communication parameters, their identifiers and their mappings (CiA 301)."""
 
 from __future__ import annotations
 
@@ -18,6 +15,7 @@ from eurobot_od.od.values import (
     DATA_TYPES,
     DEFAULT_PDO_BASES,
     EXTENDED,
+    MAPPING_OFFSET,
     NO_RTR,
     PREDEFINED,
     RESERVED,
@@ -50,14 +48,18 @@ def mapping_only(device: LintedDevice) -> Iterator[Problem]:
     """Yield mapping records without their communication record."""
     for pdo in device.pdos:
         if pdo.mapping and pdo.communication is None:
-            yield Problem(pdo.mapping.place, f"{pdo.name} has a mapping, but no 0x{pdo.mapping.index - 0x200:04X}")
+            yield Problem(
+                pdo.mapping.place, f"{pdo.name} has a mapping, but no 0x{pdo.mapping.index - MAPPING_OFFSET:04X}"
+            )
 
 
 def communication_only(device: LintedDevice) -> Iterator[Problem]:
     """Yield communication records without their mapping record."""
     for pdo in device.pdos:
         if pdo.communication and pdo.mapping is None:
-            yield Problem(pdo.communication.place, f"{pdo.name} has no mapping 0x{pdo.communication.index + 0x200:04X}")
+            yield Problem(
+                pdo.communication.place, f"{pdo.name} has no mapping 0x{pdo.communication.index + MAPPING_OFFSET:04X}"
+            )
 
 
 def without_parameters(device: LintedDevice) -> Iterator[Problem]:
@@ -309,10 +311,10 @@ def no_data(device: LintedDevice) -> Iterator[Problem]:
 
 
 def left_over(device: LintedDevice) -> Iterator[Problem]:
-    """Yield the first entry behind the mapped ones that is not empty."""
+    """Yield the first entry after the mapped ones that is not empty."""
     for pdo, _, count in _counts(device):
-        behind = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
-        first = next((v for v in behind if v.value and v.value.value), None)
+        unused = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
+        first = next((v for v in unused if v.value and v.value.value), None)
         if first and not pdo.is_multiplexed:
             yield Problem(first.place, f"{pdo.name} maps {count} objects, so that entry {first.sub} is not used")
 
@@ -475,7 +477,7 @@ MAPPING_RULES = (
     Rule("E632", "Mapped entries have no gap.", "CiA 301, objects 0x1600 and 0x1A00", no_entry),
     Rule("I633", "A PDO has data.",
          "CiA 301, objects 0x1600 and 0x1A00; public: Kollmorgen AKD manual, `0: PDO is not active`", no_data),
-    Rule("I634", "Entries behind the mapped ones are empty.", "CiA 301, objects 0x1600 and 0x1A00", left_over),
+    Rule("I634", "Entries after the mapped ones are empty.", "CiA 301, objects 0x1600 and 0x1A00", left_over),
     Rule("E635", "A PDO has at most 64 bits.", "CiA 301, PDO mapping", too_long),
     Rule("E636", "A mapped object is there.", "CiA 301, PDO mapping", missing_object),
     Rule("E637", "A mapped object is mappable.", "CiA 301, PDO mapping (abort 0604 0041)", not_mappable),

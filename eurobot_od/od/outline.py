@@ -20,6 +20,7 @@ from eurobot_od.od.document import Odd, read, read_bytes
 from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo, Refused, fatal
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
+    COMMUNICATION_RECORDS,
     DATA_TYPES,
     DOMAIN,
     DUMMIES,
@@ -30,7 +31,6 @@ from eurobot_od.od.values import (
     NODE_IDS,
     NOT_VALID,
     OCTET_STRING,
-    PDO_COUNT,
     REALS,
     SLICE,
     UNICODE_STRING,
@@ -282,7 +282,7 @@ class Outline:
     def _read_pdos(self, value: Callable[[Address], Value], refused: Refused) -> Iterator[Pdo]:
         for direction in PdoDirection:
             for index in sorted(self.members):
-                if direction.value <= index < direction.value + PDO_COUNT:
+                if index in COMMUNICATION_RECORDS[direction]:
                     try:
                         yield self._pdo(direction, index, value)
                     except MappingError as error:
