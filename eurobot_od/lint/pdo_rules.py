@@ -11,10 +11,12 @@ from eurobot_od.lint.model import MULTIPLEXED, LintedDevice, LintedPdo, MappingE
 from eurobot_od.od.description import DescribedVariable
 from eurobot_od.od.document import Entry, Section
 from eurobot_od.od.values import (
+    ACCESS_TYPES,
     BASE_IDENTIFIER,
     DATA_TYPES,
     DEFAULT_PDO_BASES,
     EXTENDED,
+    MAPPABLE,
     MAPPING_OFFSET,
     NO_RTR,
     PREDEFINED,
@@ -389,8 +391,9 @@ def shortened(device: LintedDevice) -> Iterator[Problem]:
             yield Problem(each.at, text)
 
 
-def direction_of(direction: PdoDirection, refused: tuple[str, ...]) -> Check:
-    """Make the rule that no PDO of a direction maps objects of some access types."""
+def direction_of(direction: PdoDirection) -> Check:
+    """Make the rule that PDOs of a direction map objects whose access type allows it."""
+    refused = set(ACCESS_TYPES) - set(MAPPABLE[direction])
 
     def check(device: LintedDevice) -> Iterator[Problem]:
         for pdo, each, variable in _objects(device):
@@ -488,9 +491,9 @@ MAPPING_RULES = (
          "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes",
          shortened),
     Rule("E641", "An RPDO maps objects that a PDO may write: wo, rww, rw.", "CiA 306, AccessType",
-         direction_of(PdoDirection.RPDO, ("ro", "const", "rwr"))),
+         direction_of(PdoDirection.RPDO)),
     Rule("E642", "A TPDO maps objects that a PDO may read: ro, const, rwr, rw.", "CiA 306, AccessType",
-         direction_of(PdoDirection.TPDO, ("wo", "rww"))),
+         direction_of(PdoDirection.TPDO)),
     Rule("E643", "Only RPDOs map dummies.", "CiA 301, dummy entries", dummy_in_tpdo),
     Rule("E644", "A mapped dummy is enabled in [DummyUsage].", "CiA 306, [DummyUsage]", disabled_dummy),
     Rule("E645", "A mapped dummy has the length of its type.", "CiA 301, dummy entries", dummy_length),
