@@ -1,7 +1,4 @@
-"""Rules about device configuration files: [DeviceComissioning] and what only a DCF has (CiA 306).
-
-Rule of this file: as in `file_rules`.
-"""
+"""Rules about device configuration files: [DeviceComissioning] and what only a DCF has (CiA 306)."""
 
 from __future__ import annotations
 
@@ -86,7 +83,7 @@ def without_last_eds(device: LintedDevice) -> Iterator[Problem]:
 
 
 def dcf_keys_in_eds(device: LintedDevice) -> Iterator[Problem]:
-    """Yield what only a DCF has in a file that is none."""
+    """Yield what only a DCF has in another file."""
     for key in DCF_KEYS if not device.is_dcf else ():
         for section, entry in device.entries(key):
             yield Problem(entry, f"{entry.key} of [{section.name}] belongs in a DCF")

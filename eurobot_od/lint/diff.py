@@ -17,8 +17,11 @@ from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariab
 from eurobot_od.od.document import Document, Entry, Section, read_bytes
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
+    COMMUNICATION_RECORDS,
     DOMAIN,
     EXTENDED,
+    MAPPING_OFFSET,
+    MAPPING_RECORDS,
     NO_RTR,
     NODE_ID,
     NOT_VALID,
@@ -198,9 +201,8 @@ def _real(text: str, type_: DataType) -> str:
 
 
 def _is_told_by_pdo(variable: DescribedVariable) -> bool:
-    is_mapping = 0x1600 <= variable.index < 0x1800 or 0x1A00 <= variable.index < 0x1C00
-    is_communication = 0x1400 <= variable.index < 0x1600 or 0x1800 <= variable.index < 0x1A00
-    return is_mapping or (is_communication and variable.sub == 1)
+    is_mapping = any(variable.index in indices for indices in MAPPING_RECORDS.values())
+    return is_mapping or (variable.sub == 1 and any(variable.index in each for each in COMMUNICATION_RECORDS.values()))
 
 
 ASPECTS: dict[str, Aspect] = {
@@ -221,7 +223,7 @@ def _pdos(one: Side, other: Side) -> Iterator[Difference]:
         left, right = pairs[0][key], pairs[1][key]
         for aspect, tell, index, sub in (
             ("COB-ID", cob_id, key[0].value + key[1] - 1, 1),
-            ("mapping", mapping, key[0].value + 0x200 + key[1] - 1, -1),
+            ("mapping", mapping, key[0].value + MAPPING_OFFSET + key[1] - 1, -1),
         ):
             texts = tell(left, one.node_id), tell(right, other.node_id)
             if texts[0] != texts[1]:

@@ -1,7 +1,7 @@
 """Rules about the file itself (CiA 306): how it is written, [FileInfo], [DeviceInfo], dummies, comments, object lists.
 
-Rule of this file: a rule is one row of a table at the end of its part and a small function above it, which gets the
-device and yields problems; a function that is made from data is made by a function whose name ends in `_of`.
+Here and in the other files of rules, a rule is one row of a table at the end of its part and a small function above
+it, which gets the device and yields problems; a check that is made from data is made by a function named `..._of`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,16 @@ from eurobot_od.lint.findings import Problem, Problems, Rule
 from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od.description import OBJECT_LISTS, DescribedObject
 from eurobot_od.od.document import Entry, Odd, Section
-from eurobot_od.od.values import DATA_TYPES, DUMMIES, MANUFACTURER, PDO_COUNT, UNSIGNED32, PdoDirection, parse_number
+from eurobot_od.od.values import (
+    COMMUNICATION_RECORDS,
+    DATA_TYPES,
+    DUMMIES,
+    MANUFACTURER,
+    PDO_COUNT,
+    UNSIGNED32,
+    PdoDirection,
+    parse_number,
+)
 
 Check = Callable[[LintedDevice], Problems]
 
@@ -196,7 +205,7 @@ TEXT_RULES = (
     Rule("E112", "A key and its value have together less than 255 characters.", "CiA 306, file format",
          oddity_of(Odd.TOO_LONG, "{}; 254 is the most")),
     Rule("I113", "A comment is a line of its own.", "CiA 306, file format (some readers cut, others keep it)",
-         oddity_of(Odd.COMMENT_AFTER_VALUE, "a comment behind a value, which some tools take as part of the value")),
+         oddity_of(Odd.COMMENT_AFTER_VALUE, "a comment after a value, which some tools take as part of the value")),
     Rule("W114", "A comment starts with a semicolon.", "CiA 306, file format",
          oddity_of(Odd.HASH, "a comment with #, which only some tools skip")),
     Rule("W115", "A line is not indented.", "public: Python's configparser takes such a line as the last value's next",
@@ -332,7 +341,7 @@ def pdo_count_of(key: str, direction: PdoDirection) -> Check:
     def check(device: LintedDevice) -> Iterator[Problem]:
         section = device.section("deviceinfo")
         said = parse_number(section.text(key.lower())) if section else None
-        real = sum(direction.value <= index < direction.value + PDO_COUNT for index in device.objects)
+        real = sum(index in COMMUNICATION_RECORDS[direction] for index in device.objects)
         if section and said and said.value != real and not _compact_pdo(section):
             at = section.at(key.lower())
             yield Problem(at, f"{key} is {said.value}, but there are {real} records from 0x{direction.value:04X} on")
@@ -605,28 +614,28 @@ def mandatory_elsewhere(device: LintedDevice) -> Iterator[Problem]:
     """Yield mandatory objects in another list."""
     for index, entry in listed(device, "optionalobjects") + listed(device, "manufacturerobjects"):
         if index in MANDATORY:
-            yield Problem(entry, f"0x{index:04X} belongs into [MandatoryObjects]")
+            yield Problem(entry, f"0x{index:04X} belongs in [MandatoryObjects]")
 
 
 def not_mandatory(device: LintedDevice) -> Iterator[Problem]:
     """Yield other objects in the list of mandatory ones."""
     for index, entry in listed(device, "mandatoryobjects"):
         if index not in MANDATORY and index >= FIRST_OBJECT:
-            yield Problem(entry, f"0x{index:04X} is not mandatory; it belongs into another list")
+            yield Problem(entry, f"0x{index:04X} is not mandatory; it belongs in another list")
 
 
 def manufacturer_elsewhere(device: LintedDevice) -> Iterator[Problem]:
     """Yield manufacturer-specific objects in the list of optional ones."""
     for index, entry in listed(device, "optionalobjects"):
         if index in MANUFACTURER:
-            yield Problem(entry, f"0x{index:04X} is manufacturer-specific; it belongs into [ManufacturerObjects]")
+            yield Problem(entry, f"0x{index:04X} is manufacturer-specific; it belongs in [ManufacturerObjects]")
 
 
 def not_manufacturer(device: LintedDevice) -> Iterator[Problem]:
     """Yield standard objects in the list of manufacturer-specific ones."""
     for index, entry in listed(device, "manufacturerobjects"):
         if index not in MANUFACTURER and index not in MANDATORY:
-            yield Problem(entry, f"0x{index:04X} is outside 0x2000..0x5FFF; it belongs into [OptionalObjects]")
+            yield Problem(entry, f"0x{index:04X} is outside 0x2000..0x5FFF; it belongs in [OptionalObjects]")
 
 
 def data_types_listed(device: LintedDevice) -> Iterator[Problem]:
@@ -637,12 +646,12 @@ def data_types_listed(device: LintedDevice) -> Iterator[Problem]:
 
 
 def unsorted(device: LintedDevice) -> Iterator[Problem]:
-    """Yield the first entry of a list that stands behind a higher one."""
+    """Yield the first entry of a list that follows a higher one."""
     for name in OBJECT_LISTS:
         pairs = pairwise(listed(device, name.lower()))
         wrong = next((entry for (before, _), (index, entry) in pairs if index < before), None)
         if wrong:
-            yield Problem(wrong, f"{wrong.value[:20]} stands behind a higher index")
+            yield Problem(wrong, f"{wrong.value[:20]} follows a higher index")
 
 
 LIST_RULES = (

@@ -1,6 +1,6 @@
 """Rules about objects: their keys, sub-indices and values (CiA 306), and what CiA 301 says of single objects.
 
-Rule of this file: as in `file_rules`; what CiA 301 says of an object's type, access or value is data in a table.
+What CiA 301 says of an object's type, access or value is data in a table.
 """
 
 from __future__ import annotations
@@ -15,10 +15,12 @@ from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariab
 from eurobot_od.od.document import Entry, Section
 from eurobot_od.od.values import (
     ACCESS_TYPES,
+    COMMUNICATION_RECORDS,
     DATA_TYPES,
     DOMAIN,
     EMCY_BASE,
     EXTENDED,
+    MAPPING_RECORDS,
     NODE_ID,
     NODE_IDS,
     NOT_VALID,
@@ -52,7 +54,7 @@ def without_name(device: LintedDevice) -> Iterator[Problem]:
 
 
 def unknown_kind(device: LintedDevice) -> Iterator[Problem]:
-    """Yield object types that are none."""
+    """Yield object types that do not exist."""
     for section, entry in device.entries("objecttype"):
         number = parse_number(entry.value)
         if entry.value and (number is None or number.value not in CODES):
@@ -72,7 +74,7 @@ def without_type(device: LintedDevice) -> Iterator[Problem]:
 
 
 def unknown_type(device: LintedDevice) -> Iterator[Problem]:
-    """Yield data types that are none."""
+    """Yield data types that do not exist."""
     for section, entry in device.entries("datatype"):
         number = parse_number(entry.value)
         known = number and (number.value in DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
@@ -88,7 +90,7 @@ def without_access(device: LintedDevice) -> Iterator[Problem]:
 
 
 def unknown_access(device: LintedDevice) -> Iterator[Problem]:
-    """Yield access types that are none."""
+    """Yield access types that do not exist."""
     for section, entry in device.entries("accesstype"):
         if entry.value and entry.value.lower() not in ACCESS_TYPES:
             text = f"AccessType {entry.value[:20]} of [{section.name}] is none of {', '.join(ACCESS_TYPES)}"
@@ -177,17 +179,13 @@ def type_of_sub_0(device: LintedDevice) -> Iterator[Problem]:
 
 def highest_sub(device: LintedDevice) -> Iterator[Problem]:
     """Yield constant sub-indices 0 whose value is not the highest sub-index; a writable one is a number of its own."""
+    mappings = {index for indices in MAPPING_RECORDS.values() for index in indices}  # there sub 0 counts what is mapped
     for each, _ in _composed(device):
         zero, highest = each.subs.get(0), max((sub for sub in each.subs if sub != 0xFF), default=0)
         value = zero.value if zero and not zero.is_writable and each.index != 0x1003 else None
-        if zero and value and highest and not _is_mapping(each.index) and value.value != highest:
+        if zero and value and highest and each.index not in mappings and value.value != highest:
             at = zero.place
             yield Problem(at, f"[{zero.section.name}] is {value.value}, but the highest sub-index is {highest}")
-
-
-def _is_mapping(index: int) -> bool:
-    """Whether an object is a PDO mapping, whose sub-index 0 is the number of mapped objects."""
-    return 0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00
 
 
 def mixed_array(device: LintedDevice) -> Iterator[Problem]:
@@ -304,7 +302,7 @@ NUMERIC_KEYS = ("subnumber", "objflags", "pdomapping", "objecttype", "datatype",
 
 
 def no_number(device: LintedDevice) -> Iterator[Problem]:
-    """Yield entries that have to be numbers and are none."""
+    """Yield entries that have to be numbers and are not."""
     numeric = (entry for key in NUMERIC_KEYS[:3] for _, entry in device.entries(key) if entry.value)
     malformed = [e for e in numeric if parse_number(e.value) is None]
     malformed += [each.entry for each in device.integers if each.number is None]
@@ -570,7 +568,6 @@ def _at(index: int, sub: int = 0) -> tuple[range, range]:
     return range(index, index + 1), range(sub, sub + 1)
 
 
-RPDO, RPDO_MAP, TPDO, TPDO_MAP = (range(start, start + 0x200) for start in (0x1400, 0x1600, 0x1800, 0x1A00))
 DATA_SUBS = range(1, 255)
 KNOWN = (
     Known(*_at(0x1000), UNSIGNED32, READ_ONLY),
@@ -599,11 +596,10 @@ KNOWN = (
     Known(range(0x1200, 0x1300), range(1, 3), UNSIGNED32),
     *(
         Known(indices, range(sub, sub + 1), type_)
-        for indices in (RPDO, TPDO)
+        for indices in COMMUNICATION_RECORDS.values()
         for sub, type_ in zip(range(1, 7), (UNSIGNED32, UNSIGNED8, UNSIGNED16, UNSIGNED8, UNSIGNED16, UNSIGNED8))
     ),
-    Known(RPDO_MAP, DATA_SUBS, UNSIGNED32),
-    Known(TPDO_MAP, DATA_SUBS, UNSIGNED32),
+    *(Known(indices, DATA_SUBS, UNSIGNED32) for indices in MAPPING_RECORDS.values()),
     Known(*_at(0x1F80), UNSIGNED32),
 )
 
@@ -757,7 +753,7 @@ KNOWN_RULES = (
     Rule("E512", "The communication cycle period has a SYNC.", "CiA 301, object 0x1006",
          needs_of(0x1006, 0x1005, "a period of a SYNC that is not there")),
     Rule("E513", "The synchronous window has a SYNC.", "CiA 301, object 0x1007",
-         needs_of(0x1007, 0x1005, "a window behind a SYNC that is not there")),
+         needs_of(0x1007, 0x1005, "a window after a SYNC that is not there")),
     Rule("E514", "Life time factor and guard time are there together.", "CiA 301, objects 0x100C and 0x100D",
          needs_of(0x100D, 0x100C, "a factor of a guard time that is not there")),
     Rule("E515", "The first SDO server has the fixed identifiers.", "CiA 301, object 0x1200", first_server),

@@ -1,7 +1,4 @@
-"""Rules about PDOs: their communication parameters, their identifiers and their mappings (CiA 301).
-
-Rule of this file: as in `file_rules`; ranges of identifiers and transmission types are tables.
-"""
+"""Rules about PDOs: their communication parameters, their identifiers and their mappings (CiA 301)."""
 
 from __future__ import annotations
 
@@ -14,10 +11,13 @@ from eurobot_od.lint.model import MULTIPLEXED, LintedDevice, LintedPdo, MappingE
 from eurobot_od.od.description import DescribedVariable
 from eurobot_od.od.document import Entry, Section
 from eurobot_od.od.values import (
+    ACCESS_TYPES,
     BASE_IDENTIFIER,
     DATA_TYPES,
     DEFAULT_PDO_BASES,
     EXTENDED,
+    MAPPABLE,
+    MAPPING_OFFSET,
     NO_RTR,
     PREDEFINED,
     RESERVED,
@@ -50,14 +50,18 @@ def mapping_only(device: LintedDevice) -> Iterator[Problem]:
     """Yield mapping records without their communication record."""
     for pdo in device.pdos:
         if pdo.mapping and pdo.communication is None:
-            yield Problem(pdo.mapping.place, f"{pdo.name} has a mapping, but no 0x{pdo.mapping.index - 0x200:04X}")
+            yield Problem(
+                pdo.mapping.place, f"{pdo.name} has a mapping, but no 0x{pdo.mapping.index - MAPPING_OFFSET:04X}"
+            )
 
 
 def communication_only(device: LintedDevice) -> Iterator[Problem]:
     """Yield communication records without their mapping record."""
     for pdo in device.pdos:
         if pdo.communication and pdo.mapping is None:
-            yield Problem(pdo.communication.place, f"{pdo.name} has no mapping 0x{pdo.communication.index + 0x200:04X}")
+            yield Problem(
+                pdo.communication.place, f"{pdo.name} has no mapping 0x{pdo.communication.index + MAPPING_OFFSET:04X}"
+            )
 
 
 def without_parameters(device: LintedDevice) -> Iterator[Problem]:
@@ -309,10 +313,10 @@ def no_data(device: LintedDevice) -> Iterator[Problem]:
 
 
 def left_over(device: LintedDevice) -> Iterator[Problem]:
-    """Yield the first entry behind the mapped ones that is not empty."""
+    """Yield the first entry after the mapped ones that is not empty."""
     for pdo, _, count in _counts(device):
-        behind = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
-        first = next((v for v in behind if v.value and v.value.value), None)
+        unused = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
+        first = next((v for v in unused if v.value and v.value.value), None)
         if first and not pdo.is_multiplexed:
             yield Problem(first.place, f"{pdo.name} maps {count} objects, so that entry {first.sub} is not used")
 
@@ -387,8 +391,9 @@ def shortened(device: LintedDevice) -> Iterator[Problem]:
             yield Problem(each.at, text)
 
 
-def direction_of(direction: PdoDirection, refused: tuple[str, ...]) -> Check:
-    """Make the rule that no PDO of a direction maps objects of some access types."""
+def direction_of(direction: PdoDirection) -> Check:
+    """Make the rule that PDOs of a direction map objects whose access type allows it."""
+    refused = set(ACCESS_TYPES) - set(MAPPABLE[direction])
 
     def check(device: LintedDevice) -> Iterator[Problem]:
         for pdo, each, variable in _objects(device):
@@ -475,7 +480,7 @@ MAPPING_RULES = (
     Rule("E632", "Mapped entries have no gap.", "CiA 301, objects 0x1600 and 0x1A00", no_entry),
     Rule("I633", "A PDO has data.",
          "CiA 301, objects 0x1600 and 0x1A00; public: Kollmorgen AKD manual, `0: PDO is not active`", no_data),
-    Rule("I634", "Entries behind the mapped ones are empty.", "CiA 301, objects 0x1600 and 0x1A00", left_over),
+    Rule("I634", "Entries after the mapped ones are empty.", "CiA 301, objects 0x1600 and 0x1A00", left_over),
     Rule("E635", "A PDO has at most 64 bits.", "CiA 301, PDO mapping", too_long),
     Rule("E636", "A mapped object is there.", "CiA 301, PDO mapping", missing_object),
     Rule("E637", "A mapped object is mappable.", "CiA 301, PDO mapping (abort 0604 0041)", not_mappable),
@@ -486,9 +491,9 @@ MAPPING_RULES = (
          "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes",
          shortened),
     Rule("E641", "An RPDO maps objects that a PDO may write: wo, rww, rw.", "CiA 306, AccessType",
-         direction_of(PdoDirection.RPDO, ("ro", "const", "rwr"))),
+         direction_of(PdoDirection.RPDO)),
     Rule("E642", "A TPDO maps objects that a PDO may read: ro, const, rwr, rw.", "CiA 306, AccessType",
-         direction_of(PdoDirection.TPDO, ("wo", "rww"))),
+         direction_of(PdoDirection.TPDO)),
     Rule("E643", "Only RPDOs map dummies.", "CiA 301, dummy entries", dummy_in_tpdo),
     Rule("E644", "A mapped dummy is enabled in [DummyUsage].", "CiA 306, [DummyUsage]", disabled_dummy),
     Rule("E645", "A mapped dummy has the length of its type.", "CiA 301, dummy entries", dummy_length),

@@ -1,6 +1,6 @@
 """Concise DCF: the form in which a configuration manager keeps a node's configuration in 0x1F22 (CiA 302-3).
 
-Rule of this file: bytes and entries, no file and no bus. A number of entries, then index, sub-index, length and data of
+A number of entries, then index, sub-index, length and data of
 each, all little-endian; the entries stand in the order in which they are to be written.
 """
 
@@ -25,7 +25,7 @@ class Entry(NamedTuple):
 
 
 class Truncated(ValueError):
-    """Bytes that end before what they announce, or go on behind it; the text says where."""
+    """Bytes that end before what they announce, or go on after it; the text says where."""
 
 
 def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
@@ -40,7 +40,7 @@ def unpack(data: bytes) -> list[Entry]:
     entries = list(_entries(data, count))
     end = COUNT.size + sum(HEAD.size + len(each.data) for each in entries)
     if end != len(data):
-        raise Truncated(f"{len(data) - end} bytes behind the last of {count} entries")
+        raise Truncated(f"{len(data) - end} bytes after the last of {count} entries")
     return entries
 
 

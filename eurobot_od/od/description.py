@@ -78,20 +78,36 @@ def parse_section_name(name: str) -> SectionName | None:
 class DescribedVariable:
     """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it.
 
-    `type` is its basic data type (None: missing, unknown or not a basic one), `access` its AccessType in lower case,
-    `value_entry` the entry with its value, the ParameterValue (DCF) or else the DefaultValue, `value` that as a number.
+    `type` is its basic data type (None: missing, unknown or not a basic one), `access` its AccessType in lower case.
+    Its value is the ParameterValue (DCF) or else the DefaultValue.
     """
 
     def __init__(self, index: int, sub: int, section: Section) -> None:
         self.index, self.sub, self.section = index, sub, section
-        entries = section.entries
         code = parse_number(section.text("datatype"))
         self.type = DATA_TYPES.get(code.value) if code else None
         self.access = section.text("accesstype").lower()
-        self.value_entry = entries.get("parametervalue") or entries.get("defaultvalue")
-        self.value = parse_number(self.value_entry.value) if self.value_entry else None
-        self.is_mappable = parse_number(section.text("pdomapping")) == (1, False)
-        self.is_writable = self.access in WRITABLE
+
+    @cached_property
+    def value_entry(self) -> Entry | None:
+        """Return the entry with its value."""
+        entries = self.section.entries
+        return entries.get("parametervalue") or entries.get("defaultvalue")
+
+    @cached_property
+    def value(self) -> Number | None:
+        """Return its value, if that is a number."""
+        return parse_number(self.value_entry.value) if self.value_entry else None
+
+    @property
+    def is_mappable(self) -> bool:
+        """Whether it may be mapped into a PDO."""
+        return parse_number(self.section.text("pdomapping")) == (1, False)
+
+    @property
+    def is_writable(self) -> bool:
+        """Whether an SDO may write it."""
+        return self.access in WRITABLE
 
     @property
     def name(self) -> str:

@@ -152,9 +152,11 @@ class _Reader:
             self._note_other_characters(lines)
         for number, line in enumerate(lines, start=1):
             key, equals, value = line.partition("=")
-            is_plain = equals and key.isalnum() and value.strip() is value and ";" not in value
-            if is_plain and len(line) <= LONGEST + 1:
-                self._keep(Entry(key, value, number, len(key) + 2), 0)
+            if equals and key.isalnum() and value.strip() is value and ";" not in value and len(line) <= LONGEST + 1:
+                entry, entries = Entry(key, value, number, len(key) + 2), self._entries
+                # the usual line ends here: 9 of 10 lines are such, and a call for each would take a third of the time
+                if entries.setdefault(key.lower(), entry) is not entry or entries is self._before:
+                    self._doubt(entry, entries[key.lower()], 0)
             elif line:
                 self._other(number, line)
         return Document(self._sections, self._oddities, lines, self._headers, encoding)
@@ -217,11 +219,9 @@ class _Reader:
             self._note(
                 Odd.TOO_LONG, number, column, f"{key[:40]} and its value have {len(key) + len(value)} characters"
             )
-        self._keep(Entry(key, value, number, column), indent)
-
-    def _keep(self, entry: Entry, indent: int) -> None:
-        first = self._entries.setdefault(entry.key.lower(), entry)
-        if first is not entry or not entry.key or self._entries is self._before:
+        entry = Entry(key, value, number, column)
+        first = self._entries.setdefault(key.lower(), entry)
+        if first is not entry or not key or self._entries is self._before:
             self._doubt(entry, first, indent)
 
     def _doubt(self, entry: Entry, first: Entry, indent: int) -> None:

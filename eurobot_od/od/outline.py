@@ -20,6 +20,7 @@ from eurobot_od.od.document import Odd, read, read_bytes
 from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo, Refused, fatal
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
+    COMMUNICATION_RECORDS,
     DATA_TYPES,
     DOMAIN,
     DUMMIES,
@@ -30,7 +31,6 @@ from eurobot_od.od.values import (
     NODE_IDS,
     NOT_VALID,
     OCTET_STRING,
-    PDO_COUNT,
     REALS,
     SLICE,
     UNICODE_STRING,
@@ -61,9 +61,6 @@ NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 
 SIMPLE = (ObjectCode.VAR, ObjectCode.DOMAIN)
 """Objects without sub-indices."""
-
-REQUIRED = ("ParameterName", "DataType", "AccessType")
-"""Keys without which a variable cannot be used (CiA 306-1, 4.6.3.2)."""
 
 
 class Described(NamedTuple):
@@ -131,14 +128,19 @@ class Outline:
         return {variable.sub: self._checked_variable(variable) for variable in variables}
 
     def _checked_variable(self, variable: DescribedVariable) -> DescribedVariable:
-        section, index = variable.section, variable.index
-        keys = ("ParameterName", "AccessType") if self._is_domain(variable) else REQUIRED
+        if not (variable.type and variable.access and variable.name):
+            self._refuse_what_lacks_a_key(variable)
+        return variable
+
+    def _refuse_what_lacks_a_key(self, variable: DescribedVariable) -> None:
+        section, is_domain = variable.section, self._is_domain(variable)
+        keys = ("ParameterName", "AccessType") if is_domain else ("ParameterName", "DataType", "AccessType")
         missing = next((key for key in keys if not section.text(key.lower())), None)
         if missing:
-            raise self._error(index, f"sub {variable.sub} has no {missing}")
-        if variable.type is None and not self._is_domain(variable) and not variable.number("datatype"):
-            raise self._error(index, f"sub {variable.sub}: DataType {section.text('datatype')!r} is not a number")
-        return variable
+            raise self._error(variable.index, f"sub {variable.sub} has no {missing}")
+        if variable.type is None and not is_domain and not variable.number("datatype"):
+            what = f"DataType {section.text('datatype')!r} is not a number"
+            raise self._error(variable.index, f"sub {variable.sub}: {what}")
 
     def _is_domain(self, variable: DescribedVariable) -> bool:
         code = variable.number("objecttype")
@@ -280,7 +282,7 @@ class Outline:
     def _read_pdos(self, value: Callable[[Address], Value], refused: Refused) -> Iterator[Pdo]:
         for direction in PdoDirection:
             for index in sorted(self.members):
-                if direction.value <= index < direction.value + PDO_COUNT:
+                if index in COMMUNICATION_RECORDS[direction]:
                     try:
                         yield self._pdo(direction, index, value)
                     except MappingError as error:

@@ -180,6 +180,13 @@ MAPPING_OFFSET = 0x200
 PDO_COUNT = 0x200
 """How many RPDOs, or TPDOs, a device may have (CiA 301)."""
 
+COMMUNICATION_RECORDS = {each: range(each.value, each.value + PDO_COUNT) for each in PdoDirection}
+MAPPING_RECORDS = {
+    each: range(records[0] + MAPPING_OFFSET, records[-1] + MAPPING_OFFSET + 1)
+    for each, records in COMMUNICATION_RECORDS.items()
+}
+"""Indices of the records of all PDOs there may be."""
+
 MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
 """Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
 

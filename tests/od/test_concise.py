@@ -27,7 +27,7 @@ def test_the_bytes_are_those_of_the_standard() -> None:
         (BYTES[:8], "ends at byte 8, 7 bytes expected at byte 4"),  # in an entry's head
         (BYTES[:12], "ends at byte 12, 2 bytes expected at byte 11"),  # in its data
         (BYTES[:13], "ends at byte 13, 7 bytes expected at byte 13"),  # an entry missing
-        (BYTES + b"\0", "1 bytes behind the last of 2 entries"),
+        (BYTES + b"\0", "1 bytes after the last of 2 entries"),
         (b"\xff\xff\xff\xff", "ends at byte 4, 7 bytes expected at byte 4"),  # a number of entries out of nothing
     ],
 )
