@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
+
+if TYPE_CHECKING:
+    from eurobot_od.logs.meaning import Decoder
 
 
 class EurobotProtocol(Protocol):
@@ -27,4 +30,6 @@ class EurobotProtocol(Protocol):
 
 def decoder(dialect: str | Path | None = None) -> Decoder:
     """Return what tells the meaning of frames by the EDS files of a dialect; raises UnknownName, DictionaryError."""
+    from eurobot_od.logs.meaning import Decoder  # `show` does without
+
     return Decoder(dialects.outlines(dialect), CATALOGUE)
