@@ -1,4 +1,4 @@
-"""The values that messages carry: colours, obstacles, sources, barriers, faults.
+"""The values that messages carry: colours, obstacles, sources, barriers, faults; and how a goto ends.
 
 All are immutable, with the numbers of the document's tables and the names that people use.
 """
@@ -6,7 +6,7 @@ All are immutable, with the numbers of the document's tables and the names that 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 from eurobot_od.errors import UnknownName
 
@@ -53,6 +53,20 @@ class GotoFault(IntEnum):
 
     BLOCKED = 0xFFFFFE
     NOT_POSSIBLE = 0xFFFFFF
+
+
+class Outcome(Enum):
+    """How a goto ended."""
+
+    ARRIVED = "arrived"
+    NOT_POSSIBLE = "not possible"
+    BLOCKED = "blocked"
+    STOPPED = "stopped"
+    REPLACED = "replaced"
+
+
+FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
+"""How a goto ended whose state has a fault in the place of the remaining time."""
 
 
 class RobotError(IntEnum):

@@ -16,8 +16,8 @@ from eurobot_od.robot.field import WIDTH, Point, normalise
 from eurobot_od.robot.match.options import ENEMY_DIAMETER, Options
 from eurobot_od.robot.match.timeline import EventKind, Timeline
 from eurobot_od.robot.messages import KalmanPositionResponse
-from eurobot_od.robot.nodes.core import Core, GotoReport, Outcome
-from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Obstacle, Passage, TeamColour, barrier_number
+from eurobot_od.robot.nodes.core import Core, GotoReport
+from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Obstacle, Outcome, Passage, TeamColour, barrier_number
 from eurobot_od.robot.world import World
 
 SENSE_PERIOD = 0.05

@@ -14,7 +14,7 @@ from eurobot_od.robot.match.options import Options
 from eurobot_od.robot.match.stage import Script, play_simulated
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.match.timeline import Event, EventKind
-from eurobot_od.robot.nodes.core import Outcome
+from eurobot_od.robot.values import Outcome
 
 ARRIVED = Outcome.ARRIVED.value
 FAULTS = tuple(outcome.value for outcome in (Outcome.NOT_POSSIBLE, Outcome.BLOCKED, Outcome.REPLACED))

@@ -11,9 +11,18 @@ import pytest
 
 from eurobot_od.robot.field import Point, Pose, normalise, turn
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import AT_REST, Braking, Command, IdealChassis, Limits, Motion, Odometry, Profile
+from eurobot_od.robot.nodes.motion import (
+    AT_REST,
+    Braking,
+    Command,
+    IdealChassis,
+    Motion,
+    MotionLimits,
+    Odometry,
+    Profile,
+)
 
-LIMITS = Limits(
+LIMITS = MotionLimits(
     maximum_speed=800.0,
     acceleration=1200.0,
     braking=2400.0,
