@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point, Pose, normalise, turn
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import IdealChassis, MotionLimits, Motion
+from eurobot_od.robot.nodes.motion import IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Passage
 

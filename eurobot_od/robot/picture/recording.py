@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Any, NamedTuple
 
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.field import Pose
 from eurobot_od.robot.messages import (
@@ -119,6 +121,14 @@ def record(events: Iterable[tuple[float, Message]], truth: Iterable[tuple[float,
     start = recorder.start or 0.0
     recorder.recording.truth = [Sighting(time - start, *pose) for time, pose in truth]
     return recorder.recording
+
+
+def record_frames(
+    frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth: Iterable[tuple[float, Pose]] = ()
+) -> Recording:
+    """Work out a match from frames and their times in s; those that are not messages, or damaged, are left out."""
+    meanings = ((time, decoder(frame).message) for time, frame in frames)
+    return record(((time, message) for time, message in meanings if message is not None), truth)
 
 
 class _Recorder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot.match.summary import Summary, Traffic
+from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.messages import GotoXY, StopDrive
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation.bits import frame_bits
@@ -15,7 +15,7 @@ GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
 
 
 def summary(*frames: Frame, seconds: float = 1.0) -> Summary:
-    traffic = Traffic(PROTOCOL)
+    traffic = FrameCounter(PROTOCOL)
     for frame in frames:
         traffic.count(frame)
     return traffic.summary(seconds, 500_000, [], [])

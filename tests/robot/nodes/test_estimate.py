@@ -30,7 +30,6 @@ def test_nothing_is_known_at_first() -> None:
     estimate = Estimate()
     estimate.moved(Odometry(100.0, 10.0))
     assert estimate.pose is None
-    assert estimate.pose is None
 
 
 def test_the_first_position_is_taken_whole() -> None:
