@@ -1,6 +1,7 @@
 """Timers of a node: functions to be called at a time.
 
-Rule of this file: no clock; the time is what the caller says it is. Equal times keep their order.
+Rule of this file: timers of the same time are called in the order they were set, or a simulated match would not be the
+same twice. There is no clock; the time is what the caller says it is.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ class Timer:
         self.action: Action | None = action
 
     def cancel(self) -> None:
-        """Forget the function."""
+        """Forget the function; the heap drops the timer when it comes to the top, which is cheaper than a search."""
         self.action = None
 
 
@@ -52,7 +53,10 @@ class Timers:
         return self._heap[0][0] if self._heap else inf
 
     def due(self, now: float) -> Iterator[tuple[Action, float]]:
-        """Yield what is due, also what becomes due meanwhile, each with its time."""
+        """Yield what is due, each with the time it was set for, also what becomes due meanwhile.
+
+        A late node is told the times as planned: what repeats itself by adding a period to them does not drift.
+        """
         while self.next <= now:
             time, _, timer = heapq.heappop(self._heap)
             if timer.action is not None:

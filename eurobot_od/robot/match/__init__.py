@@ -1,6 +1,6 @@
 """A match of the three nodes: start, 90 s of driving to places, end; the same in simulated and in real time.
 
-Rule of this package: it uses nodes the way a team's program does, through the core's calls; what happened comes out as
+Rule of this package: it uses the nodes as a team's program does, by the core's calls; what happened comes out as
 a timeline of events and a summary, which others print.
 """
 

@@ -1,7 +1,4 @@
-"""The timeline of a match: what happened when, in words and as data.
-
-Rule of this file: an event is told once, when it happened, by whoever made it happen.
-"""
+"""The timeline of a match: what happened when, in words and as data."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The navigation node: says where our robot, the enemies and the confederate are, when it is asked.
 
-Rule of this file: what the beacons do not see is unknown, never the last place they saw.
+Rule of this file: what the beacons do not see is unknown, never the last place they saw; an enemy moves on unseen.
 """
 
 from __future__ import annotations

@@ -11,7 +11,9 @@ import pytest
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.nodes.motion import AT_REST, Command
 from eurobot_od.robot.values import Obstacle, Source, TeamColour
-from eurobot_od.robot.world import DROP_SPEED, SIGHT, Patrol, World
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.patrols import Patrol
+from eurobot_od.robot.world.world import DROP_SPEED, SIGHT
 
 FORWARD = Command(400.0, 0.0)
 ENEMIES = {Source.ENEMY_1, Source.ENEMY_2}
