@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from math import inf
 from typing import TypeAlias
 
-Action: TypeAlias = Callable[[float], None]
+TimerAction: TypeAlias = Callable[[float], None]
 """What to do when a timer is due; gets the time it was set for."""
 
 
@@ -21,9 +21,9 @@ class Timer:
 
     __slots__ = ("action", "time")
 
-    def __init__(self, time: float, action: Action) -> None:
+    def __init__(self, time: float, action: TimerAction) -> None:
         self.time = time
-        self.action: Action | None = action
+        self.action: TimerAction | None = action
 
     def cancel(self) -> None:
         """Forget the function; the heap drops the timer when it comes to the top, which is cheaper than a search."""
@@ -38,7 +38,7 @@ class Timers:
         self._heap: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
 
-    def at(self, time: float, action: Action) -> Timer:
+    def at(self, time: float, action: TimerAction) -> Timer:
         """Have `action` called when the time comes."""
         timer = Timer(time, action)
         heapq.heappush(self._heap, (time, next(self._order), timer))
@@ -52,7 +52,7 @@ class Timers:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else inf
 
-    def due(self, now: float) -> Iterator[tuple[Action, float]]:
+    def due(self, now: float) -> Iterator[tuple[TimerAction, float]]:
         """Yield what is due, each with the time it was set for, also what becomes due meanwhile.
 
         A late node is told the times as planned: what repeats itself by adding a period to them does not drift.

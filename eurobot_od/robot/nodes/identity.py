@@ -19,7 +19,7 @@ from eurobot_od.sdo.client import TransferError, upload
 REVISION: Address = (0x1018, 3)
 """Where a node keeps the revision number of its EDS."""
 
-CHANNEL = "SDO client parameter {}"
+CHANNEL_NAME = "SDO client parameter {}"
 """ParameterName of the record that says how to reach a node by SDO."""
 
 
@@ -58,7 +58,7 @@ class Channel(NamedTuple):
     def to(cls, node: str, device: Device) -> Channel | None:
         """Return the way to a node, None if the device's EDS knows none."""
         try:
-            index, _ = device.dictionary.address(CHANNEL.format(node))
+            index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
         except DictionaryError:
             return None
         return cls(*(device.number((index, subindex)) for subindex in (1, 2, 3)))

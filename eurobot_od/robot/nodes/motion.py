@@ -308,6 +308,12 @@ class Motion:
 
     # What the wheels do
 
+    def _aim(self, pose: Pose, dt: float) -> Command:
+        return self._pivot(self._view(pose).error, dt)
+
+    def _face(self, pose: Pose, dt: float) -> Command:
+        return self._pivot(self._final_turn(pose), dt)
+
     def _pivot(self, left: float, dt: float) -> Command:
         """Stop first, then turn on the spot: turning while it rolls would carry the robot along an arc."""
         if speed := self._straight.slower(self.command.speed, dt):
@@ -335,6 +341,9 @@ class Motion:
         driving = self._straight.seconds(view.ahead, view.sense * self.command.speed)
         return driving + self._seconds_along(self._points[1:], there)
 
+    def _seconds_to_face(self, pose: Pose) -> float:
+        return self._seconds_along((), pose, self.command.turn)
+
     def _seconds_along(self, points: Sequence[Point], pose: Pose, rate: float = 0.0) -> float:
         """Add up the legs from a `pose` where the robot stands, turning at `rate`, and the final turn."""
         total = 0.0
@@ -355,17 +364,9 @@ class Behaviour(NamedTuple):
 
 
 _BEHAVIOUR = {
-    Phase.AIM: Behaviour(
-        Motion._after_aim,
-        lambda motion, pose, dt: motion._pivot(motion._view(pose).error, dt),
-        Motion._seconds_to_aim,
-    ),
+    Phase.AIM: Behaviour(Motion._after_aim, Motion._aim, Motion._seconds_to_aim),
     Phase.DRIVE: Behaviour(Motion._after_drive, Motion._drive, Motion._seconds_to_drive),
-    Phase.FACE: Behaviour(
-        Motion._after_face,
-        lambda motion, pose, dt: motion._pivot(motion._final_turn(pose), dt),
-        lambda motion, pose: motion._seconds_along((), pose, motion.command.turn),
-    ),
+    Phase.FACE: Behaviour(Motion._after_face, Motion._face, Motion._seconds_to_face),
     Phase.ARRIVED: Behaviour(lambda *_: Phase.ARRIVED, lambda *_: AT_REST, lambda *_: 0.0),
 }
 
@@ -379,11 +380,6 @@ class Braking:
     def __init__(self, limits: MotionLimits, rolling: Command) -> None:
         self._straight, self._turning = limits.straight(), limits.turning()
         self.command = rolling
-
-    @property
-    def finished(self) -> bool:
-        """Whether the robot is at rest."""
-        return self.command == AT_REST
 
     def step(self, _pose: Pose, dt: float) -> Command:
         """Decide what the wheels do for the next `dt` seconds; the pose does not matter."""

@@ -112,14 +112,14 @@ def stop_mark(centre: PaperPoint, letter: str, *content: str) -> str:
     )
 
 
-def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: str, **attributes: object) -> str:
+def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: str) -> str:
     """Draw a robot as a disc with a line to its front."""
     disc = svg.circle(centre, radius, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=8)
     if angle is None:
-        return svg.group(disc, **attributes)
+        return svg.group(disc)
     direction = math.radians(angle)
     front = centre[0] + radius * math.cos(direction), centre[1] - radius * math.sin(direction)
-    return svg.group(disc, svg.line(centre, front, stroke=colour, stroke_width=12), **attributes)
+    return svg.group(disc, svg.line(centre, front, stroke=colour, stroke_width=12))
 
 
 def label(

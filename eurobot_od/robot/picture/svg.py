@@ -37,9 +37,9 @@ def title(words: str) -> str:
     return element("title", escape(words))
 
 
-def circle(centre: PaperPoint, radius: float, *content: str, **attributes: object) -> str:
+def circle(centre: PaperPoint, radius: float, **attributes: object) -> str:
     """Return a circle."""
-    return element("circle", *content, cx=centre[0], cy=centre[1], r=radius, **attributes)
+    return element("circle", cx=centre[0], cy=centre[1], r=radius, **attributes)
 
 
 def line(start: PaperPoint, end: PaperPoint, **attributes: object) -> str:
@@ -47,9 +47,9 @@ def line(start: PaperPoint, end: PaperPoint, **attributes: object) -> str:
     return element("line", x1=start[0], y1=start[1], x2=end[0], y2=end[1], **attributes)
 
 
-def rectangle(corner: PaperPoint, width: float, height: float, *content: str, **attributes: object) -> str:
+def rectangle(corner: PaperPoint, width: float, height: float, **attributes: object) -> str:
     """Return a rectangle by its upper left corner."""
-    return element("rect", *content, x=corner[0], y=corner[1], width=width, height=height, **attributes)
+    return element("rect", x=corner[0], y=corner[1], width=width, height=height, **attributes)
 
 
 def polyline(points: Iterable[PaperPoint], **attributes: object) -> str:
@@ -57,9 +57,9 @@ def polyline(points: Iterable[PaperPoint], **attributes: object) -> str:
     return element("polyline", points=_points(points), **attributes)
 
 
-def polygon(points: Iterable[PaperPoint], *content: str, **attributes: object) -> str:
+def polygon(points: Iterable[PaperPoint], **attributes: object) -> str:
     """Return a closed figure."""
-    return element("polygon", *content, points=_points(points), **attributes)
+    return element("polygon", points=_points(points), **attributes)
 
 
 def group(*content: str, **attributes: object) -> str:

@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.device.nmt import NMT_COB_ID, NmtCommand
+from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,

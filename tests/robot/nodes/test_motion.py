@@ -289,7 +289,7 @@ ROLLING = [
 def test_braking_ends_at_rest_after_the_shortest_time(rolling: Command, steps: int) -> None:
     braking = Braking(LIMITS, rolling)
     commands = [rolling]
-    while not braking.finished:
+    while braking.command != AT_REST:
         commands.append(braking.step(START, DT))
     assert len(commands) - 1 == pytest.approx(steps, abs=1)
     assert commands[-1] == AT_REST
