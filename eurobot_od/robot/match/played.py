@@ -1,4 +1,4 @@
-"""A match that was played, as values: how each goto ended, what was on the bus, and what somebody has to look into.
+"""A match that was played, as values: how each goto ended, what was on the bus, and what needs a look.
 
 Rule of this file: all of it depends on the options and the EDS files alone; whoever plays a seed again gets the same.
 """
@@ -56,7 +56,7 @@ class PlayedMatch:
 
     @property
     def wrong(self) -> list[str]:
-        """What somebody has to look into, nothing if all is well."""
+        """What needs a look, nothing if all is well."""
         texts = [] if self.failure is None else [self.failure]
         texts += [f"goto {goto.task}: {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
         texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved else []
@@ -70,7 +70,7 @@ class PlayedMatch:
 
 
 def play(options: MatchOptions, files: EdsFiles) -> PlayedMatch:
-    """Play a match in simulated time; that a node does not answer is what a match comes to, and no error."""
+    """Play a match in simulated time; a node that does not answer is a result of the match, not an error."""
     events: list[MatchEvent] = []
     try:
         summary, _ = play_simulated(options, events.append, lambda _time, _frame: None, files)

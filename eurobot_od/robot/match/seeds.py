@@ -1,7 +1,11 @@
 """Plays a match for each of many seeds, on as many processes as are wanted.
 
 Rule of this file: matches are given in the order of their seeds, and are the same on any number of processes; each
-process reads the EDS files once. A process gets one seed at a time, as matches differ in length.
+process reads the EDS files once.
+
+Each process gets one seed at a time, as matches differ in length, over a pipe of its own. The pools of the standard
+library would do, but for one thing: their processes wait for work for ever when the parent was killed. Ours wait for
+the parent's end as well (see `_work`).
 """
 
 from __future__ import annotations
@@ -62,7 +66,7 @@ def _spread(options: MatchOptions, seeds: range, jobs: int) -> Generator[PlayedM
 
 
 def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[PlayedMatch]:
-    """Give each worker a seed, and another one whenever it is through; no more workers than seeds."""
+    """Give each worker a seed, and another one whenever it has played one; no more workers than seeds."""
     for worker, seed in zip(workers, seeds):
         worker.send(seed)
     busy = list(workers)
@@ -78,7 +82,7 @@ def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[Playe
 
 @contextmanager
 def _worker(options: MatchOptions) -> Iterator[Connection]:
-    """Start a process, and give the line to it: seeds go in, matches come out."""
+    """Start a process, and give our end of the line to it: seeds go in, matches come out."""
     ours, theirs = Pipe()
     process = Process(target=_work, args=(theirs, options), daemon=True)
     process.start()
@@ -92,7 +96,7 @@ def _worker(options: MatchOptions) -> Iterator[Connection]:
 
 
 def _work(line: Connection, options: MatchOptions) -> None:
-    """Play the matches whose seeds come along the line, as long as the parent lives."""
+    """Play the seeds that come over the line, as long as the parent lives."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
     files, parent = EdsFiles.read(options.dialect), parent_process()
     while parent and line in wait([line, parent.sentinel]):

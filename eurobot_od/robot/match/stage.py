@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import can
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
-"""When each node is through with its start after power-on, s: no two at once."""
+"""When each node has booted after power-on, s: no two at once."""
 
 POWER_UP = 0.1
 """When the core begins with the startup (document 5.1), s."""

@@ -1,4 +1,4 @@
-"""What a match's bus traffic came to: frames per message and bus load, as anybody at the bus could count them."""
+"""What a match's bus traffic came to: frames per message and bus load, counted on the bus and not by the nodes."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class FrameCounter:
             self._others[self._service(frame)] += 1
 
     def _service(self, frame: Frame) -> str:
-        """Name a frame that is none of the protocol's messages."""
+        """Name a frame that is not one of the protocol's messages."""
         service = self._services.get(frame.cob_id)
         if service is None:
             return "Other"

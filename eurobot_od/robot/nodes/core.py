@@ -61,8 +61,7 @@ NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
-
-ANSWERED = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
+STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
 """The settings by which the drive is asked for its state and its position: how long to wait, how often to ask."""
 
 
@@ -304,7 +303,7 @@ class Core(RobotNode):
         """Poll the drive's state until the goto has ended (document 2.1 State Request)."""
         yield Pause(self.seconds("Goto handshake.First state request"))
         while True:
-            state = yield self._asking(GotoStateRequest(), GotoStateResponse, *ANSWERED)
+            state = yield self._asking(GotoStateRequest(), GotoStateResponse, *STATE_SETTINGS)
             if state.time == 0:
                 return Outcome.ARRIVED
             if state.time in FAULT_OUTCOME:
@@ -313,7 +312,9 @@ class Core(RobotNode):
 
     def _position(self) -> Script[KalmanPositionResponse]:
         yield START
-        answer: KalmanPositionResponse = yield self._asking(KalmanPositionRequest(), KalmanPositionResponse, *ANSWERED)
+        answer: KalmanPositionResponse = yield self._asking(
+            KalmanPositionRequest(), KalmanPositionResponse, *STATE_SETTINGS
+        )
         return answer
 
     # Position polling

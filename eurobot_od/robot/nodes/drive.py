@@ -56,8 +56,8 @@ FOLLOWED = 0.1
 class Drive(RobotNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
 
-    `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, whose
-    obstacle is the reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
+    `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, with
+    the obstacle as its reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
 
     def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None, *, store: Store | None = None) -> None:

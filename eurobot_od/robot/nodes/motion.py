@@ -10,22 +10,23 @@ Phases. A differential drive turns on the spot, and drives straight best; a goto
     DRIVE   drive there, steering out small errors on the way; then AIM at the next way point, or FACE
     FACE    at the last way point, turn to the final angle; then ARRIVED
 
-`_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. A phase also goes back
-to AIM. Steering turns the robot by the little that the way point is off the line of travel, and that is no longer
-little when the pose was corrected sideways close to the goal: from LOST degrees on, or when the way point was passed
-too far aside, only a new turn on the spot helps. And a correction while the robot FACEs can move it off the goal again.
-To keep these from becoming a dance around the goal, a movement ends well inside its tolerance (EXACTNESS), very near
-points are not steered at (STEERED), and a short way back is driven tail first instead of turning round (CORRECTION).
-A goto that replaces another one takes over the rolling robot: it brakes first, unless its way point lies in line.
+`_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. DRIVE and FACE can also
+go back to AIM. Steering removes small errors only: when the navigation has moved the pose sideways close to a way
+point, the angle to it is large, and from LOST degrees on, or if the robot passed the way point too far off, it has to
+turn on the spot again. And while it FACEs, a correction can show that it does not stand at the goal after all. Three
+things keep this from becoming a dance around the goal: a movement ends well inside its tolerance (EXACTNESS), a very
+near point is not steered at (STEERED), and a short way back is driven tail first instead of turning round (CORRECTION).
+
+A goto that replaces another one takes over a rolling robot: it brakes first, unless its way point lies in line.
 
 Profile. Straight and turning movements have the same shape: the rate rises, stays at its top, falls to rest at the
 target. Each step takes the highest rate from which braking still stops in time: covering rate * dt in this step and
 rate^2 / (2 * fall) while braking has to fit into what is left. Solved for the rate, that is `_stoppable`; no state is
 needed but the rate of the step before.
 
-Remaining time. The document wants it in milliseconds and counting down. It is the time of the present movement from
-its present rate, by the formulas of the same profile, and that of all further turns and legs from rest. It leaves out
-steering and later corrections, and the control steps between the phases, so it is short by a little at each way point.
+Remaining time. What the drive answers to a state request (document 2.1) is worked out by the formulas of the same
+profile: the present movement from its present rate, then all further turns and legs from rest. Steering, later
+corrections and the control steps between two phases are left out, so it is a little short at each way point.
 """
 
 from __future__ import annotations
