@@ -10,8 +10,8 @@ Phases. A differential drive turns on the spot, and drives straight best; a goto
     DRIVE   drive there, steering out small errors on the way; then AIM at the next way point, or FACE
     FACE    at the last way point, turn to the final angle; then ARRIVED
 
-`_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. DRIVE and FACE can also
-go back to AIM. Steering removes small errors only: when the navigation has moved the pose sideways close to a way
+`_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. DRIVE and FACE can
+also go back to AIM. Steering removes small errors only: when the navigation has moved the pose sideways close to a way
 point, the angle to it is large, and from LOST degrees on, or if the robot passed the way point too far off, it has to
 turn on the spot again. And while it FACEs, a correction can show that it does not stand at the goal after all. Three
 things keep this from becoming a dance around the goal: a movement ends well inside its tolerance (EXACTNESS), a very

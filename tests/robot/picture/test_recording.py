@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import Pose
@@ -19,9 +20,11 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.picture.recording import PathPoint, Recording, at, record
+from eurobot_od.robot.picture.recording import PathPoint, Recording, at, record, record_frames
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
 
+PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)
 
 
@@ -125,6 +128,16 @@ def test_team() -> None:
 def test_the_truth_has_the_clock_of_the_messages() -> None:
     recording = record([(100.0, ONE)], [(100.5, Pose(1, 2, 3))])
     assert recording.truth == [PathPoint(0.5, 1, 2, 3)]
+
+
+def test_frames_that_are_not_messages_are_left_out() -> None:
+    frames = [
+        (1.0, PROTOCOL.encode(ONE)),
+        (2.0, Frame(0x701, b"\x05")),  # a heartbeat
+        (3.0, Frame(PROTOCOL.cob_id(GotoStateResponse), b"\0")),  # too short
+        (4.0, PROTOCOL.encode(GotoStateResponse(0))),
+    ]
+    assert endings(record_frames(frames, decoder())) == [(Outcome.ARRIVED, 0, 3)]
 
 
 PATH = [PathPoint(1, 0, 0, 0), PathPoint(2, 100, 200, 90)]
