@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import signal
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from eurobot_od import durations
@@ -46,8 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     node = _make(arguments)
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
-        show = lambda frame, now: print(_line(node, frame, now), flush=True)  # noqa: E731
-        live.gatekeeper.add_frames(lambda: node.device.identifiers, show, "print")
+        live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, with the bus closed
     if arguments.beacons:
         _see(node, live)
@@ -82,7 +82,7 @@ def _see(node: Node, live: Live) -> None:
     put_into_world({node.name: node}, 1, live.clock)
 
 
-def _line(node: Node, frame: Frame, now: float) -> str:
+def _show(node: Node, frame: Frame, now: float) -> None:
     from eurobot_od.errors import RemoteError
     from eurobot_od.pdo.message import describe
 
@@ -91,7 +91,7 @@ def _line(node: Node, frame: Frame, now: float) -> str:
         what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
     except RemoteError as error:
         what = str(error)
-    return f"{now:12.3f}  {frame!s:<20}  {what}"
+    print(f"{now:12.3f}  {frame!s:<20}  {what}", flush=True)
 
 
 def _lead(core: Core, arguments: argparse.Namespace) -> None:

@@ -114,9 +114,9 @@ class Drive(RobotNode):
         if self.estimate.pose is None:
             return None
         start, goal = self.estimate.pose.point, Point(goto.x, goto.y)
-        # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
         if goto.route is Route.PLANNED:
             return find_route(start, goal, goto.barriers, self._clearances())
+        # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
         forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
         direct = find_route(start, goal, Barriers.of(forced), self._clearances())
         return direct if direct == (goal,) else None
@@ -194,6 +194,7 @@ class Drive(RobotNode):
         self.estimate.moved(rolled)
         if isinstance(motion, Motion):
             self._watch_wheels(command, rolled, dt)
+        # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         self._control = None if done else self.at(now + dt, self._step)
 
