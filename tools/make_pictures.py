@@ -19,14 +19,14 @@ from eurobot_od.logs.output import Text
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import screen
 from eurobot_od.monitor.traffic import Traffic
-from eurobot_od.robot.match.options import Options
+from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.picture.picture import picture
-from eurobot_od.robot.picture.recording import record
+from eurobot_od.robot.picture.recording import record_frames
 from eurobot_od.robot.protocol import decoder as robot_decoder
 
 DOCS = Path(__file__).parents[1] / "docs"
-OPTIONS = Options(seed=1)
+OPTIONS = MatchOptions(seed=1)
 LINES = 48
 WATCHED = 40.0
 """Simulated time at which the monitor is shown, s."""
@@ -52,8 +52,7 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
     decoder = robot_decoder(OPTIONS.dialect)
-    messages = ((now, message) for now, frame in frames if (message := decoder(frame).message) is not None)
-    return frames, picture(record(messages, world.path), f"Match, seed {OPTIONS.seed}"), decoder
+    return frames, picture(record_frames(frames, decoder, world.path), f"Match, seed {OPTIONS.seed}"), decoder
 
 
 def lines(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:

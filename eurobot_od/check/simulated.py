@@ -16,7 +16,7 @@ from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.robot.check.drill import drill
-from eurobot_od.robot.match.options import Options as MatchOptions
+from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop

@@ -1,7 +1,4 @@
-"""Draw the playing field to scale with what a log says of the match: path, gotos, stops, enemies, barriers.
-
-Rule of this file: parse, call `logs` and `view`, print.
-"""
+"""Draw the playing field to scale with what a log says of the match: path, gotos, stops, enemies, barriers."""
 
 from __future__ import annotations
 

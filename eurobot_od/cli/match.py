@@ -1,7 +1,4 @@
-"""Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files.
-
-Rule of this file: parse, call `match.stage` or, for many seeds, `match.many`, print.
-"""
+"""Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files."""
 
 from __future__ import annotations
 
@@ -9,26 +6,23 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, suppress
+from collections.abc import Iterable, Iterator
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.recorder import recording
-from eurobot_od.errors import LocalError, RemoteError
+from eurobot_od.errors import LocalError
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
-    from eurobot_od.pdo.message import Message
-    from eurobot_od.robot.match import Event, Options, Summary
-    from eurobot_od.robot.match.played import Played
+    from eurobot_od.robot.match import MatchEvent, MatchOptions, Summary
+    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.stage import ShowEvent, Watcher
     from eurobot_od.robot.world import World
-
-    Show = Callable[[Event], None]
-    Watch = Callable[[float, Frame], None]
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -88,9 +82,9 @@ def _jobs(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Play one match, or one for each of many seeds."""
-    from eurobot_od.robot.match import Options
+    from eurobot_od.robot.match import MatchOptions
 
-    options = Options(
+    options = MatchOptions(
         team=TeamColour[arguments.team.upper()],
         enemies=arguments.enemies,
         confederates=arguments.confederates,
@@ -105,32 +99,38 @@ def run(arguments: argparse.Namespace) -> int:
 # One match
 
 
-def _run_one(arguments: argparse.Namespace, options: Options) -> int:
+def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> int:
     """Play, print the timeline as it happens and the summary at the end."""
     if arguments.jobs is not None:
         raise LocalError("--jobs goes with --seeds only")
-    events: list[Event] = []
-    show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
-    picture = Picture(arguments.field, arguments.dialect)
+    if arguments.field is not None:
+        from eurobot_od.robot.picture.files import form
+
+        form(arguments.field)  # complains of a suffix before the match, not after it
+    events: list[MatchEvent] = []
+    frames: list[tuple[float, Frame]] = []
     with recording(arguments.log) as write:
-        summary, world = _play(arguments, options, show, _both(write, picture.add))
-    picture.draw(world, f"Match, seed {options.seed}")
+
+        def watch(time: float, frame: Frame) -> None:
+            write(time, frame)
+            if arguments.field is not None:
+                frames.append((time, frame))
+
+        show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
+        summary, world = _play(arguments, options, show, watch)
+    if arguments.field is not None:
+        _draw(arguments, frames, world, f"Match, seed {options.seed}")
     if arguments.json:
-        print(_as_json(events, summary))
+        timeline = [event.as_data() for event in events]
+        print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
     else:
-        print(_as_text(summary))
+        print(f"\n{summary}")
     return 0
 
 
-def _both(one: Watch, other: Watch) -> Watch:
-    def watch(time: float, frame: Frame) -> None:
-        one(time, frame)
-        other(time, frame)
-
-    return watch
-
-
-def _play(arguments: argparse.Namespace, options: Options, show: Show, watch: Watch) -> tuple[Summary, World]:
+def _play(
+    arguments: argparse.Namespace, options: MatchOptions, show: ShowEvent, watch: Watcher
+) -> tuple[Summary, World]:
     from eurobot_od.robot.match import stage
 
     if arguments.speed == "fast":
@@ -138,93 +138,39 @@ def _play(arguments: argparse.Namespace, options: Options, show: Show, watch: Wa
     return stage.play_live(options, show, watch, partial(shared.open_bus, arguments))
 
 
-class Picture:
-    """The match on the playing field, drawn into `file` at the end; without a file nothing is kept.
+def _draw(arguments: argparse.Namespace, frames: list[tuple[float, Frame]], world: World, title: str) -> None:
+    from eurobot_od.robot.picture.files import save
+    from eurobot_od.robot.picture.recording import record_frames
+    from eurobot_od.robot.protocol import decoder
 
-    Raises UnknownName for a suffix of no format, before anything is played.
-    """
-
-    def __init__(self, file: Path | None, dialect: str | None) -> None:
-        self._file, self._dialect = file, dialect
-        self._frames: list[tuple[float, Frame]] = []
-        if file is not None:
-            from eurobot_od.robot.picture.files import form
-
-            form(file)
-
-    def add(self, time: float, frame: Frame) -> None:
-        """Keep a frame."""
-        if self._file is not None:
-            self._frames.append((time, frame))
-
-    def draw(self, world: World, title: str) -> None:
-        """Draw what the frames say, and where the robot truly was."""
-        if self._file is None:
-            return
-        from eurobot_od.robot.picture.files import save
-        from eurobot_od.robot.picture.recording import record
-
-        save(record(self._messages(), world.path), self._file, title)
-
-    def _messages(self) -> Iterator[tuple[float, Message]]:
-        from eurobot_od.robot.protocol import EurobotProtocol
-
-        protocol = EurobotProtocol.load(self._dialect)
-        for time, frame in self._frames:
-            with suppress(RemoteError):  # the services of CANopen are none of the picture's business
-                yield time, protocol.decode(*frame)
+    save(record_frames(frames, decoder(arguments.dialect), world.path), arguments.field, title)
 
 
-COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
+EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
 """Terminal colours of timeline lines by their kind."""
 
 
-def _show(in_colour: bool, event: Event) -> None:
-    colour = COLOURS.get(event.kind.value) if in_colour else None
+def _show(in_colour: bool, event: MatchEvent) -> None:
+    colour = EVENT_COLOURS.get(event.kind.value) if in_colour else None
     print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=in_colour)
-
-
-def _as_json(events: list[Event], summary: Summary) -> str:
-    timeline = [{"time": round(e.time, 6), "kind": e.kind.value, "text": e.text} | e.data for e in events]
-    return json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2)
-
-
-def _as_text(summary: Summary) -> str:
-    lines = ["", f"{'message':<32} {'frames':>7}"]
-    lines += [f"{name:<32} {count:>7}" for name, count in (summary.frames | summary.others).items()]
-    total = sum(summary.frames.values()) + sum(summary.others.values())
-    lines.append(f"{'total':<32} {total:>7}")
-    lines.append("")
-    sent, known = summary.messages_sent, len(summary.frames)
-    lines.append(f"{sent} of {known} messages in {summary.seconds:.1f} s, bus load {summary.load:.2%}")
-    if summary.errors:
-        reached, mean, worst = len(summary.errors), sum(summary.errors) / len(summary.errors), max(summary.errors)
-        places = f"{reached} place{'s' * (reached != 1)} reached"
-        lines.append(f"{places}, position error {mean:.1f} mm on average, {worst:.0f} mm at most")
-    lines += [f"gatekeeper: {report}" for report in summary.reports]
-    return "\n".join(lines)
 
 
 # Many seeds
 
 
-def _run_many(arguments: argparse.Namespace, options: Options) -> int:
+def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> int:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
     from eurobot_od.robot.match.seeds import cores, play_many
 
-    _check_options(arguments)
+    for name, left_out in OF_ONE_MATCH.items():
+        if (value := getattr(arguments, name)) != left_out:
+            raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
     jobs = arguments.jobs or min(cores(), MOST_JOBS)
     with closing(play_many(options, arguments.seeds, jobs)) as matches:
         return 1 if (_print_objects if arguments.json else _print_tally)(matches, len(arguments.seeds)) else 0
 
 
-def _check_options(arguments: argparse.Namespace) -> None:
-    for name, left_out in OF_ONE_MATCH.items():
-        if (value := getattr(arguments, name)) != left_out:
-            raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
-
-
-def _print_objects(matches: Iterable[Played], number: int) -> bool:
+def _print_objects(matches: Iterable[PlayedMatch], number: int) -> bool:
     """Print each match when it is its turn; tell whether something went wrong in one."""
     bad = False
     for match in matches if sys.stdout.isatty() else _watched(matches, number):
@@ -233,7 +179,7 @@ def _print_objects(matches: Iterable[Played], number: int) -> bool:
     return bad
 
 
-def _print_tally(matches: Iterable[Played], number: int) -> bool:
+def _print_tally(matches: Iterable[PlayedMatch], number: int) -> bool:
     """Print what all matches came to; tell whether something went wrong in one."""
     from eurobot_od.robot.match.statistics import report
 
@@ -242,11 +188,11 @@ def _print_tally(matches: Iterable[Played], number: int) -> bool:
     return any(match.wrong for match in played)
 
 
-def _watched(matches: Iterable[Played], number: int) -> Iterable[Played]:
+def _watched(matches: Iterable[PlayedMatch], number: int) -> Iterable[PlayedMatch]:
     return _with_progress(matches, number) if sys.stderr.isatty() else matches
 
 
-def _with_progress(matches: Iterable[Played], number: int) -> Iterator[Played]:
+def _with_progress(matches: Iterable[PlayedMatch], number: int) -> Iterator[PlayedMatch]:
     """Show how many matches are played."""
     from eurobot_od.cli.decode import bar
 

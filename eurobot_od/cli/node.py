@@ -1,13 +1,11 @@
-"""Run one node of the robot on a CAN bus, until it is interrupted.
-
-Rule of this file: a node is what its EDS file says; options only name the bus and, for the core, the start.
-"""
+"""Run one node of the robot on a CAN bus, until it is interrupted."""
 
 from __future__ import annotations
 
 import argparse
 import signal
-import threading
+import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from eurobot_od import durations
@@ -18,7 +16,7 @@ from eurobot_od.robot.values import TeamColour
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.live import Live
-    from eurobot_od.robot.nodes import Node
+    from eurobot_od.robot.nodes import Core, Node
 
 
 ONLY = {"team": "core", "drill": "core", "beacons": "navigation"}
@@ -44,21 +42,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the node."""
     from eurobot_od import live as runtime
+    from eurobot_od.robot.nodes import Core
 
     node = _make(arguments)
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
-        show = lambda frame, now: print(_line(node, frame, now), flush=True)  # noqa: E731
-        live.gatekeeper.add_frames(lambda: node.device.identifiers, show, "print")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+        live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, with the bus closed
     if arguments.beacons:
         _see(node, live)
     with live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
-        if arguments.team:
-            _start_up(node, TeamColour[arguments.team.upper()])
-        if arguments.drill:
-            _drill(node)
+        if isinstance(node, Core):
+            _lead(node, arguments)
         _wait(live, arguments.duration)
     return 0
 
@@ -86,7 +82,7 @@ def _see(node: Node, live: Live) -> None:
     put_into_world({node.name: node}, 1, live.clock)
 
 
-def _line(node: Node, frame: Frame, now: float) -> str:
+def _show(node: Node, frame: Frame, now: float) -> None:
     from eurobot_od.errors import RemoteError
     from eurobot_od.pdo.message import describe
 
@@ -95,35 +91,28 @@ def _line(node: Node, frame: Frame, now: float) -> str:
         what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
     except RemoteError as error:
         what = str(error)
-    return f"{now:12.3f}  {frame!s:<20}  {what}"
+    print(f"{now:12.3f}  {frame!s:<20}  {what}", flush=True)
 
 
-def _start_up(node: Node, team: TeamColour) -> None:
-    """Do the core's part of the startup (document 5.1); raises NoAnswer."""
-    from eurobot_od.robot.nodes import Core
-
-    if isinstance(node, Core):
-        for name, seconds in node.check_nodes().result().items():
+def _lead(core: Core, arguments: argparse.Namespace) -> None:
+    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer."""
+    if arguments.team:
+        for name, seconds in core.check_nodes().result().items():
             print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
-        print(f"start configuration confirmed after {node.configure_start(team).result() * 1000:.1f} ms", flush=True)
+        seconds = core.configure_start(TeamColour[arguments.team.upper()]).result()
+        print(f"start configuration confirmed after {seconds * 1000:.1f} ms", flush=True)
+    if arguments.drill:
+        import asyncio
 
+        from eurobot_od.robot.check.drill import drill
 
-def _drill(node: Node) -> None:
-    """Do the core's drill."""
-    import asyncio
-
-    from eurobot_od.robot.check.drill import drill
-    from eurobot_od.robot.nodes import Core
-
-    if isinstance(node, Core):
-        asyncio.run(drill(node))
+        asyncio.run(drill(core))
 
 
 def _wait(live: Live, duration: float | None) -> None:
     """Wait for the end of the time, an interrupt, or the bus's failure; raises BusError."""
     end = None if duration is None else live.clock() + duration
-    pause = threading.Event()
     while live.failure is None and (end is None or live.clock() < end):
-        pause.wait(0.1)
+        time.sleep(0.1)
     if live.failure is not None:
         raise live.failure

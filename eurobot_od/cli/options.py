@@ -32,5 +32,5 @@ def add_dialect(parser: argparse.ArgumentParser) -> None:
         "--dialect",
         metavar="NAME",
         help=f"EDS files to load: {', '.join(dialects.names())}, or a folder; "
-        f"left out: the variable {dialects.VARIABLE}, else {dialects.DEFAULT}",
+        f"left out: the variable {dialects.DIALECT_VARIABLE}, else {dialects.DEFAULT}",
     )

@@ -1,8 +1,28 @@
 """Flows: what a node does over time, written as a generator that asks, waits and returns a result.
 
-Rule of this file: no clock, no bus, no thread. A flow yields an `Ask` or a `Pause` and is resumed with the answer;
-the node that runs it sends the frames and tells the time. Its `Call` is the caller's side: it can be awaited in any
-asyncio loop and waited for from another thread.
+Theory of operation. A handshake with retries is easiest to read as a sequence: ask, wait for the answer, ask again,
+give up. Written as a thread it would block, written as callbacks it would be torn apart; as a generator, the script, it
+is a sequence that stops at each `yield` and holds no thread while it waits:
+
+    script: yield Ask(request, answer, 0.5, 6)      the flow sends the request, and sets a timer for 0.5 s
+        the answer is heard                         the script goes on with it
+        the timer is due                            the request is sent again; after the sixth, NoAnswer is thrown in
+    script: yield Pause(0.2)                        the flow sets a timer; when it is due, the script goes on
+    script: return result                           the call has its result; the node forgets the flow
+
+There is no clock, no bus and no thread in here. Two things resume a script: `heard`, which the node calls with each
+message that it receives, and the node's timers. Both happen inside the node's `receive` and `tick`, so on whatever
+thread runs the node, and one at a time. `fail` throws an error in from outside, under the node's guard, for a flow that
+is to end early.
+
+The `Call` is the other side. It belongs to whoever asked for the result, on any thread and in any event loop: they
+await it, wait for it, or cancel it. That is all they can do, and the only thing that crosses threads: cancelling does
+not touch the script, but is noticed at its next step, which then ends it. A repeated request is such a step, so
+nothing is sent for a caller who has gone.
+
+Every script yields `START` first. The flow runs it up to there when it is made, on the caller's thread, without having
+done anything; the first real step is the node's, with the node's time. From START on, the script is inside its `try`
+and can be made to end like at any later place.
 """
 
 from __future__ import annotations
@@ -53,7 +73,7 @@ class Pause(NamedTuple):
 
 
 START = Pause(0.0)
-"""What every script yields first: it is resumed with the time, and from there on it can be made to end."""
+"""What every script yields first; it is resumed with the time."""
 
 
 Script: TypeAlias = Generator[Ask | Pause, Any, Result]
@@ -87,7 +107,7 @@ class Flow(Generic[Result]):
     def start(self, now: float) -> None:
         """Run the script from its START to its first Ask or Pause, unless it was made to end before."""
         if getgeneratorstate(self._script) != GEN_CLOSED:
-            self._resume(lambda: self._script.send(now), now)
+            self._go_on(now)
 
     def heard(self, message: Message | Frame, now: float) -> bool:
         """Take in a received message or SDO answer; return whether it was the answer that the flow waits for."""
@@ -105,14 +125,14 @@ class Flow(Generic[Result]):
         if self._timer:
             self._timer.cancel()
         if self.call.cancelled():
-            self._script.close()
+            self._script.close()  # its `finally` runs now, on this thread, and not when it is collected some time
             self._ended(self)
             return
         try:
             wanted = step()
         except StopIteration as end:
             self._end(partial(self.call.set_result, end.value))
-        except Exception as error:
+        except Exception as error:  # also a bug in a script: it belongs to the caller, and must not stop the node
             self._end(partial(self.call.set_exception, error))
         else:
             self._await(wanted, now)
@@ -124,18 +144,19 @@ class Flow(Generic[Result]):
 
     def _await(self, wanted: Ask | Pause, now: float) -> None:
         if isinstance(wanted, Pause):
-            self._timer = self._timers.at(now + wanted.seconds, self._paused)
+            self._timer = self._timers.at(now + wanted.seconds, self._go_on)
             return
         self._ask, self._sent = wanted, 0
         self._transmit(now)
 
-    def _paused(self, now: float) -> None:
+    def _go_on(self, now: float) -> None:
         self._resume(lambda: self._script.send(now), now)
 
     def _transmit(self, now: float) -> None:
         ask = self._ask
         if ask is None:
             return
+        # The last attempt has its whole wait, too: only the timer after it says that nobody answered.
         if self._sent == ask.attempts or self.call.cancelled():
             self.fail(ask.unanswered(), now)
             return

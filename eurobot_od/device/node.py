@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.store import Store
-from eurobot_od.device.timers import Action, Timer, Timers
+from eurobot_od.device.timers import Timer, TimerAction, Timers
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -44,7 +44,7 @@ class Node:
         self.guard: AbstractContextManager[object] = nullcontext()
         self.wake: Callable[[], None] = _nobody
         self._operational = self._attended = False
-        self._soon: list[Action] = []
+        self._soon: list[TimerAction] = []
         self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
 
@@ -141,7 +141,7 @@ class Node:
     def answered(self, frame: Frame) -> None:
         """Take in another node's answer to an SDO request of ours; the nodes that ask say what."""
 
-    def soon(self, action: Action) -> None:
+    def soon(self, action: TimerAction) -> None:
         """Have `action` called at the next `tick`, with its time: a caller from outside has no time to give."""
         self._soon.append(action)
         self.device.plan.at(self.now)
@@ -159,7 +159,7 @@ class Node:
         except StateError:
             self.withheld += 1
 
-    def at(self, time: float, action: Action) -> Timer:
+    def at(self, time: float, action: TimerAction) -> Timer:
         """Have `action` called when the time comes."""
         return self._timers.at(time, action)
 

@@ -1,6 +1,7 @@
 """Timers of a node: functions to be called at a time.
 
-Rule of this file: no clock; the time is what the caller says it is. Equal times keep their order.
+Rule of this file: timers of the same time are called in the order they were set, or a simulated match would not be the
+same twice. There is no clock; the time is what the caller says it is.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Callable, Iterator
 from math import inf
 from typing import TypeAlias
 
-Action: TypeAlias = Callable[[float], None]
+TimerAction: TypeAlias = Callable[[float], None]
 """What to do when a timer is due; gets the time it was set for."""
 
 
@@ -20,12 +21,12 @@ class Timer:
 
     __slots__ = ("action", "time")
 
-    def __init__(self, time: float, action: Action) -> None:
+    def __init__(self, time: float, action: TimerAction) -> None:
         self.time = time
-        self.action: Action | None = action
+        self.action: TimerAction | None = action
 
     def cancel(self) -> None:
-        """Forget the function."""
+        """Forget the function; the heap drops the timer when it comes to the top, which is cheaper than a search."""
         self.action = None
 
 
@@ -37,7 +38,7 @@ class Timers:
         self._heap: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
 
-    def at(self, time: float, action: Action) -> Timer:
+    def at(self, time: float, action: TimerAction) -> Timer:
         """Have `action` called when the time comes."""
         timer = Timer(time, action)
         heapq.heappush(self._heap, (time, next(self._order), timer))
@@ -51,8 +52,11 @@ class Timers:
             heapq.heappop(self._heap)
         return self._heap[0][0] if self._heap else inf
 
-    def due(self, now: float) -> Iterator[tuple[Action, float]]:
-        """Yield what is due, also what becomes due meanwhile, each with its time."""
+    def due(self, now: float) -> Iterator[tuple[TimerAction, float]]:
+        """Yield what is due, each with the time it was set for, also what becomes due meanwhile.
+
+        A late node is told the times as planned: what repeats itself by adding a period to them does not drift.
+        """
         while self.next <= now:
             time, _, timer = heapq.heappop(self._heap)
             if timer.action is not None:

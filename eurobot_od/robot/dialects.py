@@ -17,12 +17,12 @@ from eurobot_od.od.outline import Outline
 DEFAULT = "canopen"
 """Bits in CiA 301 order."""
 
-VARIABLE = "EUROBOT_OD_DIALECT"
+DIALECT_VARIABLE = "EUROBOT_OD_DIALECT"
 """Environment variable that names the dialect where a command line does not."""
 
 
 def eds_folder() -> Path:
-    """Return the folder of the dialects: inside an installed package, or beside the package in a checkout."""
+    """Return the folder of the dialects: inside an installed package, or next to the package in a checkout."""
     package = Path(__file__).parents[1]
     inside = package / "eds"
     return inside if inside.is_dir() else package.parent / "eds"
@@ -38,7 +38,7 @@ def folder(dialect: str | Path | None = None) -> Path:
 
     Raises UnknownName.
     """
-    wanted = dialect or os.environ.get(VARIABLE) or DEFAULT
+    wanted = dialect or os.environ.get(DIALECT_VARIABLE) or DEFAULT
     path = eds_folder() / wanted if str(wanted) in names() else Path(wanted)
     if not any(path.glob("*.eds")):
         raise UnknownName("dialect", str(wanted), names())

@@ -1,6 +1,7 @@
 """The core node on a live bus, for scripts and the REPL: every call waits for its result.
 
-Rule of this file: no behaviour of its own; each method is the core's method of the same name, waited for.
+Rule of this file: each method is the core's method of the same name, waited for, and nothing besides, so that whoever
+knows the one knows the other.
 """
 
 from __future__ import annotations
@@ -9,15 +10,14 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from functools import wraps
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec
 
 from eurobot_od import live as runtime
-from eurobot_od.device.flow import Call
+from eurobot_od.device.flow import Call, Result
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes.core import Core
 
 Arguments = ParamSpec("Arguments")
-Result = TypeVar("Result")
 
 
 def _waited_for(

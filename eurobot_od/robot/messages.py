@@ -198,6 +198,7 @@ class CheckDriveResponse(NamedTuple):
     """GIP Node Check Response of the drive (document 2.3)."""
 
 
+StopMessage: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 PositionResponse: TypeAlias = (
     NaviPositionResponse
     | KalmanPositionResponse

@@ -1,4 +1,4 @@
-"""The values that messages carry: colours, obstacles, sources, barriers, faults.
+"""The values that messages carry: colours, obstacles, sources, barriers, faults; and how a goto ends.
 
 All are immutable, with the numbers of the document's tables and the names that people use.
 """
@@ -6,7 +6,7 @@ All are immutable, with the numbers of the document's tables and the names that 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from enum import IntEnum
+from enum import Enum, IntEnum
 
 from eurobot_od.errors import UnknownName
 
@@ -55,6 +55,20 @@ class GotoFault(IntEnum):
     NOT_POSSIBLE = 0xFFFFFF
 
 
+class Outcome(Enum):
+    """How a goto ended."""
+
+    ARRIVED = "arrived"
+    NOT_POSSIBLE = "not possible"
+    BLOCKED = "blocked"
+    STOPPED = "stopped"
+    REPLACED = "replaced"
+
+
+FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
+"""How a goto ended whose state has a fault in the place of the remaining time."""
+
+
 class RobotError(IntEnum):
     """Emergency error codes of the robot's own nodes (CiA 301, Table 26: 0xFF00 and up are the device's)."""
 
@@ -85,11 +99,8 @@ def barrier_number(name: str) -> int:
     return BARRIER_NAMES.index(plain) + 1
 
 
-_PASSAGE_TEXTS = tuple(
-    ("", *(f"{name}:{passage.name.lower()}" for passage in (Passage.NORMAL, Passage.FORCED, Passage.FORCED)))
-    for name in BARRIER_NAMES
-)
-"""How people write each barrier's two flags; a free one is not mentioned."""
+PASSAGE_OF_FLAGS = (Passage.FREE, Passage.NORMAL, Passage.FORCED, Passage.FORCED)
+"""What a barrier's two flags mean; `10` and `11` are both forced (document Table 1)."""
 
 
 class Barriers(int):
@@ -104,8 +115,8 @@ class Barriers(int):
         return cls(sum(passage << 2 * (number - 1) for number, passage in passages.items()))
 
     def passage(self, number: int) -> Passage:
-        """Return how barrier `number` (1..8) is to be treated; `10` and `11` are both forced."""
-        return Passage(min(self >> 2 * (number - 1) & 3, Passage.FORCED))
+        """Return how barrier `number` (1..8) is to be treated."""
+        return PASSAGE_OF_FLAGS[self >> 2 * (number - 1) & 3]
 
     def set_barriers(self) -> Iterator[tuple[int, Passage]]:
         """Yield number and passage of every barrier that is not free."""
@@ -114,8 +125,8 @@ class Barriers(int):
                 yield number, passage
 
     def __str__(self) -> str:
-        texts = [texts[self >> 2 * place & 3] for place, texts in enumerate(_PASSAGE_TEXTS)]
-        return ", ".join(filter(None, texts)) or "none"
+        texts = (f"{BARRIER_NAMES[number - 1]}:{passage.name.lower()}" for number, passage in self.set_barriers())
+        return ", ".join(texts) or "none"
 
     def __repr__(self) -> str:
         return f"Barriers(0x{int(self):04X})"

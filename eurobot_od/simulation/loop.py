@@ -11,12 +11,11 @@ import selectors
 from collections.abc import Callable, Coroutine
 from contextvars import Context
 from math import inf
-from typing import Any, TypeVar
+from typing import Any
 
+from eurobot_od.device.flow import Result
 from eurobot_od.errors import EurobotError
 from eurobot_od.simulation.network import Network
-
-Result = TypeVar("Result")
 
 
 class NothingHappens(EurobotError):

@@ -78,7 +78,7 @@ def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str]
 def test_the_dialect_may_come_from_the_environment(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(dialects.VARIABLE, "firmware2014")
+    monkeypatch.setenv(dialects.DIALECT_VARIABLE, "firmware2014")
     assert "direction" in run(capsys, "show").out
     assert "direction" not in run(capsys, "show", "--dialect", "canopen").out
 

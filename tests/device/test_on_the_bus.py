@@ -8,9 +8,8 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import StopDrive
-from eurobot_od.robot.nodes.core import Outcome
 from eurobot_od.robot.nodes.motion import Command, IdealChassis, Odometry
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.values import Outcome, TeamColour
 from tests.robot.nodes.harness import Bench, Peer
 
 SILENT = bytes.fromhex("3081")

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point, Pose, normalise, turn
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import IdealChassis, Limits, Motion
+from eurobot_od.robot.nodes.motion import IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Passage
 
 CLEARANCES = Clearances(fire=200.0, pool=240.0, edge=100.0)
-LIMITS = Limits(800.0, 1200.0, 2400.0, 240.0, 720.0, 5.0, 1.0)
+LIMITS = MotionLimits(800.0, 1200.0, 2400.0, 240.0, 720.0, 5.0, 1.0)
 DT = 0.01
 SLOWEST = 30_000
 """Steps after which a motion has failed to arrive."""

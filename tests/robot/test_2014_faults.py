@@ -33,8 +33,7 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
-from eurobot_od.robot.nodes.core import Outcome
-from eurobot_od.robot.values import Obstacle, Source
+from eurobot_od.robot.values import Obstacle, Outcome, Source
 from tests.robot.nodes.harness import PROTOCOL, RED, Bench
 
 GOTO = GotoXY(1500, 1000, 90, 100)

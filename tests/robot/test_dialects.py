@@ -54,15 +54,15 @@ def test_names_are_those_of_the_folders() -> None:
 
 
 def test_default_is_the_one_of_the_standard(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(dialects.VARIABLE, raising=False)
+    monkeypatch.delenv(dialects.DIALECT_VARIABLE, raising=False)
     assert dialects.folder() == EDS / "canopen"
 
 
 @pytest.mark.parametrize("name", dialects.names())
 def test_dialect_is_named_by_caller_or_environment(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(dialects.VARIABLE, name)
+    monkeypatch.setenv(dialects.DIALECT_VARIABLE, name)
     assert dialects.folder() == EDS / name
-    monkeypatch.setenv(dialects.VARIABLE, "nothing")
+    monkeypatch.setenv(dialects.DIALECT_VARIABLE, "nothing")
     assert dialects.folder(name) == EDS / name
     assert dialects.folder(EDS / name) == EDS / name
     assert dialects.folder(str(EDS / name)) == EDS / name
@@ -78,7 +78,7 @@ def test_unknown_dialect_is_told_with_the_known_ones(
 
 
 def test_unknown_dialect_in_the_environment_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(dialects.VARIABLE, "nothing")
+    monkeypatch.setenv(dialects.DIALECT_VARIABLE, "nothing")
     with pytest.raises(UnknownName, match="unknown dialect 'nothing'"):
         dialects.load("drive")
 

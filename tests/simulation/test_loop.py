@@ -10,7 +10,8 @@ import pytest
 
 from eurobot_od.errors import NoAnswer
 from eurobot_od.robot.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest
-from eurobot_od.robot.nodes.core import Core, Outcome
+from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.values import Outcome
 from eurobot_od.simulation.loop import NothingHappens, run
 from eurobot_od.simulation.network import Network
 from tests.robot.nodes.harness import RED, Bench

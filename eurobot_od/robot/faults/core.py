@@ -46,8 +46,7 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.nodes.core import Outcome
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome
 
 
 class NodesNotAwaited(Core):

@@ -1,4 +1,4 @@
-"""What a match is played with; rule: values only."""
+"""What a match is played with."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ENEMY_DIAMETER = 30
 
 
 @dataclass(frozen=True)
-class Options:
+class MatchOptions:
     """A match: our colour, who else is there, the seed of all chance, and times in seconds.
 
     `emergency_at` is the match time at which the mushroom is hit, None for never. `duration` None takes the core's

@@ -2,6 +2,10 @@
 
 Rule of this file: matches are given in the order of their seeds, and are the same on any number of processes; each
 process reads the EDS files once.
+
+Each process gets one seed at a time, as matches differ in length, over a pipe of its own. The pools of the standard
+library would do, but for one thing: their processes wait for work for ever when the parent was killed. Ours wait for
+the parent's end as well (see `_work`).
 """
 
 from __future__ import annotations
@@ -15,9 +19,9 @@ from multiprocessing import Pipe, Process, parent_process
 from multiprocessing.connection import Connection, wait
 from typing import cast
 
-from eurobot_od.robot.match.options import Options
-from eurobot_od.robot.match.played import Played, play
-from eurobot_od.robot.match.stage import Performance, read
+from eurobot_od.robot.match.options import MatchOptions
+from eurobot_od.robot.match.played import PlayedMatch, play
+from eurobot_od.robot.match.stage import EdsFiles, Performance
 
 
 def cores() -> int:
@@ -25,21 +29,21 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def play_many(options: Options, seeds: range, jobs: int) -> Generator[Played, None, None]:
+def play_many(options: MatchOptions, seeds: range, jobs: int) -> Generator[PlayedMatch, None, None]:
     """Play a match for each seed on `jobs` processes, 1: in this one. Closing the iterator ends the processes.
 
     Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
     """
-    script = read(options.dialect)
-    Performance(options, lambda: 0.0, lambda _event: None, lambda _time, _frame: None, script)  # complains here, once
+    files = EdsFiles.read(options.dialect)
+    Performance(options, lambda: 0.0, lambda _event: None, lambda _time, _frame: None, files)  # complains here, once
     if jobs == 1 or len(seeds) == 1:
-        return (play(replace(options, seed=seed), script) for seed in seeds)
+        return (play(replace(options, seed=seed), files) for seed in seeds)
     return _in_order(_spread(options, seeds, min(jobs, len(seeds))), seeds.start)
 
 
-def _in_order(matches: Generator[Played, None, None], seed: int) -> Generator[Played, None, None]:
+def _in_order(matches: Generator[PlayedMatch, None, None], seed: int) -> Generator[PlayedMatch, None, None]:
     """Hold back what comes before its turn; `seed` is the first one."""
-    early: dict[int, Played] = {}
+    early: dict[int, PlayedMatch] = {}
     with closing(matches):
         for match in matches:
             early[match.seed] = match
@@ -51,7 +55,7 @@ def _in_order(matches: Generator[Played, None, None], seed: int) -> Generator[Pl
 # Processes
 
 
-def _spread(options: Options, seeds: range, jobs: int) -> Generator[Played, None, None]:
+def _spread(options: MatchOptions, seeds: range, jobs: int) -> Generator[PlayedMatch, None, None]:
     """Play on several processes; a match comes as soon as it is over."""
     with ExitStack() as stack:
         workers = [stack.enter_context(_worker(options)) for _ in range(jobs)]
@@ -61,14 +65,14 @@ def _spread(options: Options, seeds: range, jobs: int) -> Generator[Played, None
             raise ChildProcessError("a process that played matches has died") from None
 
 
-def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[Played]:
-    """Give each worker a seed, and another one whenever it is through; no more workers than seeds."""
+def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[PlayedMatch]:
+    """Give each worker a seed, and another one whenever it has played one; no more workers than seeds."""
     for worker, seed in zip(workers, seeds):
         worker.send(seed)
     busy = list(workers)
     while busy:
         for worker in cast(list[Connection], wait(busy)):
-            match: Played = worker.recv()
+            match: PlayedMatch = worker.recv()
             if (following := next(seeds, None)) is None:
                 busy.remove(worker)
             else:
@@ -77,8 +81,8 @@ def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[Playe
 
 
 @contextmanager
-def _worker(options: Options) -> Iterator[Connection]:
-    """Start a process, and give the line to it: seeds go in, matches come out."""
+def _worker(options: MatchOptions) -> Iterator[Connection]:
+    """Start a process, and give our end of the line to it: seeds go in, matches come out."""
     ours, theirs = Pipe()
     process = Process(target=_work, args=(theirs, options), daemon=True)
     process.start()
@@ -91,9 +95,9 @@ def _worker(options: Options) -> Iterator[Connection]:
         ours.close()
 
 
-def _work(line: Connection, options: Options) -> None:
-    """Play the matches whose seeds come along the line, as long as the parent lives."""
+def _work(line: Connection, options: MatchOptions) -> None:
+    """Play the seeds that come over the line, as long as the parent lives."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
-    script, parent = read(options.dialect), parent_process()
+    files, parent = EdsFiles.read(options.dialect), parent_process()
     while parent and line in wait([line, parent.sentinel]):
-        line.send(play(replace(options, seed=line.recv()), script))
+        line.send(play(replace(options, seed=line.recv()), files))

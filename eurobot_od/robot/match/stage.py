@@ -1,6 +1,6 @@
 """Sets up a match: the nodes from their EDS files, the world, the bus; simulated or live.
 
-Rule of this file: the only difference between the two is who keeps the time and carries the frames.
+Rule of this file: simulated and live differ in what keeps the time and carries the frames, and in nothing else.
 """
 
 from __future__ import annotations
@@ -9,17 +9,18 @@ import asyncio
 import time
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from eurobot_od.device.flow import Result
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match.options import Options
-from eurobot_od.robot.match.play import Player
-from eurobot_od.robot.match.summary import Summary, Traffic
-from eurobot_od.robot.match.timeline import Event, EventKind, Timeline
+from eurobot_od.robot.match.options import MatchOptions
+from eurobot_od.robot.match.player import Player
+from eurobot_od.robot.match.summary import FrameCounter, Summary
+from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.world import World
@@ -30,35 +31,33 @@ if TYPE_CHECKING:
     import can
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
-"""When each node is through with its start after power-on, s: no two at once."""
+"""When each node has booted after power-on, s: no two at once."""
 
 POWER_UP = 0.1
 """When the core begins with the startup (document 5.1), s."""
 
-DEFAULTS = Options()
-
-Result = TypeVar("Result")
+DEFAULTS = MatchOptions()
 
 Watcher = Callable[[float, Frame], None]
 """Called with the time in seconds and each frame on the bus."""
 
-Show = Callable[[Event], None]
+ShowEvent = Callable[[MatchEvent], None]
 """Called with each event of the timeline as it comes."""
 
 
-class Script(NamedTuple):
-    """What the EDS files of a dialect say, for any number of matches: each node's dictionary and all messages."""
+class EdsFiles(NamedTuple):
+    """The EDS files of a dialect, read once for any number of matches: each node's dictionary and all messages."""
 
     dialect: str
     dictionaries: dict[str, Dictionary]
     protocol: Protocol
 
-
-def read(dialect: str | None) -> Script:
-    """Read the EDS files of a dialect; raises UnknownName, DictionaryError."""
-    dictionaries = {each.name: each for each in dialects.load_all(dialect)}
-    protocol = Protocol(((each, each.pdos) for each in dictionaries.values()), CATALOGUE)
-    return Script(dialects.folder(dialect).name, dictionaries, protocol)
+    @classmethod
+    def read(cls, dialect: str | None) -> EdsFiles:
+        """Read the EDS files of a dialect; raises UnknownName, DictionaryError."""
+        dictionaries = {each.name: each for each in dialects.load_all(dialect)}
+        protocol = Protocol(((each, each.pdos) for each in dictionaries.values()), CATALOGUE)
+        return cls(dialects.folder(dialect).name, dictionaries, protocol)
 
 
 class Cast(NamedTuple):
@@ -68,7 +67,7 @@ class Cast(NamedTuple):
     drive: Drive
     navigation: Navigation
     world: World
-    script: Script
+    files: EdsFiles
 
     @property
     def nodes(self) -> tuple[Node, ...]:
@@ -76,17 +75,17 @@ class Cast(NamedTuple):
         return self.core, self.drive, self.navigation
 
 
-def assemble(options: Options, clock: Callable[[], float], script: Script | None = None) -> Cast:
+def assemble(options: MatchOptions, clock: Callable[[], float], files: EdsFiles | None = None) -> Cast:
     """Make the nodes, and the world that gives the drive its wheels and the navigation its eyes.
 
-    Without a script the EDS files are read. Raises UnknownName, DictionaryError.
+    Without `files` the EDS files are read. Raises UnknownName, DictionaryError.
     """
-    script = script or read(options.dialect)
-    core, drive = Core(script.dictionaries["core"]), Drive(script.dictionaries["drive"])
-    navigation = Navigation(script.dictionaries["navigation"])
+    files = files or EdsFiles.read(options.dialect)
+    core, drive = Core(files.dictionaries["core"]), Drive(files.dictionaries["drive"])
+    navigation = Navigation(files.dictionaries["navigation"])
     world = World(options.seed, options.team, options.enemies, options.confederates, navigation.deviations, clock)
     drive.chassis, navigation.beacons = world, world
-    return Cast(core, drive, navigation, world, script)
+    return Cast(core, drive, navigation, world, files)
 
 
 class Performance:
@@ -96,39 +95,43 @@ class Performance:
     """
 
     def __init__(
-        self, options: Options, clock: Callable[[], float], show: Show, watch: Watcher, script: Script | None = None
+        self,
+        options: MatchOptions,
+        clock: Callable[[], float],
+        show: ShowEvent,
+        watch: Watcher,
+        files: EdsFiles | None = None,
     ) -> None:
-        self.cast = assemble(options, clock, script)
-        self._traffic, self._timeline = Traffic(self.cast.script.protocol), Timeline(clock, show)
+        self.cast = assemble(options, clock, files)
+        self._counter, self._timeline = FrameCounter(self.cast.files.protocol), Timeline(clock, show)
         self._player = Player(self.cast.core, self.cast.world, options, self._timeline, clock)
         self._watch = watch
 
     def seen(self, now: float, frame: Frame) -> None:
         """Take in a frame that was on the bus."""
-        self._traffic.count(frame)
+        self._counter.count(frame)
         self._watch(now, frame)
 
     async def play(self, bitrate: int, how: str) -> None:
         """Play from power-on to the end; raises NoAnswer."""
         who = ", ".join(node.name for node in self.cast.nodes)
-        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self.cast.script.dialect}"
+        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self.cast.files.dialect}"
         self._timeline.tell(EventKind.START, f"{who} at {where}")
         await asyncio.sleep(POWER_UP)
         await self._player.play()
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> tuple[Summary, World]:
         """Return what the match came to, `seconds` after power-on, and its world."""
-        summary = self._traffic.summary(seconds, bitrate, self._player.errors, [str(each) for each in reports])
+        summary = self._counter.summary(seconds, bitrate, self._player.errors, [str(each) for each in reports])
         return summary, self.cast.world
 
 
 def _switch_on(cast: Cast, network: Network) -> None:
-    """Put the nodes on a simulated bus."""
     for node in cast.nodes:
         network.attach(node, BOOT_TIMES[node.name])
 
 
-def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: Options = DEFAULTS) -> Result:
+def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: MatchOptions = DEFAULTS) -> Result:
     """Run a team's strategy in simulated time against simulated nodes, and return its result.
 
     The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
@@ -140,10 +143,12 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: O
     return loop.run(network, strategy(cast.core))
 
 
-def play_simulated(options: Options, show: Show, watch: Watcher, script: Script | None = None) -> tuple[Summary, World]:
+def play_simulated(
+    options: MatchOptions, show: ShowEvent, watch: Watcher, files: EdsFiles | None = None
+) -> tuple[Summary, World]:
     """Play a match in simulated time; raises NoAnswer, UnknownName, DictionaryError, LocalError."""
     network = Network()
-    match = Performance(options, lambda: network.now, show, watch, script)
+    match = Performance(options, lambda: network.now, show, watch, files)
     _switch_on(match.cast, network)
     network.observers.append(match.seen)
     loop.run(network, match.play(network.bitrate, "simulated"))
@@ -151,7 +156,7 @@ def play_simulated(options: Options, show: Show, watch: Watcher, script: Script 
 
 
 def play_live(
-    options: Options, show: Show, watch: Watcher, open_bus: Callable[[], can.BusABC]
+    options: MatchOptions, show: ShowEvent, watch: Watcher, open_bus: Callable[[], can.BusABC]
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
 
@@ -160,7 +165,10 @@ def play_live(
     from eurobot_od import live as runtime
 
     begin = time.monotonic()
-    clock: Callable[[], float] = lambda: time.monotonic() - begin  # noqa: E731
+
+    def clock() -> float:
+        return time.monotonic() - begin
+
     match, reports = Performance(options, clock, show, watch), list[Report]()
     with ExitStack() as stack:
         stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))

@@ -1,6 +1,6 @@
 """What many matches came to: how their gotos ended, the spread of their figures, and the seeds that need a look.
 
-Rule of this file: counts and order statistics of what was played, nothing smoothed; every extreme names its seed.
+Counts and order statistics only, nothing smoothed: every extreme names its seed, which can be played again.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from operator import itemgetter
 from statistics import median
 from typing import NamedTuple
 
-from eurobot_od.robot.match.played import ARRIVED, FAULTS, Played
+from eurobot_od.robot.match.played import ARRIVED, UNMEANT, PlayedMatch
 from eurobot_od.robot.match.summary import Summary
 
 ALL_ARRIVED = "all arrived but the last"
 
 
-class Ending(NamedTuple):
+class EndingCount(NamedTuple):
     """A way for gotos to end: in how many matches, and how many gotos."""
 
     name: str
@@ -31,19 +31,19 @@ class Figure(NamedTuple):
 
     name: str
     decimals: int
-    of: Callable[[Played], Iterable[float | None]]
+    of: Callable[[PlayedMatch], Iterable[float | None]]
 
 
-def _once(figure: Callable[[Played, Summary], float]) -> Callable[[Played], Iterable[float]]:
+def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMatch], Iterable[float]]:
     """Make a figure that a match has once, if it was played to its end."""
     return lambda match: [figure(match, match.summary)] if match.summary else []
 
 
 FIGURES = (
     Figure("places reached", 0, _once(lambda match, _: len(match.arrivals))),
-    Figure("distance to place, mm", 1, lambda match: [drive.distance for drive in match.arrivals]),
-    Figure("position error, mm", 1, lambda match: [drive.error for drive in match.arrivals]),
-    Figure("time to place, s", 2, lambda match: [drive.seconds for drive in match.arrivals]),
+    Figure("distance to place, mm", 1, lambda match: [goto.distance for goto in match.arrivals]),
+    Figure("position error, mm", 1, lambda match: [goto.error for goto in match.arrivals]),
+    Figure("time to place, s", 2, lambda match: [goto.seconds for goto in match.arrivals]),
     Figure("messages seen", 0, _once(lambda _, summary: summary.messages_sent)),
     Figure("bus load, %", 2, _once(lambda _, summary: summary.load * 100)),
     Figure("end, s", 1, _once(lambda _, summary: summary.seconds)),
@@ -60,17 +60,17 @@ class Spread(NamedTuple):
     most_seed: int
 
 
-def endings(matches: Sequence[Played]) -> list[Ending]:
+def endings(matches: Sequence[PlayedMatch]) -> list[EndingCount]:
     """Count how gotos ended: in which matches all but the last arrived, then every way to end."""
-    ends = [[drive.end for drive in match.drives] for match in matches]
+    ends = [[goto.end for goto in match.gotos] for match in matches]
     fine = [each for each, match in zip(ends, matches) if not match.wrong and set(each[:-1]) <= {ARRIVED}]
     gotos, in_matches = Counter(chain(*ends)), Counter(chain(*map(set, ends)))
-    names = [ARRIVED, *FAULTS, *sorted(gotos.keys() - {ARRIVED, *FAULTS})]
-    rest = [Ending(name, in_matches[name], gotos[name]) for name in names]
-    return [Ending(ALL_ARRIVED, len(fine), sum(map(len, fine))), *rest]
+    names = [ARRIVED, *UNMEANT, *sorted(gotos.keys() - {ARRIVED, *UNMEANT})]
+    rest = [EndingCount(name, in_matches[name], gotos[name]) for name in names]
+    return [EndingCount(ALL_ARRIVED, len(fine), sum(map(len, fine))), *rest]
 
 
-def spread(figure: Figure, matches: Sequence[Played]) -> Spread | None:
+def spread(figure: Figure, matches: Sequence[PlayedMatch]) -> Spread | None:
     """Return the spread of a figure, None if no match has it."""
     values = [(value, match.seed) for match in matches for value in figure.of(match) if value is not None]
     if not values:
@@ -82,7 +82,7 @@ def spread(figure: Figure, matches: Sequence[Played]) -> Spread | None:
 # In words
 
 
-def report(matches: Sequence[Played]) -> Iterator[str]:
+def report(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     """Say in lines what the matches came to; there is at least one."""
     yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
     for ending in endings(matches):
@@ -102,7 +102,7 @@ def _line(figure: Figure, spread: Spread | None) -> str:
     return f"{figure.name:<22} {least} {spread.least_seed:>6} {middle} {most} {spread.most_seed:>6}"
 
 
-def _findings(matches: Sequence[Played]) -> Iterator[str]:
+def _findings(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     bad = [match for match in matches if match.wrong]
     yield from (f"seed {match.seed}: {text}" for match in bad for text in match.wrong)
     played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"

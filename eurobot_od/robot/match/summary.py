@@ -1,7 +1,4 @@
-"""What a match's bus traffic came to: frames per message and bus load.
-
-Rule of this file: counts of what was on the bus, seen from outside; nothing is asked from a node.
-"""
+"""What a match's bus traffic came to: frames per message and bus load, counted on the bus and not by the nodes."""
 
 from __future__ import annotations
 
@@ -9,14 +6,12 @@ from collections import Counter
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.logs.services import services
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.simulation.bits import frame_bits
-
-BOOT_UP = 0
-"""Content of a heartbeat that is the boot-up message (CiA 301, 7.2.8.3.3)."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +39,20 @@ class Summary:
         """Return everything as plain data."""
         return asdict(self) | {"messages_sent": self.messages_sent}
 
+    def __str__(self) -> str:
+        counts = self.frames | self.others
+        lines = [f"{'message':<32} {'frames':>7}"]
+        lines += [f"{name:<32} {count:>7}" for name, count in (counts | {"total": sum(counts.values())}).items()]
+        sent, known = self.messages_sent, len(self.frames)
+        lines += ["", f"{sent} of {known} messages in {self.seconds:.1f} s, bus load {self.load:.2%}"]
+        if self.errors:
+            reached, mean = len(self.errors), sum(self.errors) / len(self.errors)
+            places = f"{reached} place{'s' * (reached != 1)} reached"
+            lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
+        return "\n".join(lines + [f"gatekeeper: {report}" for report in self.reports])
 
-class Traffic:
+
+class FrameCounter:
     """Counts the frames on a bus."""
 
     def __init__(self, protocol: Protocol) -> None:
@@ -64,11 +71,13 @@ class Traffic:
             self._others[self._service(frame)] += 1
 
     def _service(self, frame: Frame) -> str:
-        """Name a frame that is none of the protocol's messages."""
+        """Name a frame that is not one of the protocol's messages."""
         service = self._services.get(frame.cob_id)
         if service is None:
             return "Other"
-        return "Boot-up" if service.name == "Heartbeat" and frame.data == bytes([BOOT_UP]) else service.name
+        return (
+            "Boot-up" if service.name == "Heartbeat" and frame.data == bytes([NmtState.INITIALISING]) else service.name
+        )
 
     def summary(self, seconds: float, bitrate: int, errors: list[float], reports: list[str]) -> Summary:
         """Return what was counted in `seconds`."""

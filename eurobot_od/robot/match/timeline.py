@@ -1,7 +1,4 @@
-"""The timeline of a match: what happened when, in words and as data.
-
-Rule of this file: an event is told once, when it happened, by whoever made it happen.
-"""
+"""The timeline of a match: what happened when, in words and as data."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ class EventKind(Enum):
 
 
 @dataclass(frozen=True)
-class Event:
+class MatchEvent:
     """One line of the timeline: `time` in seconds since power-on, in words (`text`) and as `data`."""
 
     time: float
@@ -36,19 +33,20 @@ class Event:
     text: str
     data: dict[str, Any] = field(default_factory=dict)
 
+    def as_data(self) -> dict[str, Any]:
+        """Return everything as plain data."""
+        return {"time": round(self.time, 6), "kind": self.kind.value, "text": self.text} | self.data
+
     def __str__(self) -> str:
         return f"{self.time:9.3f} s  {self.kind.value:<10} {self.text}"
 
 
 class Timeline:
-    """The events so far; `show` is called with each as it comes."""
+    """Where events are told; `show` is called with each as it comes."""
 
-    def __init__(self, clock: Callable[[], float], show: Callable[[Event], None]) -> None:
-        self.events: list[Event] = []
+    def __init__(self, clock: Callable[[], float], show: Callable[[MatchEvent], None]) -> None:
         self._clock, self._show = clock, show
 
     def tell(self, kind: EventKind, text: str, **data: Any) -> None:
         """Add an event that happens now."""
-        event = Event(self._clock(), kind, text, data)
-        self.events.append(event)
-        self._show(event)
+        self._show(MatchEvent(self._clock(), kind, text, data))

@@ -1,4 +1,7 @@
-"""The robot's three nodes; rule of this package: no clock, no bus, no thread (see `node`)."""
+"""The robot's three nodes.
+
+Rule of this package: no clock, no bus, no thread (see `device.node`).
+"""
 
 from __future__ import annotations
 

@@ -1,36 +1,43 @@
 """The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
 
-Rule of this file: what takes time is a flow that asks and waits; a stop goes out at once, whatever is going on.
+Theory of operation. What takes time is a flow (see `device.flow`): `check_nodes`, `configure_start`, `goto` and
+`position` each begin one and return its call at once, before anything is sent. The flow takes its first step with the
+next `tick`, and every further one when its answer, or the end of its wait, comes. So any number of them run at the
+same time without a thread of their own: a strategy asks for the position while its goto is under way. There is one
+goto and one start configuration at a time, though; a newer one ends the older by an error thrown into its flow.
+
+Stops are not flows. The call puts the stop among the frames to send, and only then ends the goto. Its lower identifier
+lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and the goto after it, and
+confirms the goto. That is why a confirm after a stop is answered with the stop again, and the confirm of a start
+configuration after a shutdown with the shutdown.
+
+Calls come from any thread. Under the node's guard nothing is received and no other call begins; so what a call tests
+and what it starts because of that stand under the guard together. Otherwise an Emergency Shutdown of another thread
+could come between the two, and the goto would drive after it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from enum import Enum
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, get_args
 
-from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Script
-from eurobot_od.device.node import Node
+from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script
 from eurobot_od.device.store import Store
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
-    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
     CheckNaviResponse,
     ConfederatePositionRequest,
-    ConfederatePositionResponse,
     EmergencyShutdown,
     EmergencyStop,
     Enemy1PositionRequest,
-    Enemy1PositionResponse,
     Enemy2PositionRequest,
-    Enemy2PositionResponse,
     GotoConfirm,
     GotoStateRequest,
     GotoStateResponse,
@@ -38,25 +45,27 @@ from eurobot_od.robot.messages import (
     KalmanPositionRequest,
     KalmanPositionResponse,
     NaviPositionRequest,
-    NaviPositionResponse,
     PositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,
     StopDrive,
+    StopMessage,
 )
-from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, description, revision_in
-from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Route, TeamColour
+from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
+from eurobot_od.robot.nodes.node import Handlers, RobotNode
+from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, TeamColour
 
-Result = TypeVar("Result")
-
-CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
+NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
     ("drive", CheckDriveRequest(), CheckDriveResponse),
     ("navigation", CheckNaviRequest(), CheckNaviResponse),
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
+STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
+"""The settings by which the drive is asked for its state and its position: how long to wait, how often to ask."""
 
-class Poll(NamedTuple):
+
+class PolledPosition(NamedTuple):
     """A position that is asked for periodically: the request, the setting with its offset, and when it is needed."""
 
     request: Message
@@ -64,26 +73,15 @@ class Poll(NamedTuple):
     needed: Callable[[StartConfigurationSet], bool]
 
 
-POLLS = (
-    Poll(NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
-    Poll(KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
-    Poll(ConfederatePositionRequest(), "Position polling.Confederate offset", lambda start: start.confederates >= 1),
-    Poll(Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1),
-    Poll(Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2),
+POLLED_POSITIONS = (
+    PolledPosition(NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
+    PolledPosition(KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
+    PolledPosition(
+        ConfederatePositionRequest(), "Position polling.Confederate offset", lambda start: start.confederates >= 1
+    ),
+    PolledPosition(Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1),
+    PolledPosition(Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2),
 )
-
-
-class Outcome(Enum):
-    """How a goto ended."""
-
-    ARRIVED = "arrived"
-    NOT_POSSIBLE = "not possible"
-    BLOCKED = "blocked"
-    STOPPED = "stopped"
-    REPLACED = "replaced"
-
-
-FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
 
 
 class GotoReport(NamedTuple):
@@ -103,20 +101,18 @@ class Sighting(NamedTuple):
 
 
 class _Ended(Exception):
-    """Thrown into a goto's flow to end it."""
+    """Thrown into a goto's flow to end it; the flow makes its report of it."""
 
     def __init__(self, outcome: Outcome) -> None:
         self.outcome = outcome
 
 
-class Core(Node):
+class Core(RobotNode):
     """The core node (document 2.1 to 2.3, 4.2.2, 5).
 
     `positions` are the last sightings by response type; `configuration` the start configuration, None before the
     first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration.
     """
-
-    CATALOGUE = CATALOGUE
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
@@ -129,7 +125,7 @@ class Core(Node):
         self.shut_down = False
         self._driving: Flow[GotoReport] | None = None
         self._configuring: Flow[float] | None = None
-        self._stopped: Message | None = None
+        self._stopped: StopMessage | None = None
         self._polling = 0
 
     def reset(self) -> None:
@@ -164,8 +160,8 @@ class Core(Node):
         start configuration or an Emergency Shutdown comes before the confirm.
         """
         configuration = StartConfigurationSet(team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter)
-        self.device.transmit(configuration)
         with self.guard:
+            self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
             self._end_configuring("replaced by a newer start configuration")
             self._configuring = self._begin(self._configure(configuration))
             return self._configuring.call
@@ -186,10 +182,10 @@ class Core(Node):
         Emergency Shutdown, NoAnswer if the drive does not confirm or does not say its state.
         """
         goto = GotoXY(x, y, angle, speed, barriers, direction, route)
-        self.device.transmit(goto)
-        if self.shut_down:
-            raise StateError("no goto after an emergency shutdown: configure the start first")
         with self.guard:
+            self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
+            if self.shut_down:
+                raise StateError("no goto after an emergency shutdown: configure the start first")
             self._end_driving(Outcome.REPLACED)
             self._driving, self._stopped = self._begin(self._goto(goto)), None
             return self._driving.call
@@ -208,8 +204,8 @@ class Core(Node):
 
     def emergency_shutdown(self) -> None:
         """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
-        self._stop(EmergencyShutdown())
-        with self.guard:
+        with self.guard:  # a confirm between the two would end the safe state again
+            self._stop(EmergencyShutdown())
             self._end_configuring("emergency shutdown before the start configuration was confirmed")
 
     def _run(self, script: Script[Result]) -> Call[Result]:
@@ -224,7 +220,7 @@ class Core(Node):
 
     def _put(self, request: Message | Frame) -> None:
         if isinstance(request, Frame):
-            self._out.append(request)
+            self._out.append(request)  # an SDO request: not a message, and the device has no TPDO for it
         else:
             self.offer(request)
 
@@ -235,7 +231,7 @@ class Core(Node):
         if flow is self._configuring:
             self._configuring = None
 
-    def _stop(self, stop: Message) -> None:
+    def _stop(self, stop: StopMessage) -> None:
         with self.guard:
             self.send(stop)
             self._stopped = stop
@@ -252,12 +248,16 @@ class Core(Node):
 
     # Flows
 
+    def _asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
+        """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
+        return Ask(request, answer, self.seconds(wait), self.setting(attempts))
+
     def _check_nodes(self) -> Script[dict[str, float]]:
         took = {}
         yield START
-        for node, request, answer in CHECKS:
+        for node, request, answer in NODE_CHECKS:
             asked = self.now
-            yield Ask(request, answer, self.seconds("Node check.Check wait"), self.setting("Node check.Check attempts"))
+            yield self._asking(request, answer, "Node check.Check wait", "Node check.Check attempts")
             took[node] = self.now - asked
         for node in took:
             yield from self._compare(node)
@@ -274,13 +274,16 @@ class Core(Node):
             return
         theirs, ours = revision_in(answer), self.device.number(REVISION)
         if theirs is not None and theirs != ours:
-            raise DialectMismatch(node, channel.node_id, description(node, theirs), description(self.name, ours))
+            raise DialectMismatch(node, channel.node_id, theirs, ours)
 
     def _configure(self, configuration: StartConfigurationSet) -> Script[float]:
         asked: float = yield START
-        wait = self.seconds("Configuration handshake.Configuration confirm wait")
-        attempts = self.setting("Configuration handshake.Configuration transmissions")
-        yield Ask(configuration, StartConfigurationConfirm, wait, attempts)
+        yield self._asking(
+            configuration,
+            StartConfigurationConfirm,
+            "Configuration handshake.Configuration confirm wait",
+            "Configuration handshake.Configuration transmissions",
+        )
         self.configuration, self.shut_down = configuration, False
         self._start_polling(self.now + self.seconds("Position polling.Start delay"))
         return self.now - asked
@@ -289,8 +292,7 @@ class Core(Node):
         started, confirmed = self.now, None
         try:
             started = yield START
-            transmissions = self.setting("Goto handshake.Transmissions")
-            yield Ask(goto, GotoConfirm, self.seconds("Goto handshake.Confirm wait"), transmissions)
+            yield self._asking(goto, GotoConfirm, "Goto handshake.Confirm wait", "Goto handshake.Transmissions")
             confirmed = self.now - started
             outcome = yield from self._until_ended()
         except _Ended as end:
@@ -300,9 +302,8 @@ class Core(Node):
     def _until_ended(self) -> Script[Outcome]:
         """Poll the drive's state until the goto has ended (document 2.1 State Request)."""
         yield Pause(self.seconds("Goto handshake.First state request"))
-        wait, attempts = self.seconds("Goto handshake.State answer wait"), self.setting("Goto handshake.Transmissions")
         while True:
-            state = yield Ask(GotoStateRequest(), GotoStateResponse, wait, attempts)
+            state = yield self._asking(GotoStateRequest(), GotoStateResponse, *STATE_SETTINGS)
             if state.time == 0:
                 return Outcome.ARRIVED
             if state.time in FAULT_OUTCOME:
@@ -311,21 +312,22 @@ class Core(Node):
 
     def _position(self) -> Script[KalmanPositionResponse]:
         yield START
-        wait, attempts = self.seconds("Goto handshake.State answer wait"), self.setting("Goto handshake.Transmissions")
-        answer: KalmanPositionResponse = yield Ask(KalmanPositionRequest(), KalmanPositionResponse, wait, attempts)
+        answer: KalmanPositionResponse = yield self._asking(
+            KalmanPositionRequest(), KalmanPositionResponse, *STATE_SETTINGS
+        )
         return answer
 
     # Position polling
 
     def _start_polling(self, start: float) -> None:
         """Ask for positions from `start` on; each request keeps to its own times, however late the node runs."""
-        self._polling += 1
+        self._polling += 1  # the requests of an earlier series end by themselves
         series, configuration = self._polling, self.configuration
-        for poll in POLLS:
+        for poll in POLLED_POSITIONS:
             if configuration is not None and poll.needed(configuration):
                 self._poll_at(poll, start + self.seconds(poll.offset), series)
 
-    def _poll_at(self, poll: Poll, time: float, series: int) -> None:
+    def _poll_at(self, poll: PolledPosition, time: float, series: int) -> None:
         def ask(now: float) -> None:
             if series == self._polling:
                 self.offer(poll.request)
@@ -344,7 +346,7 @@ class Core(Node):
         self._heard(frame)
 
     def _heard(self, answer: Message | Frame) -> None:
-        for flow in list(self._flows):
+        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
             flow.heard(answer, self.now)
 
     def _confirmed(self, _: GotoConfirm) -> Message | None:
@@ -363,12 +365,8 @@ class Core(Node):
     def _saw(self, position: PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
-    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
+    HANDLERS: ClassVar[Handlers] = {
         GotoConfirm: _confirmed,
         StartConfigurationConfirm: _configured,
-        NaviPositionResponse: _saw,
-        KalmanPositionResponse: _saw,
-        Enemy1PositionResponse: _saw,
-        Enemy2PositionResponse: _saw,
-        ConfederatePositionResponse: _saw,
+        **dict.fromkeys(get_args(PositionResponse), _saw),
     }

@@ -1,15 +1,15 @@
 """The drive node: one goto at a time, the newest wins; it moves the robot and estimates where it is.
 
-Rule of this file: the wheels move only while there is a motion, and a stop replaces whatever motion there is.
+Rule of this file: the wheels move only while there is a motion, and a stop replaces whatever motion there is. One
+timer, `_control`, steps the motion; it is set while there is something to do, so at rest the node sleeps. A message
+never tells the wheels anything: it exchanges the motion, and the next control step follows the new one.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, TypeAlias
+from typing import ClassVar
 
-from eurobot_od.device.node import Node
 from eurobot_od.device.store import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.od.dictionary import Dictionary
@@ -18,7 +18,6 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.kinds import Remaining
 from eurobot_od.robot.messages import (
-    CATALOGUE,
     CheckDriveRequest,
     CheckDriveResponse,
     EmergencyShutdown,
@@ -33,26 +32,33 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
     StopDrive,
+    StopMessage,
 )
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Limits, Motion, Odometry
+from eurobot_od.robot.nodes.motion import (
+    AT_REST,
+    Braking,
+    Chassis,
+    Command,
+    IdealChassis,
+    Motion,
+    MotionLimits,
+    Odometry,
+)
+from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
-
-Stop: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 
 FOLLOWED = 0.1
 """Share of what they are told that wheels do at least, unless they are blocked."""
 
 
-class Drive(Node):
+class Drive(RobotNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
 
-    `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, whose
-    obstacle is the reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
+    `goto` is the goto it carries out or has carried out, None after a stop; `stopped_by` the last stop, with
+    the obstacle as its reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
-
-    CATALOGUE = CATALOGUE
 
     def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
@@ -64,7 +70,7 @@ class Drive(Node):
         self.estimate = Estimate()
         self.goto: GotoXY | None = None
         self.fault: GotoFault | None = None
-        self.stopped_by: Stop | None = None
+        self.stopped_by: StopMessage | None = None
         self.safe = False
         self._stuck = 0.0
         self._motion: Motion | Braking | None = None
@@ -110,12 +116,13 @@ class Drive(Node):
         start, goal = self.estimate.pose.point, Point(goto.x, goto.y)
         if goto.route is Route.PLANNED:
             return find_route(start, goal, goto.barriers, self._clearances())
+        # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
         forced = {n: passage for n, passage in goto.barriers.set_barriers() if passage is Passage.FORCED}
         direct = find_route(start, goal, Barriers.of(forced), self._clearances())
         return direct if direct == (goal,) else None
 
-    def _limits(self) -> Limits:
-        return Limits(
+    def _limits(self) -> MotionLimits:
+        return MotionLimits(
             maximum_speed=self.setting("Motion.Maximum speed"),
             acceleration=self.setting("Motion.Acceleration"),
             braking=self.setting("Motion.Braking"),
@@ -138,14 +145,17 @@ class Drive(Node):
             return self.fault
         if not isinstance(self._motion, Motion) or self.estimate.pose is None:
             return None
+        if self._motion.arrived:
+            return 0
         seconds = self._motion.remaining(self.estimate.pose)
-        if self._motion.arrived or not math.isfinite(seconds):
-            return 0 if self._motion.arrived else None
+        if not math.isfinite(seconds):
+            return None
+        # Not 0, which says arrived, and below the code for unknown.
         return min(max(round(seconds * 1000), 1), Remaining.UNKNOWN - 1)
 
     # Stops
 
-    def _stop(self, stop: Stop) -> None:
+    def _stop(self, stop: StopMessage) -> None:
         """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1)."""
         self.goto, self.fault, self.stopped_by = None, None, stop
         self._forget_obstruction()
@@ -184,6 +194,7 @@ class Drive(Node):
         self.estimate.moved(rolled)
         if isinstance(motion, Motion):
             self._watch_wheels(command, rolled, dt)
+        # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         self._control = None if done else self.at(now + dt, self._step)
 
@@ -225,7 +236,7 @@ class Drive(Node):
         self.clear_error(EmergencyShutdown)
         return StartConfigurationConfirm()
 
-    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
+    HANDLERS: ClassVar[Handlers] = {
         GotoXY: _accept,
         StopDrive: _stop,
         EmergencyStop: _stop,

@@ -1,6 +1,9 @@
 """The drive's estimate of its own pose: dead reckoning from the wheels, corrected by navigation positions.
 
-Rule of this file: what is not known is None, never a guess; no clock, corrections count in the order they come.
+Rule of this file: what is not known is None, never a guess; a guess would be driven from.
+
+Wheels are exact over a second and drift over a match, beacons are off by millimetres at any time and never drift: a
+small share of every beacon position keeps the drift down and lets little of the beacons' noise through.
 """
 
 from __future__ import annotations
@@ -8,8 +11,8 @@ from __future__ import annotations
 from eurobot_od.robot.field import Point, Pose, normalise, turn
 from eurobot_od.robot.nodes.motion import Odometry
 
-PATIENCE = 5
-"""So many outliers in a row are refused; the next one is believed, so that a wrong start estimate recovers."""
+OUTLIERS_REFUSED = 5
+"""So many outliers in a row are refused; the next one is believed, as then it is the estimate that is wrong."""
 
 
 class Estimate:
@@ -23,11 +26,6 @@ class Estimate:
         self.pose = pose
         """Place in mm and heading in degrees; None before the first pose or full position."""
         self._refused = 0
-
-    @property
-    def known(self) -> bool:
-        """Whether there is a pose."""
-        return self.pose is not None
 
     def moved(self, odometry: Odometry) -> None:
         """Follow what the wheels report along an arc; without effect before the first pose."""
@@ -43,9 +41,9 @@ class Estimate:
         """
         if self.pose is None:
             self.pose = None if angle is None else Pose(x, y, normalise(angle))
-            return self.known
+            return angle is not None
         outlying = self.pose.distance(Point(x, y)) > outlier
-        if outlying and self._refused < PATIENCE:
+        if outlying and self._refused < OUTLIERS_REFUSED:
             self._refused += 1
             return False
         self._refused = 0

@@ -1,7 +1,7 @@
 """Which EDS another node is loaded from: its revision number, read by SDO (CiA 301, 7.2.4.3.3 and 7.5.2.19).
 
-Rule of this file: a node that does not answer is not a CANopen node, such as the 2014 robot's own; it cannot be asked
-and is believed. One that answers with another revision speaks another dialect, and is not driven.
+A node that does not answer is not a CANopen node, such as the 2014 robot's own; it cannot be asked and is
+believed. One that answers with another revision speaks another dialect, and is not driven.
 """
 
 from __future__ import annotations
@@ -19,17 +19,32 @@ from eurobot_od.sdo.client import TransferError, upload
 REVISION: Address = (0x1018, 3)
 """Where a node keeps the revision number of its EDS."""
 
-CHANNEL = "SDO client parameter {}"
+CHANNEL_NAME = "SDO client parameter {}"
 """ParameterName of the record that says how to reach a node by SDO."""
 
 
 class DialectMismatch(RemoteError):
-    """A node is loaded from the EDS of another dialect; the text names both, where they can be named."""
+    """A node is loaded from the EDS of another dialect than the core; `theirs` and `ours` are revision numbers.
 
-    def __init__(self, node: str, node_id: int, theirs: str, ours: str) -> None:
-        self.node, self.node_id = node, node_id
-        what = f"{node} (node {node_id}) speaks another dialect"
-        super().__init__(f"{what}: it is loaded from {theirs}, the core from {ours}")
+    The dialects are named where the error is turned into text, not where it is raised: to find a name, EDS files are
+    read, and the core runs on the thread that receives frames.
+    """
+
+    def __init__(self, node: str, node_id: int, theirs: int, ours: int) -> None:
+        super().__init__(node, node_id, theirs, ours)
+        self.node, self.node_id, self.theirs, self.ours = node, node_id, theirs, ours
+
+    def __str__(self) -> str:
+        theirs, ours = _eds(self.node, self.theirs), _eds("core", self.ours)
+        what = f"{self.node} (node {self.node_id}) speaks another dialect"
+        return f"{what}: it is loaded from {theirs}, the core from {ours}"
+
+
+def _eds(node: str, revision: int) -> str:
+    """Say in words what EDS has a revision number, by the dialect that has it."""
+    outlines = ((name, outline) for name in dialects.names() for outline in dialects.outlines(name))
+    known = [name for name, outline in outlines if (outline.name, outline.default(REVISION)) == (node, revision)]
+    return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
 
 
 class Channel(NamedTuple):
@@ -43,7 +58,7 @@ class Channel(NamedTuple):
     def to(cls, node: str, device: Device) -> Channel | None:
         """Return the way to a node, None if the device's EDS knows none."""
         try:
-            index, _ = device.dictionary.address(CHANNEL.format(node))
+            index, _ = device.dictionary.address(CHANNEL_NAME.format(node))
         except DictionaryError:
             return None
         return cls(*(device.number((index, subindex)) for subindex in (1, 2, 3)))
@@ -65,9 +80,3 @@ def revision_in(answer: Frame) -> int | None:
         return int.from_bytes(question.result(), "little") if question.done else None
     except TransferError:
         return None
-
-
-def description(node: str, revision: int) -> str:
-    """Say in words what EDS has a revision number, by the dialect that has it."""
-    known = [each for each in dialects.names() if dialects.load(node, each).default(REVISION) == revision]
-    return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")

@@ -1,7 +1,32 @@
 """The drive's motion: how a differential drive follows way points, brakes, and how long it still takes.
 
-Rule of this file: no clock and no true position. A control step takes the estimated pose and the length of the step,
-and returns what to tell the wheels; which phase follows which stands in one table.
+Theory of operation. The drive calls `step` once in a control period with the pose that it believes in and gets what to
+tell the wheels until the next step. There is no clock in here and no true position, and no plan is kept: every step
+decides anew from the pose as it is now. So a pose that the navigation has just corrected needs no special case.
+
+Phases. A differential drive turns on the spot, and drives straight best; a goto is a chain of both:
+
+    AIM     brake to rest, then turn until the way point is straight ahead
+    DRIVE   drive there, steering out small errors on the way; then AIM at the next way point, or FACE
+    FACE    at the last way point, turn to the final angle; then ARRIVED
+
+`_BEHAVIOUR` says for each phase which one follows, what the wheels do and how long it will take. DRIVE and FACE can
+also go back to AIM. Steering removes small errors only: when the navigation has moved the pose sideways close to a way
+point, the angle to it is large, and from LOST degrees on, or if the robot passed the way point too far off, it has to
+turn on the spot again. And while it FACEs, a correction can show that it does not stand at the goal after all. Three
+things keep this from becoming a dance around the goal: a movement ends well inside its tolerance (EXACTNESS), a very
+near point is not steered at (STEERED), and a short way back is driven tail first instead of turning round (CORRECTION).
+
+A goto that replaces another one takes over a rolling robot: it brakes first, unless its way point lies in line.
+
+Profile. Straight and turning movements have the same shape: the rate rises, stays at its top, falls to rest at the
+target. Each step takes the highest rate from which braking still stops in time: covering rate * dt in this step and
+rate^2 / (2 * fall) while braking has to fit into what is left. Solved for the rate, that is `_stoppable`; no state is
+needed but the rate of the step before.
+
+Remaining time. What the drive answers to a state request (document 2.1) is worked out by the formulas of the same
+profile: the present movement from its present rate, then all further turns and legs from rest. Steering, later
+corrections and the control steps between two phases are left out, so it is a little short at each way point.
 """
 
 from __future__ import annotations
@@ -123,7 +148,7 @@ def _towards(rate: float, wanted: float, change: float) -> float:
     return rate + min(max(wanted - rate, -change), change)
 
 
-class Limits(NamedTuple):
+class MotionLimits(NamedTuple):
     """What the robot can do and how exact it has to be; all values positive.
 
     `maximum_speed` in mm/s, `acceleration` and `braking` in mm/s2, `turn_rate` in deg/s, `turn_acceleration` in
@@ -172,7 +197,7 @@ class View(NamedTuple):
 
     @property
     def ahead(self) -> float:
-        """How far the way point is along the line of travel, mm; negative behind."""
+        """How far away the way point is along the line of travel, mm; negative if it is behind."""
         return self.distance * math.cos(math.radians(self.error))
 
     @property
@@ -197,7 +222,7 @@ class Motion:
 
     def __init__(
         self,
-        limits: Limits,
+        limits: MotionLimits,
         way_points: Sequence[Point],
         final_angle: float,
         speed_percent: float,
@@ -205,11 +230,9 @@ class Motion:
         rolling: Command = AT_REST,
     ) -> None:
         share = speed_percent / 100.0
-        self._straight = limits.straight(share)
-        self._turning = limits.turning(share)
+        self._straight, self._turning = limits.straight(share), limits.turning(share)
         self._points = tuple(way_points)
-        self._final_angle = final_angle
-        self._backward = backward
+        self._final_angle, self._backward = final_angle, backward
         self._phase = Phase.AIM
         self.command = rolling
 
@@ -293,12 +316,13 @@ class Motion:
         return self._pivot(self._final_turn(pose), dt)
 
     def _pivot(self, left: float, dt: float) -> Command:
-        """Stop first, then turn on the spot."""
+        """Stop first, then turn on the spot: turning while it rolls would carry the robot along an arc."""
         if speed := self._straight.slower(self.command.speed, dt):
             return Command(speed, self._turning.slower(self.command.turn, dt))
         return Command(0.0, self._turning.next_rate(self.command.turn, left, dt))
 
     def _drive(self, pose: Pose, dt: float) -> Command:
+        # Profiles know only one direction: ahead. Tail first, speed is counted backwards going in and coming out.
         view = self._view(pose)
         speed = self._straight.next_rate(view.sense * self.command.speed, view.ahead, dt)
         return Command(view.sense * speed, self._turning.next_rate(self.command.turn, view.steer, dt))
@@ -309,7 +333,7 @@ class Motion:
         if self._in_line(self._view(pose)):
             return self._seconds_to_drive(pose)
         speed, rate = self.command
-        stopping = abs(speed) / self._straight.fall
+        stopping = abs(speed) / self._straight.fall  # s; the way until then is half of speed * stopping
         return stopping + self._seconds_along(self._points, pose.moved(speed * stopping / 2, 0.0), rate)
 
     def _seconds_to_drive(self, pose: Pose) -> float:
@@ -354,15 +378,9 @@ _BEHAVIOUR = {
 class Braking:
     """The defined braking after a stop (document 2.1): from what the wheels were told to rest, going straight on."""
 
-    def __init__(self, limits: Limits, rolling: Command) -> None:
-        self._straight = limits.straight()
-        self._turning = limits.turning()
+    def __init__(self, limits: MotionLimits, rolling: Command) -> None:
+        self._straight, self._turning = limits.straight(), limits.turning()
         self.command = rolling
-
-    @property
-    def finished(self) -> bool:
-        """Whether the robot is at rest."""
-        return self.command == AT_REST
 
     def step(self, _pose: Pose, dt: float) -> Command:
         """Decide what the wheels do for the next `dt` seconds; the pose does not matter."""

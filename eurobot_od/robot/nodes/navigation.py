@@ -1,20 +1,17 @@
 """The navigation node: says where our robot, the enemies and the confederate are, when it is asked.
 
-Rule of this file: what the beacons do not see is unknown, never the last place they saw.
+Rule of this file: what the beacons do not see is unknown, never the last place they saw; an enemy moves on unseen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
-from eurobot_od.device.node import Node
 from eurobot_od.device.store import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.messages import (
-    CATALOGUE,
     CheckNaviRequest,
     CheckNaviResponse,
     ConfederatePositionRequest,
@@ -30,6 +27,7 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
+from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.values import RobotError, Source
 
 AMBIGUOUS = 255
@@ -59,14 +57,12 @@ class NoBeacons:
         return None
 
 
-class Navigation(Node):
+class Navigation(RobotNode):
     """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors.
 
     `configuration` is the start configuration, None before the first. After an Emergency Shutdown `safe` is True
     until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
     """
-
-    CATALOGUE = CATALOGUE
 
     def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
@@ -94,16 +90,16 @@ class Navigation(Node):
 
     def _present(self, whom: Source) -> bool:
         """Whether the start configuration says that there is such a robot; before it, anyone may be there."""
-        if self.configuration is None:
-            return True
         start = self.configuration
-        present = {
-            Source.INTERNAL: True,
-            Source.ENEMY_1: start.enemies >= 1,
-            Source.ENEMY_2: start.enemies >= 2,
-            Source.CONFEDERATE: start.confederates >= 1,
-        }
-        return present[whom]
+        return (
+            start is None
+            or {
+                Source.INTERNAL: True,
+                Source.ENEMY_1: start.enemies >= 1,
+                Source.ENEMY_2: start.enemies >= 2,
+                Source.CONFEDERATE: start.confederates >= 1,
+            }[whom]
+        )
 
     def _position(self, response: type[PositionResponse], whom: Source) -> PositionResponse:
         fix = self.beacons.locate(whom, self.now) if self._present(whom) else None
@@ -114,7 +110,7 @@ class Navigation(Node):
             return response(x + (x == y == AMBIGUOUS), y, None, whom)
         return response(x, y, round(fix.angle) % 360, whom)
 
-    HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {
+    HANDLERS: ClassVar[Handlers] = {
         CheckNaviRequest: lambda *_: CheckNaviResponse(),
         StartConfigurationSet: _configure,
         EmergencyShutdown: _shut_down,

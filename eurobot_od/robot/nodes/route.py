@@ -1,7 +1,9 @@
 """The drive's way round barriers: from a start and a goal to the way points of a shortest way.
 
-Rule of this file: a pure function of the field. A barrier is a disc that a straight leg either misses or pays a toll
-for; one search for the cheapest way then holds for free, normal and forced barriers alike.
+A barrier is a disc that a straight leg either misses or pays a toll for, so that one search for the cheapest way does
+for free, normal and forced barriers alike. The shortest way round discs touches them along arcs. The robot drives
+straight legs, so each disc becomes a polygon around it whose corners are the candidates for way points; with eight
+discs of eight corners the graph of all legs is small enough to be searched anew for every goto.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from collections.abc import Iterator
 from heapq import heappop, heappush
 from typing import NamedTuple
 
-from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point
+from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, BarrierKind, Point
 from eurobot_od.robot.values import Barriers, Passage
 
 TOLLS = {
@@ -82,20 +84,17 @@ def find_route(start: Point, goal: Point, barriers: Barriers, clearances: Cleara
     disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge; start and
     goal themselves may be nearer to it.
     """
-    discs = [_disc(barrier, passage, clearances) for barrier, passage in _set_barriers(barriers)]
+    discs = [
+        Disc(Point(barrier.x, barrier.y), clearances.around(barrier.kind), TOLLS[passage])
+        for barrier in BARRIERS
+        if (passage := barriers.passage(barrier.number)) is not Passage.FREE
+    ]
     if any(disc.toll == math.inf for disc in discs if disc.contains(goal)):
         return None
+    # A normal disc with the goal in it has to be entered in any case, so it is not in the way.
     avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
     corners = [corner for disc in avoided for corner in disc.corners() if _on_field(corner, clearances.edge)]
     return _cheapest(start, goal, corners, avoided)
-
-
-def _set_barriers(barriers: Barriers) -> Iterator[tuple[Barrier, Passage]]:
-    return ((BARRIERS[number - 1], passage) for number, passage in barriers.set_barriers())
-
-
-def _disc(barrier: Barrier, passage: Passage, clearances: Clearances) -> Disc:
-    return Disc(Point(barrier.x, barrier.y), clearances.around(barrier.kind), TOLLS[passage])
 
 
 def _on_field(point: Point, edge: float) -> bool:
@@ -115,6 +114,7 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         settled.add(here)
         for point in (goal, *corners):
             further = cost + _price(here, point, discs)
+            # A leg with an infinite toll is not an edge; left in, it would be found when there is no other way.
             if point not in settled and further < math.inf:
                 heappush(frontier, (further + math.dist(point, goal), further, point, (*way, point)))
     return None

@@ -1,4 +1,4 @@
-"""What a person looks at: the playing field with a match on it, and the live table of a bus.
+"""A picture of a match on the playing field.
 
-Rule of this package: values in, text out; what is drawn is worked out first and apart from how it is drawn.
+Rule of this package: what is drawn (`recording`) is worked out first, apart from how it is drawn (all the others).
 """

@@ -1,7 +1,4 @@
-"""The picture of a match as a file: SVG, HTML or PNG by its suffix.
-
-Rule of this file: SVG and HTML need nothing but this package; PNG asks for the extra `png`.
-"""
+"""The picture of a match as a file: SVG, HTML or PNG by its suffix."""
 
 from __future__ import annotations
 
@@ -25,7 +22,7 @@ def _png(recording: Recording, title: str) -> bytes:
     return bytes(resvg_py.svg_to_bytes(svg_string=picture(recording, title), width=PNG_WIDTH))
 
 
-FORMATS: Mapping[str, Callable[[Recording, str], bytes]] = {
+PICTURE_FORMATS: Mapping[str, Callable[[Recording, str], bytes]] = {
     ".svg": lambda recording, title: picture(recording, title).encode(),
     ".html": lambda recording, title: page(recording, title).encode(),
     ".png": _png,
@@ -35,9 +32,9 @@ FORMATS: Mapping[str, Callable[[Recording, str], bytes]] = {
 def form(file: Path) -> Callable[[Recording, str], bytes]:
     """Return what makes the picture for a file's suffix; raises UnknownName for a suffix of no format."""
     try:
-        return FORMATS[file.suffix.lower()]
+        return PICTURE_FORMATS[file.suffix.lower()]
     except KeyError:
-        raise UnknownName("picture format", file.suffix or file.name, FORMATS) from None
+        raise UnknownName("picture format", file.suffix or file.name, PICTURE_FORMATS) from None
 
 
 def save(recording: Recording, file: Path, title: str) -> None:

@@ -1,7 +1,4 @@
-"""The empty playing field to scale: start places, fires, pools, and the barriers that gotos asked for.
-
-Rule of this file: only what stands still.
-"""
+"""The field to scale with what stands still on it: start places, fires, pools, rings around barriers to avoid."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, START_POSES, WIDTH, Barrier, BarrierKind
 from eurobot_od.robot.picture import style, svg
-from eurobot_od.robot.picture.svg import Point
+from eurobot_od.robot.picture.svg import PaperPoint
 from eurobot_od.robot.values import Passage, TeamColour
 
 GRID_STEP = 500
@@ -20,7 +17,7 @@ RING = 60
 """Distance of the ring around a barrier, mm."""
 
 
-def place(x: float, y: float) -> Point:
+def place(x: float, y: float) -> PaperPoint:
     """Return where a place of the field is drawn: y grows upwards on the field and downwards on paper."""
     return x, HEIGHT - y
 
@@ -70,14 +67,14 @@ def _barrier(barrier: Barrier, passage: Passage) -> str:
     return svg.group(*ring, barrier_shape(barrier.kind, centre, radius), name)
 
 
-def barrier_shape(kind: BarrierKind, centre: Point, radius: float) -> str:
+def barrier_shape(kind: BarrierKind, centre: PaperPoint, radius: float) -> str:
     """Draw a fire as a triangle, a fire pool as a disc."""
     if kind is BarrierKind.FIRE:
         return svg.polygon(style.around(centre, radius, 3, -90), fill=style.FIRE)
     return svg.circle(centre, radius, fill=style.POOL)
 
 
-def passage_ring(centre: Point, radius: float, passage: Passage) -> str:
+def passage_ring(centre: PaperPoint, radius: float, passage: Passage) -> str:
     """Draw the ring around a barrier that a goto asked to avoid."""
     _, dashes, width = style.PASSAGES[passage]
     return svg.circle(centre, radius, fill="none", stroke=style.STOP, stroke_width=width, stroke_dasharray=dashes)

@@ -1,6 +1,6 @@
 """The picture as a page for a browser: the same drawing, with the match played on it.
 
-Rule of this file: one file that needs nothing else, from no other place.
+Rule of this file: the page needs no other file and no network. It is opened from a disk at a competition.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from eurobot_od.robot.messages import KalmanPositionResponse
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import place
 from eurobot_od.robot.picture.picture import ROBOT_RADIUS, diameter, picture
-from eurobot_od.robot.picture.recording import Recording, Sighting
+from eurobot_od.robot.picture.recording import Recording
 
 STYLE = """
 body { margin: 0; font: 16px/1.4 system-ui, sans-serif; color: #22262b; background: #fff; }
@@ -121,10 +121,5 @@ def _robots(recording: Recording) -> Iterable[dict[str, Any]]:
         yield {
             "colour": style.colour_of(recording.team) if ours else style.OTHERS[whom][1],
             "radius": ROBOT_RADIUS if ours else diameter(recording, whom) / 2,
-            "path": [_drawn(each) for each in path],
+            "path": [(round(each.time, 3), *place(each.x, each.y), each.angle) for each in path],
         }
-
-
-def _drawn(seen: Sighting) -> tuple[float, float, float, float | None]:
-    x, y = place(seen.x, seen.y)
-    return round(seen.time, 3), x, y, seen.angle

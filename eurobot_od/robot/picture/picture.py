@@ -1,7 +1,4 @@
-"""The picture of a match: the field with everything that moved on it, a time line, a legend, tables.
-
-Rule of this file: it puts the parts together, each at its place on one page in landscape.
-"""
+"""The picture of a match on one page in landscape: the field with everything that moved on it, and what explains it."""
 
 from __future__ import annotations
 
@@ -10,13 +7,13 @@ from itertools import pairwise
 from math import dist
 from typing import TypeVar
 
-from eurobot_od.pdo.message import Message
-from eurobot_od.robot.field import HEIGHT, WIDTH, Pose
+from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.messages import PositionResponse
 from eurobot_od.robot.picture import style, svg
 from eurobot_od.robot.picture.ground import ground, place
-from eurobot_od.robot.picture.recording import Goto, Recording, Sighting, Stop, at, record
+from eurobot_od.robot.picture.recording import PathPoint, RecordedGoto, RecordedStop, Recording, at
 from eurobot_od.robot.picture.tables import column, timeline
+from eurobot_od.robot.values import Outcome
 
 PAGE = (4200, 2970)
 """Width and height: the ratio of an A4 page in landscape."""
@@ -27,7 +24,7 @@ FIELD, COLUMN, TIMELINE = (190, 300), (3330, 300), (190, 2470)
 ROBOT_RADIUS = 140
 """Our robot as it is drawn at its last place, mm; the protocol does not say how large it is."""
 
-TICK = 10
+PATH_TICK = 10
 """Seconds from one mark on the path to the next."""
 
 CLEAR = 120
@@ -42,18 +39,8 @@ THIN = 8
 SAME = 60
 """Places in the same square of this size share one mark, mm."""
 
-BESIDE = 2 * style.MARK + 8
+SPACING = 2 * style.MARK + 8
 """Distance of discs and signs side by side, mm."""
-
-
-def field_picture(
-    events: Iterable[tuple[float, Message]], truth: Iterable[tuple[float, Pose]] = (), title: str = "Match"
-) -> str:
-    """Draw a match as SVG from its messages and their times in s.
-
-    `truth` are our robot's true poses by the same clock, if anybody knows them.
-    """
-    return picture(record(events, truth), title)
 
 
 def picture(recording: Recording, title: str) -> str:
@@ -62,7 +49,8 @@ def picture(recording: Recording, title: str) -> str:
     return svg.element(
         "svg",
         svg.rectangle((0, 0), width, height, fill=style.PAPER),
-        *_heading(recording, title),
+        style.label((FIELD[0], 130), title, size=84, anchor="start", weight="bold"),
+        style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start"),
         _at(FIELD, field_drawing(recording), id="field"),
         _at(COLUMN, column(recording)),
         _at(TIMELINE, timeline(recording)),
@@ -72,13 +60,8 @@ def picture(recording: Recording, title: str) -> str:
     )
 
 
-def _at(corner: svg.Point, *content: str, **attributes: object) -> str:
+def _at(corner: svg.PaperPoint, *content: str, **attributes: object) -> str:
     return svg.group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
-
-
-def _heading(recording: Recording, title: str) -> Iterator[str]:
-    yield style.label((FIELD[0], 130), title, size=84, anchor="start", weight="bold")
-    yield style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start")
 
 
 def _summary(recording: Recording) -> Iterator[str]:
@@ -88,7 +71,7 @@ def _summary(recording: Recording) -> Iterator[str]:
     if start is not None:
         yield _several(start.enemies, "enemy", "enemies")
         yield _several(start.confederates, "confederate", "confederates")
-    reached = sum(goto.ending.value == "arrived" for goto in recording.gotos)
+    reached = sum(goto.outcome is Outcome.ARRIVED for goto in recording.gotos)
     yield f"{reached} of {_several(len(recording.gotos), 'goto', 'gotos')} reached"
     yield _several(len(recording.stops), "stop", "stops")
     yield f"{recording.end:.0f} s"
@@ -115,11 +98,11 @@ def field_drawing(recording: Recording) -> str:
     )
 
 
-def _points(path: Iterable[Sighting]) -> list[svg.Point]:
+def _points(path: Iterable[PathPoint]) -> list[svg.PaperPoint]:
     return [place(each.x, each.y) for each in path]
 
 
-def _path(path: list[Sighting], end: float) -> Iterator[str]:
+def _path(path: list[PathPoint], end: float) -> Iterator[str]:
     """Draw the path in pieces, each in the colour of its time, on a light ground that sets it off."""
     if len(path) > 1:
         yield svg.polyline(_points(path), fill="none", stroke=style.PAPER, stroke_width=24, stroke_linejoin="round")
@@ -128,12 +111,12 @@ def _path(path: list[Sighting], end: float) -> Iterator[str]:
         yield svg.line(*_points((one, two)), stroke=colour, stroke_width=13, stroke_linecap="round")
 
 
-def _true_path(path: list[Sighting]) -> Iterator[str]:
+def _true_path(path: list[PathPoint]) -> Iterator[str]:
     if path:
         yield svg.polyline(_thinned(_points(path)), fill="none", stroke=style.TRUTH, stroke_width=3.5)
 
 
-def _thinned(points: Sequence[svg.Point]) -> Iterator[svg.Point]:
+def _thinned(points: Sequence[svg.PaperPoint]) -> Iterator[svg.PaperPoint]:
     """Leave out points that nobody could tell from the one before."""
     last = points[0]
     yield last
@@ -144,10 +127,10 @@ def _thinned(points: Sequence[svg.Point]) -> Iterator[svg.Point]:
 
 
 def _ticks(recording: Recording) -> Iterator[str]:
-    """Mark the path every TICK seconds, but not under the marks of gotos and stops."""
+    """Mark the path every PATH_TICK seconds, but not under the marks of gotos and stops."""
     taken = [place(each.message.x, each.message.y) for each in recording.gotos]
     taken += [place(each.place.x, each.place.y + SIGN / 2) for each in recording.stops if each.place]
-    for time in range(TICK, int(recording.end) + 1, TICK):
+    for time in range(PATH_TICK, int(recording.end) + 1, PATH_TICK):
         where = at(recording.path, time)
         if where is not None and all(dist(place(where.x, where.y), other) > CLEAR for other in taken):
             centre = place(where.x, where.y)
@@ -177,22 +160,18 @@ def diameter(recording: Recording, whom: type[PositionResponse]) -> float:
     return 10 * getattr(recording.configuration, field, 0) or 2 * ROBOT_RADIUS
 
 
-def _gotos(gotos: Iterable[Goto]) -> Iterator[str]:
+def _gotos(gotos: Iterable[RecordedGoto]) -> Iterator[str]:
     """Draw each place that gotos led to once, and below it a disc for each of them."""
     for (x, y), here in _by_place((place(each.message.x, each.message.y), each) for each in gotos):
         below = y - DISC if y > HEIGHT - CLEAR else y + DISC
         yield style.target_mark((x, y), sorted({each.message.angle for each in here}))
         for centre, goto in _side_by_side((x, below), here):
-            yield style.goto_mark(centre, goto.number, goto.ending, svg.title(_goto_words(goto)))
+            asked, sent = goto.message, f"goto {goto.number} at {goto.sent:.1f} s"
+            where = f"{asked.x}, {asked.y} mm, {asked.angle} deg, {asked.speed} %, barriers {asked.barriers}"
+            yield style.goto_mark(centre, goto.number, goto.outcome, svg.title(f"{sent}: {where}: {goto.ending}"))
 
 
-def _goto_words(goto: Goto) -> str:
-    message = goto.message
-    where = f"{message.x}, {message.y} mm, {message.angle} deg, {message.speed} %"
-    return f"goto {goto.number} at {goto.sent:.1f} s: {where}, barriers {message.barriers}: {goto.ending.value}"
-
-
-def _stops(stops: Iterable[Stop]) -> Iterator[str]:
+def _stops(stops: Iterable[RecordedStop]) -> Iterator[str]:
     """Draw each place of stops as a dot, and above it a sign for each of them."""
     for (x, y), here in _by_place((place(each.place.x, each.place.y), each) for each in stops if each.place):
         above = y + SIGN if y < CLEAR else y - SIGN
@@ -206,21 +185,21 @@ def _stops(stops: Iterable[Stop]) -> Iterator[str]:
 Placed = TypeVar("Placed")
 
 
-def _by_place(things: Iterable[tuple[svg.Point, Placed]]) -> Iterable[tuple[svg.Point, list[Placed]]]:
+def _by_place(things: Iterable[tuple[svg.PaperPoint, Placed]]) -> Iterable[tuple[svg.PaperPoint, list[Placed]]]:
     """Bring together what is at the same place; it is drawn where the first of them is."""
-    found: dict[tuple[int, int], tuple[svg.Point, list[Placed]]] = {}
+    found: dict[tuple[int, int], tuple[svg.PaperPoint, list[Placed]]] = {}
     for where, thing in things:
         square = round(where[0] / SAME), round(where[1] / SAME)
         found.setdefault(square, (where, []))[1].append(thing)
     return found.values()
 
 
-def _side_by_side(middle: svg.Point, things: Sequence[Placed]) -> Iterator[tuple[svg.Point, Placed]]:
+def _side_by_side(middle: svg.PaperPoint, things: Sequence[Placed]) -> Iterator[tuple[svg.PaperPoint, Placed]]:
     """Yield things with places in a row around `middle`, moved so that all are on the field."""
-    half = BESIDE * (len(things) - 1) / 2
-    x = min(max(middle[0], half + BESIDE), WIDTH - half - BESIDE)
+    half = SPACING * (len(things) - 1) / 2
+    x = min(max(middle[0], half + SPACING), WIDTH - half - SPACING)
     for number, thing in enumerate(things):
-        yield (x - half + number * BESIDE, middle[1]), thing
+        yield (x - half + number * SPACING, middle[1]), thing
 
 
 def _robot(recording: Recording) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """A match as its messages tell it: paths, gotos and how they ended, stops and why.
 
-Rule of this file: messages in their order, no frame and no drawing; what is out of range is not acted on here either.
+What is out of range is not acted on here either: the picture shows what the nodes made of the messages.
 """
 
 from __future__ import annotations
@@ -8,15 +8,15 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from enum import Enum
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
+from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot.field import Pose
 from eurobot_od.robot.messages import (
     CATALOGUE,
     ConfederatePositionResponse,
-    EmergencyShutdown,
     EmergencyStop,
     Enemy1PositionResponse,
     Enemy2PositionResponse,
@@ -26,11 +26,12 @@ from eurobot_od.robot.messages import (
     PositionResponse,
     StartConfigurationSet,
     StopDrive,
+    StopMessage,
 )
-from eurobot_od.robot.values import GotoFault, Passage, TeamColour
+from eurobot_od.robot.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
 
 
-class Sighting(NamedTuple):
+class PathPoint(NamedTuple):
     """A place at a time in s: x and y in mm, heading in degrees or None."""
 
     time: float
@@ -39,41 +40,34 @@ class Sighting(NamedTuple):
     angle: float | None
 
 
-class Ending(Enum):
-    """How a goto ended, as far as the messages say."""
-
-    ARRIVED = "arrived"
-    NOT_POSSIBLE = "not possible"
-    BLOCKED = "blocked"
-    STOPPED = "stopped"
-    REPLACED = "replaced"
-    OPEN = "under way"
-
-
-FAULTS = {GotoFault.NOT_POSSIBLE: Ending.NOT_POSSIBLE, GotoFault.BLOCKED: Ending.BLOCKED}
-
-
 @dataclass(frozen=True)
-class Goto:
-    """A goto with its number from 1, when it was sent first and when it ended, in s."""
+class RecordedGoto:
+    """A goto with its number from 1, when it was sent first, and when and how it ended; times in s.
+
+    While it is under way, as far as the messages say, `ended` and `outcome` are None.
+    """
 
     number: int
     sent: float
     message: GotoXY
     ended: float | None = None
-    ending: Ending = Ending.OPEN
+    outcome: Outcome | None = None
+
+    @property
+    def ending(self) -> str:
+        """How it ended, in words."""
+        return "under way" if self.outcome is None else self.outcome.value
 
 
 @dataclass(frozen=True)
-class Stop:
+class RecordedStop:
     """A stop: its letter (A, B, ...), time in s, name and reason, and where the robot was then, if that is known."""
 
     letter: str
     time: float
     name: str
     reason: str
-    urgent: bool
-    place: Sighting | None
+    place: PathPoint | None
 
 
 @dataclass
@@ -84,14 +78,14 @@ class Recording:
     """
 
     configuration: StartConfigurationSet | None = None
-    paths: dict[type[PositionResponse], list[Sighting]] = field(default_factory=dict)
-    truth: list[Sighting] = field(default_factory=list)
-    gotos: list[Goto] = field(default_factory=list)
-    stops: list[Stop] = field(default_factory=list)
+    paths: dict[type[PositionResponse], list[PathPoint]] = field(default_factory=dict)
+    truth: list[PathPoint] = field(default_factory=list)
+    gotos: list[RecordedGoto] = field(default_factory=list)
+    stops: list[RecordedStop] = field(default_factory=list)
     end: float = 0.0
 
     @property
-    def path(self) -> list[Sighting]:
+    def path(self) -> list[PathPoint]:
         """The estimated path of our robot."""
         return self.paths.get(KalmanPositionResponse, [])
 
@@ -117,8 +111,16 @@ def record(events: Iterable[tuple[float, Message]], truth: Iterable[tuple[float,
     for time, message in events:
         recorder.take(time, message)
     start = recorder.start or 0.0
-    recorder.recording.truth = [Sighting(time - start, *pose) for time, pose in truth]
+    recorder.recording.truth = [PathPoint(time - start, *pose) for time, pose in truth]
     return recorder.recording
+
+
+def record_frames(
+    frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth: Iterable[tuple[float, Pose]] = ()
+) -> Recording:
+    """Work out a match from frames and their times in s; those that are not messages, or damaged, are left out."""
+    meanings = ((time, decoder(frame).message) for time, frame in frames)
+    return record(((time, message) for time, message in meanings if message is not None), truth)
 
 
 class _Recorder:
@@ -127,7 +129,7 @@ class _Recorder:
     def __init__(self) -> None:
         self.recording = Recording()
         self.start: float | None = None
-        self._running: Goto | None = None
+        self._running: RecordedGoto | None = None
         self._standing: Message | None = None
 
     def take(self, time: float, message: Message) -> None:
@@ -146,37 +148,35 @@ class _Recorder:
     def see(self, now: float, seen: PositionResponse) -> None:
         if seen.x is not None and seen.y is not None:
             path = self.recording.paths.setdefault(type(seen), [])
-            path.append(Sighting(now, seen.x, seen.y, seen.angle))
+            path.append(PathPoint(now, seen.x, seen.y, seen.angle))
 
     def goto(self, now: float, goto: GotoXY) -> None:
-        """A goto that is the one under way is a repetition: its confirm was lost."""
+        """Take in a goto; one that is the same as the one under way is a repetition: its confirm was lost."""
         if self._running is not None and self._running.message == goto:
             return
-        self._end(now, Ending.REPLACED)
-        self._running = Goto(len(self.recording.gotos) + 1, now, goto)
+        self._end(now, Outcome.REPLACED)
+        self._running = RecordedGoto(len(self.recording.gotos) + 1, now, goto)
         self._standing = None
         self.recording.gotos.append(self._running)
 
     def state(self, now: float, state: GotoStateResponse) -> None:
         if state.time == 0:
-            self._end(now, Ending.ARRIVED)
+            self._end(now, Outcome.ARRIVED)
         elif isinstance(state.time, GotoFault):
-            self._end(now, FAULTS[state.time])
+            self._end(now, FAULT_OUTCOME[state.time])
 
-    def stop(self, now: float, stop: EmergencyStop | StopDrive | EmergencyShutdown) -> None:
-        """The same stop once more while nothing was under way is a repetition."""
+    def stop(self, now: float, stop: StopMessage) -> None:
+        """Take in a stop; the same once more, with nothing under way in between, is a repetition."""
         if stop == self._standing:
             return
         self._standing = stop
-        self._end(now, Ending.STOPPED)
-        place = at(self.recording.path, now)
-        self.recording.stops.append(
-            Stop(_letter(len(self.recording.stops)), now, *_named(stop), isinstance(stop, EmergencyShutdown), place)
-        )
+        self._end(now, Outcome.STOPPED)
+        letter, place = _letter(len(self.recording.stops)), at(self.recording.path, now)
+        self.recording.stops.append(RecordedStop(letter, now, *_named(stop), place))
 
-    def _end(self, now: float, ending: Ending) -> None:
+    def _end(self, now: float, outcome: Outcome) -> None:
         if self._running is not None:
-            self.recording.gotos[-1] = replace(self._running, ended=now, ending=ending)
+            self.recording.gotos[-1] = replace(self._running, ended=now, outcome=outcome)
             self._running = None
 
 
@@ -188,13 +188,11 @@ HANDLERS: Mapping[type[Message], Callable[[_Recorder, float, Any], None]] = {
     ConfederatePositionResponse: _Recorder.see,
     GotoXY: _Recorder.goto,
     GotoStateResponse: _Recorder.state,
-    EmergencyStop: _Recorder.stop,
-    StopDrive: _Recorder.stop,
-    EmergencyShutdown: _Recorder.stop,
+    **dict.fromkeys(get_args(StopMessage), _Recorder.stop),
 }
 
 
-def _named(stop: EmergencyStop | StopDrive | EmergencyShutdown) -> tuple[str, str]:
+def _named(stop: StopMessage) -> tuple[str, str]:
     """Return name and reason of a stop."""
     if isinstance(stop, EmergencyStop):
         return "Emergency Stop", kinds(EmergencyStop)["obstacle"].text(stop.obstacle)
@@ -206,11 +204,11 @@ def _letter(number: int) -> str:
     return (_letter(number // 26 - 1) if number >= 26 else "") + chr(ord("A") + number % 26)
 
 
-def at(path: list[Sighting], time: float) -> Sighting | None:
+def at(path: list[PathPoint], time: float) -> PathPoint | None:
     """Return where the robot was at a time: between two sightings on the straight line; None without any."""
     after = bisect_right(path, time, key=lambda sighting: sighting.time)
     if not path or after in (0, len(path)):
         return (path[-1] if after else path[0]) if path else None
     one, two = path[after - 1], path[after]
     share = (time - one.time) / (two.time - one.time)
-    return Sighting(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)
+    return PathPoint(time, one.x + share * (two.x - one.x), one.y + share * (two.y - one.y), one.angle)

@@ -16,9 +16,8 @@ from eurobot_od.robot.messages import (
     PositionResponse,
 )
 from eurobot_od.robot.picture import svg
-from eurobot_od.robot.picture.recording import Ending
-from eurobot_od.robot.picture.svg import Point
-from eurobot_od.robot.values import Passage, TeamColour
+from eurobot_od.robot.picture.svg import PaperPoint
+from eurobot_od.robot.values import Outcome, Passage, TeamColour
 
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 TEXT, SMALL = 38, 31
@@ -43,14 +42,15 @@ def colour_of(team: TeamColour | None) -> str:
 PASSAGES = {Passage.NORMAL: ("barrier, normal", "18 14", 8), Passage.FORCED: ("barrier, forced", None, 14)}
 """Name, dashes and width of the ring around a barrier that a goto asked for."""
 
-ENDINGS = {
-    Ending.ARRIVED: "#2e7d32",
-    Ending.STOPPED: STOP,
-    Ending.BLOCKED: STOP,
-    Ending.NOT_POSSIBLE: STOP,
-    Ending.REPLACED: "#78909c",
-    Ending.OPEN: "#78909c",
+OUTCOMES = {
+    Outcome.ARRIVED: "#2e7d32",
+    Outcome.STOPPED: STOP,
+    Outcome.BLOCKED: STOP,
+    Outcome.NOT_POSSIBLE: STOP,
+    Outcome.REPLACED: "#78909c",
+    None: "#78909c",
 }
+"""Colours of gotos by how they ended; None is still under way."""
 
 RAMP = ((0x7F, 0xCD, 0xEE), (0x2F, 0x8F, 0xD0), (0x34, 0x57, 0xA6), (0x2A, 0x1F, 0x6B))
 """Colours of the time from start to end; they get darker, so that the order is seen in grey as well."""
@@ -70,13 +70,13 @@ MARK = 29
 """Radius of the numbered discs and signs."""
 
 
-def around(centre: Point, radius: float, corners: int, turn: float = 0.0) -> list[Point]:
+def around(centre: PaperPoint, radius: float, corners: int, turn: float = 0.0) -> list[PaperPoint]:
     """Return the corners of a regular figure; `turn` in degrees, clockwise as one looks at it."""
     steps = (math.radians(turn + 360.0 * each / corners) for each in range(corners))
     return [(centre[0] + radius * math.cos(step), centre[1] + radius * math.sin(step)) for step in steps]
 
 
-def target_mark(centre: Point, angles: Iterable[float] = ()) -> str:
+def target_mark(centre: PaperPoint, angles: Iterable[float] = ()) -> str:
     """Draw the place that a goto leads to, with a tip for each angle that the robot is to turn to."""
     return svg.group(
         *(_tip(centre, 30, angle) for angle in angles),
@@ -85,7 +85,7 @@ def target_mark(centre: Point, angles: Iterable[float] = ()) -> str:
     )
 
 
-def _tip(centre: Point, radius: float, angle: float) -> str:
+def _tip(centre: PaperPoint, radius: float, angle: float) -> str:
     """Draw a tip on a circle in a direction of the unit circle."""
     cos, sin = math.cos(math.radians(angle)), -math.sin(math.radians(angle))
     tip = centre[0] + (radius + 38) * cos, centre[1] + (radius + 38) * sin
@@ -93,9 +93,9 @@ def _tip(centre: Point, radius: float, angle: float) -> str:
     return svg.polygon([tip, *sides], fill=GOTO)
 
 
-def goto_mark(centre: Point, number: int, ending: Ending, *content: str) -> str:
+def goto_mark(centre: PaperPoint, number: int, outcome: Outcome | None, *content: str) -> str:
     """Draw a goto as a disc with its number, filled if it was reached."""
-    reached = ending is Ending.ARRIVED
+    reached = outcome is Outcome.ARRIVED
     return svg.group(
         *content,
         svg.circle(centre, MARK, fill=GOTO if reached else PAPER, stroke=GOTO, stroke_width=5),
@@ -103,7 +103,7 @@ def goto_mark(centre: Point, number: int, ending: Ending, *content: str) -> str:
     )
 
 
-def stop_mark(centre: Point, letter: str, *content: str) -> str:
+def stop_mark(centre: PaperPoint, letter: str, *content: str) -> str:
     """Draw a stop as a road sign with its letter."""
     return svg.group(
         *content,
@@ -112,33 +112,31 @@ def stop_mark(centre: Point, letter: str, *content: str) -> str:
     )
 
 
-def robot_mark(centre: Point, radius: float, angle: float | None, colour: str, **attributes: object) -> str:
+def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: str) -> str:
     """Draw a robot as a disc with a line to its front."""
     disc = svg.circle(centre, radius, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=8)
     if angle is None:
-        return svg.group(disc, **attributes)
+        return svg.group(disc)
     direction = math.radians(angle)
     front = centre[0] + radius * math.cos(direction), centre[1] - radius * math.sin(direction)
-    return svg.group(disc, svg.line(centre, front, stroke=colour, stroke_width=12), **attributes)
+    return svg.group(disc, svg.line(centre, front, stroke=colour, stroke_width=12))
 
 
 def label(
-    place: Point, words: str, fill: str = INK, size: float = TEXT, anchor: str = "middle", weight: str | None = None
+    place: PaperPoint,
+    words: str,
+    fill: str = INK,
+    size: float = TEXT,
+    anchor: str = "middle",
+    weight: str | None = None,
+    **attributes: object,
 ) -> str:
     """Write a text, by default centred at its foot."""
-    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, font_weight=weight)
+    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, font_weight=weight, **attributes)
 
 
-def halo(place: Point, words: str, fill: str = INK, size: float = SMALL, anchor: str = "middle") -> str:
-    """Write a text that stays readable upon lines."""
-    return svg.text(
-        place,
-        words,
-        fill=fill,
-        font_size=size,
-        text_anchor=anchor,
-        stroke=PAPER,
-        stroke_width=10,
-        stroke_linejoin="round",
-        paint_order="stroke",
+def halo(place: PaperPoint, words: str, fill: str = INK, anchor: str = "middle") -> str:
+    """Write a small text that stays readable upon lines."""
+    return label(
+        place, words, fill, SMALL, anchor, stroke=PAPER, stroke_width=10, stroke_linejoin="round", paint_order="stroke"
     )

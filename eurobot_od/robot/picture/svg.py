@@ -1,6 +1,6 @@
 """SVG elements as text.
 
-Rule of this file: nothing of the field; text is escaped here and nowhere else.
+Rule of this file: text is escaped here and nowhere else, so that a title with `<` in it cannot break a picture.
 """
 
 from __future__ import annotations
@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-Point = tuple[float, float]
+PaperPoint = tuple[float, float]
+"""x and y on the paper, where y grows downwards."""
 
 
 def element(tag: str, *content: str, **attributes: object) -> str:
@@ -26,7 +27,7 @@ def number(value: object) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
 
 
-def text(place: Point, words: str, **attributes: object) -> str:
+def text(place: PaperPoint, words: str, **attributes: object) -> str:
     """Return a text at a place."""
     return element("text", escape(words), x=place[0], y=place[1], **attributes)
 
@@ -36,29 +37,29 @@ def title(words: str) -> str:
     return element("title", escape(words))
 
 
-def circle(centre: Point, radius: float, *content: str, **attributes: object) -> str:
+def circle(centre: PaperPoint, radius: float, **attributes: object) -> str:
     """Return a circle."""
-    return element("circle", *content, cx=centre[0], cy=centre[1], r=radius, **attributes)
+    return element("circle", cx=centre[0], cy=centre[1], r=radius, **attributes)
 
 
-def line(start: Point, end: Point, **attributes: object) -> str:
+def line(start: PaperPoint, end: PaperPoint, **attributes: object) -> str:
     """Return a straight line."""
     return element("line", x1=start[0], y1=start[1], x2=end[0], y2=end[1], **attributes)
 
 
-def rectangle(corner: Point, width: float, height: float, *content: str, **attributes: object) -> str:
+def rectangle(corner: PaperPoint, width: float, height: float, **attributes: object) -> str:
     """Return a rectangle by its upper left corner."""
-    return element("rect", *content, x=corner[0], y=corner[1], width=width, height=height, **attributes)
+    return element("rect", x=corner[0], y=corner[1], width=width, height=height, **attributes)
 
 
-def polyline(points: Iterable[Point], **attributes: object) -> str:
+def polyline(points: Iterable[PaperPoint], **attributes: object) -> str:
     """Return lines from point to point."""
     return element("polyline", points=_points(points), **attributes)
 
 
-def polygon(points: Iterable[Point], *content: str, **attributes: object) -> str:
+def polygon(points: Iterable[PaperPoint], **attributes: object) -> str:
     """Return a closed figure."""
-    return element("polygon", *content, points=_points(points), **attributes)
+    return element("polygon", points=_points(points), **attributes)
 
 
 def group(*content: str, **attributes: object) -> str:
@@ -66,5 +67,5 @@ def group(*content: str, **attributes: object) -> str:
     return element("g", "\n".join(content), **attributes)
 
 
-def _points(points: Iterable[Point]) -> str:
+def _points(points: Iterable[PaperPoint]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in points)

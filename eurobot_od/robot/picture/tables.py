@@ -1,4 +1,4 @@
-"""What stands beside the field: legend, tables of gotos and stops, and the time line below.
+"""What stands next to the field: legend, tables of gotos and stops, and the time line below.
 
 Rule of this file: what does not fit is said to be left out, never drawn over the edge.
 """
@@ -6,20 +6,20 @@ Rule of this file: what does not fit is said to be left out, never drawn over th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
 
 from eurobot_od.robot.field import WIDTH, BarrierKind
 from eurobot_od.robot.picture import style, svg
 from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
-from eurobot_od.robot.picture.recording import Ending, Goto, Recording, Stop
-from eurobot_od.robot.picture.svg import Point
-from eurobot_od.robot.values import Passage
+from eurobot_od.robot.picture.recording import RecordedGoto, RecordedStop, Recording
+from eurobot_od.robot.picture.svg import PaperPoint
+from eurobot_od.robot.values import Outcome, Passage
 
-COLUMN_WIDTH = 780
 ROW, LEGEND_ROW = 45, 64
 ROWS = 34
 """How many rows the two tables have room for."""
 
-TICK = 10
+TIME_TICK = 10
 """Seconds between two marks on the time line."""
 
 
@@ -42,7 +42,7 @@ def column(recording: Recording) -> str:
 # Legend
 
 SAMPLE = (45.0, 30.0)
-"""Middle of the sample beside a line of the legend."""
+"""Middle of the sample next to a line of the legend."""
 
 
 def _legend(recording: Recording) -> Iterator[str]:
@@ -50,8 +50,8 @@ def _legend(recording: Recording) -> Iterator[str]:
     if recording.truth:
         yield _explained("our path, as it really was", _stroke(style.TRUTH, 6, None))
     yield _explained("place and angle of gotos", style.target_mark(SAMPLE, [0]))
-    yield _explained("goto, reached", style.goto_mark(SAMPLE, 1, Ending.ARRIVED))
-    yield _explained("goto, not reached", style.goto_mark(SAMPLE, 2, Ending.STOPPED))
+    yield _explained("goto, reached", style.goto_mark(SAMPLE, 1, Outcome.ARRIVED))
+    yield _explained("goto, not reached", style.goto_mark(SAMPLE, 2, Outcome.STOPPED))
     yield _explained("stop", style.stop_mark(SAMPLE, "A"))
     for whom, (name, colour, dashes) in style.OTHERS.items():
         if recording.paths.get(whom):
@@ -77,35 +77,43 @@ def _ramp() -> Iterator[str]:
 
 # Tables
 
-Column = tuple[int, str, str, Callable[..., str]]
-"""Where it stands, how it is aligned, its heading, and what it says of a row."""
 
-GOTO_COLUMNS: Sequence[Column] = (
-    (45, "end", "no", lambda goto: str(goto.number)),
-    (160, "end", "at s", lambda goto: f"{goto.sent:.1f}"),
-    (365, "end", "to mm", lambda goto: f"{goto.message.x}, {goto.message.y}"),
-    (455, "end", "deg", lambda goto: str(goto.message.angle)),
-    (540, "end", "%", lambda goto: str(goto.message.speed)),
-    (565, "start", "", lambda goto: _ended(goto)),
+class TableColumn(NamedTuple):
+    """A column: where it stands, how it is aligned, its heading, and what it says of a row."""
+
+    x: int
+    anchor: str
+    heading: str
+    words: Callable[..., str]
+
+
+GOTO_COLUMNS: Sequence[TableColumn] = (
+    TableColumn(45, "end", "no", lambda goto: str(goto.number)),
+    TableColumn(160, "end", "at s", lambda goto: f"{goto.sent:.1f}"),
+    TableColumn(365, "end", "to mm", lambda goto: f"{goto.message.x}, {goto.message.y}"),
+    TableColumn(455, "end", "deg", lambda goto: str(goto.message.angle)),
+    TableColumn(540, "end", "%", lambda goto: str(goto.message.speed)),
+    TableColumn(565, "start", "", lambda goto: _ended(goto)),
 )
-STOP_COLUMNS: Sequence[Column] = (
-    (45, "end", "", lambda stop: stop.letter),
-    (160, "end", "at s", lambda stop: f"{stop.time:.1f}"),
-    (195, "start", "", lambda stop: f"{stop.name}: {stop.reason}"),
+STOP_COLUMNS: Sequence[TableColumn] = (
+    TableColumn(45, "end", "", lambda stop: stop.letter),
+    TableColumn(160, "end", "at s", lambda stop: f"{stop.time:.1f}"),
+    TableColumn(195, "start", "", lambda stop: f"{stop.name}: {stop.reason}"),
 )
 
 
-def _ended(goto: Goto) -> str:
-    took = "" if goto.ended is None else f" {goto.ended - goto.sent:.1f} s"
-    return goto.ending.value + took
+def _ended(goto: RecordedGoto) -> str:
+    return goto.ending if goto.ended is None else f"{goto.ending} {goto.ended - goto.sent:.1f} s"
 
 
-def _table(heading: str, columns: Sequence[Column], rows: Sequence[Goto | Stop], shown: int) -> str:
+def _table(
+    heading: str, columns: Sequence[TableColumn], rows: Sequence[RecordedGoto | RecordedStop], shown: int
+) -> str:
     """Draw the first `shown` rows; if there are more, the line below says how many."""
     lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=style.INK)]
-    lines += [_cell(column, ROW, column[2], style.PALE) for column in columns]
+    lines += [_cell(column, ROW, column.heading, style.PALE) for column in columns]
     for row, each in enumerate(rows[:shown], 2):
-        lines += [_cell(column, row * ROW, column[3](each), style.INK) for column in columns]
+        lines += [_cell(column, row * ROW, column.words(each), style.INK) for column in columns]
     if len(rows) > shown:
         lines.append(
             style.label((195, (shown + 2) * ROW), f"and {len(rows) - shown} more", fill=style.PALE, anchor="start")
@@ -113,8 +121,8 @@ def _table(heading: str, columns: Sequence[Column], rows: Sequence[Goto | Stop],
     return svg.group(*lines)
 
 
-def _cell(column: Column, y: float, words: str, fill: str) -> str:
-    return style.label((column[0], y), words, fill=fill, size=style.SMALL, anchor=column[1])
+def _cell(column: TableColumn, y: float, words: str, fill: str) -> str:
+    return style.label((column.x, y), words, fill=fill, size=style.SMALL, anchor=column.anchor)
 
 
 # Time line
@@ -146,12 +154,12 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
     for piece in range(pieces):
         start = WIDTH * piece / pieces
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
-    for time in range(0, int(end) + 1, TICK):
+    for time in range(0, int(end) + 1, TIME_TICK):
         yield svg.line((x(time), TIME_Y), (x(time), STOP_Y + 85), stroke=style.GRID, stroke_width=3)
         yield style.label((x(time), TIME_Y - 14), str(time), fill=style.PALE, size=style.SMALL)
 
 
-def _signs(stops: Sequence[Stop], x: Callable[[float], float]) -> Iterator[tuple[Point, str]]:
+def _signs(stops: Sequence[RecordedStop], x: Callable[[float], float]) -> Iterator[tuple[PaperPoint, str]]:
     """Yield places and letters of the stops' signs, side by side where two would overlap.
 
     One that would come to stand far from its time is left out; the table has it.
@@ -164,11 +172,11 @@ def _signs(stops: Sequence[Stop], x: Callable[[float], float]) -> Iterator[tuple
             yield (left, STOP_Y + 40), stop.letter
 
 
-def _bar(goto: Goto, x: Callable[[float], float], end: float) -> str:
+def _bar(goto: RecordedGoto, x: Callable[[float], float], end: float) -> str:
     left, right = x(goto.sent), x(end if goto.ended is None else goto.ended)
     width = max(right - left - 4, 6)
-    colour = style.ENDINGS[goto.ending]
+    colour = style.OUTCOMES[goto.outcome]
     bar = svg.rectangle((left, GOTO_Y), width, GOTO_BAR, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=5)
     inside = width > NARROW
-    middle: Point = (left + width / 2, GOTO_Y + (46 if inside else -9))
+    middle: PaperPoint = (left + width / 2, GOTO_Y + (46 if inside else -9))
     return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, weight="bold"))

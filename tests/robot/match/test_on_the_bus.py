@@ -19,14 +19,14 @@ from eurobot_od.live import Live, Watch
 from eurobot_od.od import dcf
 from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
-from eurobot_od.robot.match import Event, EventKind, Options, stage
-from eurobot_od.robot.match.play import Player
+from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, stage
+from eurobot_od.robot.match.player import Player
 from eurobot_od.robot.match.timeline import Timeline
 from eurobot_od.robot.nodes import Node
 from tests.client.peers import master_on, new_channel, open_bus
 
 NOW = datetime(2014, 5, 28, 12, 0)
-SHORT = Options(duration=6.0)
+SHORT = MatchOptions(duration=6.0)
 MOVED = 0x018
 WIDE_X = 0x20000110
 
@@ -34,12 +34,12 @@ WIDE_X = 0x20000110
 def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
     channel, begun = new_channel(), threading.Event()
 
-    def show(event: Event) -> None:
+    def show(event: MatchEvent) -> None:
         if event.kind is EventKind.MATCH:
             begun.set()
 
     def play() -> None:
-        stage.play_live(Options(duration=3.0), show, lambda _time, _frame: None, lambda: open_bus(channel))
+        stage.play_live(MatchOptions(duration=3.0), show, lambda _time, _frame: None, lambda: open_bus(channel))
 
     match = threading.Thread(target=play)
     match.start()

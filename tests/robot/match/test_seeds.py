@@ -8,19 +8,19 @@ import sys
 import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.robot.match import Options
+from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.played import play
 from eurobot_od.robot.match.seeds import cores, play_many
-from eurobot_od.robot.match.stage import read
+from eurobot_od.robot.match.stage import EdsFiles
 
-SHORT = Options(duration=3.0)
+SHORT = MatchOptions(duration=3.0)
 
 PROGRAM = """
 import os, signal
 from multiprocessing import active_children
-from eurobot_od.robot.match import Options
+from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.seeds import play_many
-matches = play_many(Options(duration=3.0), range(1, {last}), 2)
+matches = play_many(MatchOptions(duration=3.0), range(1, {last}), 2)
 """
 
 
@@ -32,7 +32,7 @@ def run(program: str, last: int) -> list[str]:
 
 def test_each_seed_is_played_once_and_in_order() -> None:
     matches = list(play_many(SHORT, range(3, 6), 1))
-    assert matches == [play(Options(seed=seed, duration=3.0), read(None)) for seed in (3, 4, 5)]
+    assert matches == [play(MatchOptions(seed=seed, duration=3.0), EdsFiles.read(None)) for seed in (3, 4, 5)]
 
 
 def test_several_processes_come_to_the_same() -> None:
@@ -66,11 +66,12 @@ def test_processes_end_when_their_parent_is_killed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "error"), [(Options(emergency_at=95.0), LocalError), (Options(dialect="nonsense"), UnknownName)]
+    ("options", "error"),
+    [(MatchOptions(emergency_at=95.0), LocalError), (MatchOptions(dialect="nonsense"), UnknownName)],
 )
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_what_cannot_be_played_is_an_error_before_a_process_begins(
-    options: Options, error: type[Exception], jobs: int
+    options: MatchOptions, error: type[Exception], jobs: int
 ) -> None:
     with pytest.raises(error):
         play_many(options, range(1, 4), jobs)

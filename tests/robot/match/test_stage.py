@@ -11,7 +11,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import HEIGHT, WIDTH
-from eurobot_od.robot.match import Event, EventKind, Options, Summary
+from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -25,12 +25,12 @@ PROTOCOL = EurobotProtocol.load()
 class Match(NamedTuple):
     """A match that was played."""
 
-    events: list[Event]
+    events: list[MatchEvent]
     frames: list[tuple[float, Frame]]
     summary: Summary
     world: World
 
-    def told(self, kind: EventKind) -> list[Event]:
+    def told(self, kind: EventKind) -> list[MatchEvent]:
         return [event for event in self.events if event.kind is kind]
 
     @property
@@ -40,17 +40,17 @@ class Match(NamedTuple):
 
 
 @cache
-def play(options: Options) -> Match:
+def play(options: MatchOptions) -> Match:
     """Play a match, each kind once for all tests."""
-    events: list[Event] = []
+    events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
     summary, world = play_simulated(options, events.append, lambda time, frame: frames.append((time, frame)))
     return Match(events, frames, summary, world)
 
 
-NORMAL = Options()
-EMERGENCY = Options(emergency_at=40.0)
-SHORT = Options(duration=8.0)
+NORMAL = MatchOptions()
+EMERGENCY = MatchOptions(emergency_at=40.0)
+SHORT = MatchOptions(duration=8.0)
 
 
 # A whole match
@@ -129,7 +129,7 @@ def test_after_an_emergency_nothing_moves() -> None:
 def test_an_emergency_in_the_moment_of_an_arrival_is_not_missed() -> None:
     first = play(SHORT).told(EventKind.ARRIVED)[0]
     moment = first.time - 0.0002 - play(SHORT).begin
-    match = play(Options(duration=8.0, emergency_at=moment))
+    match = play(MatchOptions(duration=8.0, emergency_at=moment))
     assert match.summary.frames["Emergency Shutdown"] == 1
     assert len(match.told(EventKind.EMERGENCY)) == 1
 
@@ -144,7 +144,7 @@ def test_an_emergency_in_the_moment_of_an_arrival_is_not_missed() -> None:
 )
 def test_an_emergency_after_the_match_is_refused(duration: float | None, emergency_at: float) -> None:
     with pytest.raises(LocalError, match=r"an emergency at \d+ s is not within the match of \d+ s"):
-        play(Options(duration=duration, emergency_at=emergency_at))
+        play(MatchOptions(duration=duration, emergency_at=emergency_at))
 
 
 # One seed
@@ -157,7 +157,7 @@ def test_the_same_seed_gives_the_same_frames_to_the_byte() -> None:
 
 
 def test_another_seed_gives_other_frames() -> None:
-    assert play(Options(duration=8.0, seed=2)).frames != play(SHORT).frames
+    assert play(MatchOptions(duration=8.0, seed=2)).frames != play(SHORT).frames
 
 
 # Who plays
@@ -166,7 +166,7 @@ def test_another_seed_gives_other_frames() -> None:
 @pytest.mark.parametrize("team", TeamColour)
 @pytest.mark.parametrize(("enemies", "confederates"), [(0, 0), (1, 0), (2, 1)])
 def test_only_those_who_play_are_on_the_bus(team: TeamColour, enemies: int, confederates: int) -> None:
-    match = play(Options(team, enemies, confederates, duration=5.0))
+    match = play(MatchOptions(team, enemies, confederates, duration=5.0))
     frames = match.summary.frames
     asked = {name: frames[f"{name} Position Request"] > 0 for name in ("Enemy 1", "Enemy 2", "Confederate")}
     assert asked == {"Enemy 1": enemies >= 1, "Enemy 2": enemies >= 2, "Confederate": confederates >= 1}
@@ -178,13 +178,13 @@ def test_only_those_who_play_are_on_the_bus(team: TeamColour, enemies: int, conf
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_every_dialect_plays(dialect: str) -> None:
-    match = play(Options(duration=8.0, dialect=dialect))
+    match = play(MatchOptions(duration=8.0, dialect=dialect))
     assert dialect in match.events[0].text
     assert len(match.told(EventKind.ARRIVED)) >= 1
     assert match.summary.reports == []
 
 
 def test_dialects_differ_on_the_wire_and_not_in_what_happens() -> None:
-    one, other = (play(Options(duration=8.0, dialect=dialect)) for dialect in ("canopen", "firmware2014"))
+    one, other = (play(MatchOptions(duration=8.0, dialect=dialect)) for dialect in ("canopen", "firmware2014"))
     assert one.frames != other.frames
     assert [event.kind for event in one.events] == [event.kind for event in other.events]

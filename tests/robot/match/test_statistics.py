@@ -4,25 +4,25 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.match.played import Drive, Played
-from eurobot_od.robot.match.statistics import ALL_ARRIVED, FIGURES, Ending, Figure, Spread, endings, report, spread
+from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch
+from eurobot_od.robot.match.statistics import ALL_ARRIVED, FIGURES, EndingCount, Figure, Spread, endings, report, spread
 from eurobot_od.robot.match.summary import Summary
 
-ENDED = Drive("centre", "stopped: the match is over", 3.0)
+ENDED = PlayedGoto("centre", "stopped: the match is over", 3.0)
 
 
-def arrived(distance: float) -> Drive:
-    return Drive("tree", "arrived", 2.0, distance, 1.0)
+def arrived(distance: float) -> PlayedGoto:
+    return PlayedGoto("tree", "arrived", 2.0, distance, 1.0)
 
 
-def match(seed: int, *drives: Drive, load: float = 0.005) -> Played:
-    return Played(seed, list(drives), 0.0, Summary(93.3, 500_000, {"Goto XY": 1}, {}, load, [], []))
+def match(seed: int, *drives: PlayedGoto, load: float = 0.005) -> PlayedMatch:
+    return PlayedMatch(seed, list(drives), 0.0, Summary(93.3, 500_000, {"Goto XY": 1}, {}, load, [], []))
 
 
 FINE = match(1, arrived(4.0), arrived(6.0), ENDED)
-STOPPED = match(2, Drive("tree", "stopped: enemy ahead", 1.0), arrived(1.0), ENDED, load=0.006)
-BLOCKED = match(3, arrived(9.0), Drive("tree", "blocked", 1.0))
-FAILED = Played(4, [], failure="no answer")
+STOPPED = match(2, PlayedGoto("tree", "stopped: enemy ahead", 1.0), arrived(1.0), ENDED, load=0.006)
+BLOCKED = match(3, arrived(9.0), PlayedGoto("tree", "blocked", 1.0))
+FAILED = PlayedMatch(4, [], failure="no answer")
 DISTANCE = next(figure for figure in FIGURES if figure.name.startswith("distance"))
 
 
@@ -35,14 +35,14 @@ DISTANCE = next(figure for figure in FIGURES if figure.name.startswith("distance
         ([FAILED], {ALL_ARRIVED: (0, 0), "arrived": (0, 0)}),
     ],
 )
-def test_endings(matches: list[Played], rows: dict[str, tuple[int, int]]) -> None:
+def test_endings(matches: list[PlayedMatch], rows: dict[str, tuple[int, int]]) -> None:
     counted = {name: (in_matches, gotos) for name, in_matches, gotos in endings(matches)}
     assert counted.items() >= rows.items()
 
 
 def test_what_is_wrong_is_a_row_even_if_it_never_was() -> None:
     names = ["not possible", "blocked", "replaced"]
-    assert endings([FINE])[2:5] == [Ending(name, 0, 0) for name in names]
+    assert endings([FINE])[2:5] == [EndingCount(name, 0, 0) for name in names]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_what_is_wrong_is_a_row_even_if_it_never_was() -> None:
         ([FAILED, FINE], Spread(4.0, 1, 5.0, 6.0, 1)),
     ],
 )
-def test_spread_of_the_distances(matches: list[Played], expected: Spread | None) -> None:
+def test_spread_of_the_distances(matches: list[PlayedMatch], expected: Spread | None) -> None:
     assert spread(DISTANCE, matches) == expected
 
 

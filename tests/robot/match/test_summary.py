@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot.match.summary import Summary, Traffic
+from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.messages import GotoXY, StopDrive
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation.bits import frame_bits
@@ -15,16 +17,31 @@ GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
 
 
 def summary(*frames: Frame, seconds: float = 1.0) -> Summary:
-    traffic = Traffic(PROTOCOL)
+    counter = FrameCounter(PROTOCOL)
     for frame in frames:
-        traffic.count(frame)
-    return traffic.summary(seconds, 500_000, [], [])
+        counter.count(frame)
+    return counter.summary(seconds, 500_000, [], [])
 
 
 def test_messages_are_counted_under_their_names_in_the_order_of_their_priority() -> None:
     frames = summary(GOTO, PROTOCOL.encode(StopDrive()), GOTO).frames
     assert list(frames) == PROTOCOL.names()
     assert {name: count for name, count in frames.items() if count} == {"Stop Drive": 1, "Goto XY": 2}
+
+
+def test_in_words_every_count_has_a_line_and_errors_and_reports_follow_the_totals() -> None:
+    counted = replace(summary(GOTO, GOTO, Frame(0x701, b"\x05")), errors=[1.0, 4.0], reports=["one lost"])
+    lines = str(counted).splitlines()
+    assert [line.rsplit(maxsplit=1) for line in lines if line.startswith(("Goto XY", "Heartbeat", "total"))] == [
+        ["Goto XY", "2"],
+        ["Heartbeat", "1"],
+        ["total", "3"],
+    ]
+    assert lines[-3:] == [
+        f"1 of {len(PROTOCOL.names())} messages in 1.0 s, bus load {counted.load:.2%}",
+        "2 places reached, position error 2.5 mm on average, 4 mm at most",
+        "gatekeeper: one lost",
+    ]
 
 
 @pytest.mark.parametrize(

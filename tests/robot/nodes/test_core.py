@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import AbstractContextManager
 from itertools import pairwise
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -34,8 +36,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.nodes.core import Core, GotoReport, Outcome
-from eurobot_od.robot.values import Direction, GotoFault, Obstacle, Source, TeamColour
+from eurobot_od.robot.nodes.core import Core, GotoReport
+from eurobot_od.robot.values import Direction, GotoFault, Obstacle, Outcome, Source, TeamColour
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
 
 GOTO = GotoXY(1500, 1000, 90, 80)
@@ -465,6 +467,68 @@ def test_a_shutdown_that_overtakes_a_start_configuration_is_sent_again() -> None
     bench.run(1.0)
     assert bench.messages() == [EmergencyShutdown(), RED, StartConfigurationConfirm(), EmergencyShutdown()]
     assert (bench.core.shut_down, bench.drive.safe, bench.navigation.safe) == (True, True, True)
+
+
+# Calls from several threads
+
+
+class Interleaved(AbstractContextManager[None]):
+    """A guard that another thread gets just before a call takes it, or just after the call has let it go, once."""
+
+    def __init__(self, core: Core, before: Callable[[Core], object], after: Callable[[Core], object]) -> None:
+        self.core, self.depth = core, 0
+        self.before, self.after = before, after
+        core.guard = self
+
+    def __enter__(self) -> None:
+        if self.depth == 0:
+            before, self.before = self.before, no_call
+            before(self.core)
+        self.depth += 1
+
+    def __exit__(self, *_: object) -> None:
+        self.depth -= 1
+        if self.depth == 0:
+            after, self.after = self.after, no_call
+            after(self.core)
+
+
+def no_call(_: Core) -> None:
+    """Do nothing."""
+
+
+def stopped_by_a_master(core: Core) -> None:
+    core.receive(Frame(NMT_COB_ID, bytes([NmtCommand.STOP, 0])), core.now)
+
+
+@pytest.mark.parametrize(
+    ("call", "meanwhile"),
+    [
+        (lambda core: core.goto(*GOTO), Core.emergency_shutdown),
+        (lambda core: core.goto(*GOTO), stopped_by_a_master),
+        (lambda core: core.configure_start(*RED), stopped_by_a_master),
+    ],
+)
+def test_a_call_sees_what_another_thread_did_just_before_it(
+    bench: Bench, call: Callable[[Core], object], meanwhile: Callable[[Core], object]
+) -> None:
+    bench.configure()
+    before = len(bench.messages())
+    Interleaved(bench.core, before=meanwhile, after=no_call)
+    with pytest.raises(StateError):
+        call(bench.core)
+    bench.run(1.0)
+    assert {type(message) for message in bench.messages()[before:]} <= {EmergencyShutdown}
+
+
+def test_a_confirm_that_comes_right_after_a_shutdown_does_not_end_it(bench: Bench) -> None:
+    call = bench.core.configure_start(*RED)
+    bench.run(0.1)
+    confirm = PROTOCOL.encode(StartConfigurationConfirm())
+    Interleaved(bench.core, before=no_call, after=lambda core: core.receive(confirm, core.now))
+    bench.core.emergency_shutdown()
+    assert bench.core.shut_down
+    assert isinstance(call.exception(0), StateError)
 
 
 def test_positions_are_polled_on_after_a_shutdown(bench: Bench) -> None:

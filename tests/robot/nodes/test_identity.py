@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from eurobot_od.frame import Frame
@@ -52,6 +54,22 @@ def test_another_dialect_is_noticed_and_named(spoken: dict[str, str], text: str)
     pattern = text.replace("(", r"\(").replace(")", r"\)")
     with pytest.raises(DialectMismatch, match=pattern):
         check(*robot(**spoken))
+
+
+def test_the_error_names_dialects_when_it_is_printed_and_the_node_reads_no_file(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    network, core = robot(drive=OTHER)
+    with monkeypatch.context() as without_files:
+        without_files.setattr(dialects, "eds_folder", lambda: tmp_path / "none")
+        with pytest.raises(DialectMismatch) as caught:
+            check(network, core)
+    assert OTHER in str(caught.value)
+
+
+def test_a_revision_of_no_dialect_is_a_number() -> None:
+    text = str(DialectMismatch("drive", 2, 0xABCD, 0x00010000))
+    assert "it is loaded from an EDS of revision 0x0000ABCD, the core" in text
 
 
 def test_a_node_that_speaks_no_sdo_is_believed() -> None:

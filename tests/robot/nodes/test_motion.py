@@ -11,9 +11,18 @@ import pytest
 
 from eurobot_od.robot.field import Point, Pose, normalise, turn
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import AT_REST, Braking, Command, IdealChassis, Limits, Motion, Odometry, Profile
+from eurobot_od.robot.nodes.motion import (
+    AT_REST,
+    Braking,
+    Command,
+    IdealChassis,
+    Motion,
+    MotionLimits,
+    Odometry,
+    Profile,
+)
 
-LIMITS = Limits(
+LIMITS = MotionLimits(
     maximum_speed=800.0,
     acceleration=1200.0,
     braking=2400.0,
@@ -280,7 +289,7 @@ ROLLING = [
 def test_braking_ends_at_rest_after_the_shortest_time(rolling: Command, steps: int) -> None:
     braking = Braking(LIMITS, rolling)
     commands = [rolling]
-    while not braking.finished:
+    while braking.command != AT_REST:
         commands.append(braking.step(START, DT))
     assert len(commands) - 1 == pytest.approx(steps, abs=1)
     assert commands[-1] == AT_REST

@@ -22,9 +22,9 @@ from eurobot_od.robot.messages import (
     NaviPositionResponse,
     StartConfigurationConfirm,
 )
-from eurobot_od.robot.nodes.core import Core, GotoReport, Outcome
+from eurobot_od.robot.nodes.core import Core, GotoReport
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.values import Obstacle, Source
+from eurobot_od.robot.values import Obstacle, Outcome, Source
 from tests.robot.nodes.harness import RED, Bench, Seen
 
 

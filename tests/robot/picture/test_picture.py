@@ -25,7 +25,7 @@ from eurobot_od.robot.messages import (
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.files import save
 from eurobot_od.robot.picture.page import page
-from eurobot_od.robot.picture.picture import PAGE, field_picture
+from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import record
 from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
 
@@ -45,7 +45,7 @@ EVENTS: list[tuple[float, Message]] = [
 
 
 def drawn(events: list[tuple[float, Message]] = EVENTS, title: str = "Match") -> ElementTree.Element:
-    return ElementTree.fromstring(field_picture(events, title=title))
+    return ElementTree.fromstring(picture(record(events), title))
 
 
 def field_of(picture: ElementTree.Element) -> ElementTree.Element:
@@ -173,8 +173,8 @@ def test_what_does_not_fit_in_a_table_is_counted() -> None:
 
 def test_the_true_path_is_drawn_without_points_nobody_could_tell_apart() -> None:
     truth = [(n / 100, Pose(200 + n, 1800, 0)) for n in range(1001)]
-    picture = ElementTree.fromstring(field_picture(EVENTS, truth))
-    (line,) = (each for each in picture.iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
+    drawing = ElementTree.fromstring(picture(record(EVENTS, truth), "Match"))
+    (line,) = (each for each in drawing.iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
     points = line.attrib["points"].split()
     assert (points[0], len(points)) == ("200,200", 126)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import Pose
@@ -19,9 +20,11 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.picture.recording import Ending, Recording, Sighting, at, record
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.picture.recording import PathPoint, Recording, at, record, record_frames
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
 
+PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)
 
 
@@ -34,29 +37,29 @@ def recorded(*messages: Message) -> Recording:
     return record((100.0 + second, message) for second, message in enumerate(messages))
 
 
-def endings(recording: Recording) -> list[tuple[Ending, float, float | None]]:
-    return [(goto.ending, goto.sent, goto.ended) for goto in recording.gotos]
+def endings(recording: Recording) -> list[tuple[Outcome | None, float, float | None]]:
+    return [(goto.outcome, goto.sent, goto.ended) for goto in recording.gotos]
 
 
-GOTOS: list[tuple[str, list[Message], list[tuple[Ending, float, float | None]]]] = [
-    ("arrived", [ONE, GotoStateResponse(500), GotoStateResponse(0)], [(Ending.ARRIVED, 0, 2)]),
-    ("not possible", [ONE, GotoStateResponse(GotoFault.NOT_POSSIBLE)], [(Ending.NOT_POSSIBLE, 0, 1)]),
-    ("blocked", [ONE, GotoStateResponse(GotoFault.BLOCKED)], [(Ending.BLOCKED, 0, 1)]),
-    ("stopped", [ONE, StopDrive()], [(Ending.STOPPED, 0, 1)]),
-    ("replaced", [ONE, TWO, GotoStateResponse(0)], [(Ending.REPLACED, 0, 1), (Ending.ARRIVED, 1, 2)]),
-    ("under way at the end", [ONE, GotoStateResponse(None)], [(Ending.OPEN, 0, None)]),
-    ("sent again, as its confirm was lost", [ONE, ONE, GotoConfirm(), GotoStateResponse(0)], [(Ending.ARRIVED, 0, 3)]),
+GOTOS: list[tuple[str, list[Message], list[tuple[Outcome | None, float, float | None]]]] = [
+    ("arrived", [ONE, GotoStateResponse(500), GotoStateResponse(0)], [(Outcome.ARRIVED, 0, 2)]),
+    ("not possible", [ONE, GotoStateResponse(GotoFault.NOT_POSSIBLE)], [(Outcome.NOT_POSSIBLE, 0, 1)]),
+    ("blocked", [ONE, GotoStateResponse(GotoFault.BLOCKED)], [(Outcome.BLOCKED, 0, 1)]),
+    ("stopped", [ONE, StopDrive()], [(Outcome.STOPPED, 0, 1)]),
+    ("replaced", [ONE, TWO, GotoStateResponse(0)], [(Outcome.REPLACED, 0, 1), (Outcome.ARRIVED, 1, 2)]),
+    ("under way at the end", [ONE, GotoStateResponse(None)], [(None, 0, None)]),
+    ("sent again, as its confirm was lost", [ONE, ONE, GotoConfirm(), GotoStateResponse(0)], [(Outcome.ARRIVED, 0, 3)]),
     (
         "driven again after it was reached",
         [ONE, GotoStateResponse(0), ONE, GotoStateResponse(0), GotoStateResponse(0)],
-        [(Ending.ARRIVED, 0, 1), (Ending.ARRIVED, 2, 3)],
+        [(Outcome.ARRIVED, 0, 1), (Outcome.ARRIVED, 2, 3)],
     ),
     ("not acted on", [ONE._replace(speed=OutOfRange(101))], []),
 ]
 
 
 @pytest.mark.parametrize(("messages", "expected"), [row[1:] for row in GOTOS], ids=[row[0] for row in GOTOS])
-def test_gotos(messages: list[Message], expected: list[tuple[Ending, float, float | None]]) -> None:
+def test_gotos(messages: list[Message], expected: list[tuple[Outcome | None, float, float | None]]) -> None:
     assert endings(recorded(*messages)) == expected
 
 
@@ -94,7 +97,7 @@ def test_letters_go_on_after_z() -> None:
 
 
 def test_a_stop_is_where_the_robot_was_seen_last() -> None:
-    assert recorded(here(100, 200), StopDrive()).stops[0].place == Sighting(0, 100, 200, 0)
+    assert recorded(here(100, 200), StopDrive()).stops[0].place == PathPoint(0, 100, 200, 0)
     assert recorded(StopDrive(), here(100, 200)).stops[0].place is None
 
 
@@ -103,8 +106,8 @@ def test_paths_hold_known_places_by_who_was_seen() -> None:
     raw = NaviPositionResponse(1, 2, 3, Source.INTERNAL)
     recording = recorded(here(100, 200, 90), here(None, None, None), enemy, raw, here(OutOfRange(4000), 5))
     assert recording.paths == {
-        KalmanPositionResponse: [Sighting(0, 100, 200, 90)],
-        Enemy1PositionResponse: [Sighting(2, 1500, 1000, None)],
+        KalmanPositionResponse: [PathPoint(0, 100, 200, 90)],
+        Enemy1PositionResponse: [PathPoint(2, 1500, 1000, None)],
     }
     assert recording.end == 4
 
@@ -124,15 +127,25 @@ def test_team() -> None:
 
 def test_the_truth_has_the_clock_of_the_messages() -> None:
     recording = record([(100.0, ONE)], [(100.5, Pose(1, 2, 3))])
-    assert recording.truth == [Sighting(0.5, 1, 2, 3)]
+    assert recording.truth == [PathPoint(0.5, 1, 2, 3)]
 
 
-PATH = [Sighting(1, 0, 0, 0), Sighting(2, 100, 200, 90)]
+def test_frames_that_are_not_messages_are_left_out() -> None:
+    frames = [
+        (1.0, PROTOCOL.encode(ONE)),
+        (2.0, Frame(0x701, b"\x05")),  # a heartbeat
+        (3.0, Frame(PROTOCOL.cob_id(GotoStateResponse), b"\0")),  # too short
+        (4.0, PROTOCOL.encode(GotoStateResponse(0))),
+    ]
+    assert endings(record_frames(frames, decoder())) == [(Outcome.ARRIVED, 0, 3)]
+
+
+PATH = [PathPoint(1, 0, 0, 0), PathPoint(2, 100, 200, 90)]
 
 
 @pytest.mark.parametrize(
-    ("time", "expected"), [(0, PATH[0]), (1, PATH[0]), (1.5, Sighting(1.5, 50, 100, 0)), (2, PATH[1]), (9, PATH[1])]
+    ("time", "expected"), [(0, PATH[0]), (1, PATH[0]), (1.5, PathPoint(1.5, 50, 100, 0)), (2, PATH[1]), (9, PATH[1])]
 )
-def test_where_the_robot_was_at_a_time(time: float, expected: Sighting) -> None:
+def test_where_the_robot_was_at_a_time(time: float, expected: PathPoint) -> None:
     assert at(PATH, time) == expected
     assert at([], time) is None

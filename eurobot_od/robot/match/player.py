@@ -1,75 +1,33 @@
 """How the robot plays: start up the nodes, drive from place to place, stop for whatever is in the way.
 
-Rule of this file: a team's program, nothing else: it awaits the core's calls, looks at the distance sensor, and knows
-neither bus nor clock. The same coroutine runs in simulated and in real time.
+Rule of this file: a team's program and nothing else. It awaits the core's calls, looks at the distance sensor, and
+knows neither bus nor clock, so that the same coroutine runs in simulated and in real time.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import cycle
-from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
-from eurobot_od.robot.field import WIDTH, Point, normalise
-from eurobot_od.robot.match.options import ENEMY_DIAMETER, Options
+from eurobot_od.robot.field import Point
+from eurobot_od.robot.match.options import ENEMY_DIAMETER, MatchOptions
+from eurobot_od.robot.match.tasks import TASKS, Task
 from eurobot_od.robot.match.timeline import EventKind, Timeline
 from eurobot_od.robot.messages import KalmanPositionResponse
-from eurobot_od.robot.nodes.core import Core, GotoReport, Outcome
-from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Obstacle, Passage, TeamColour, barrier_number
+from eurobot_od.robot.nodes.core import Core, GotoReport
+from eurobot_od.robot.values import Obstacle, Outcome
 from eurobot_od.robot.world import World
 
 SENSE_PERIOD = 0.05
 """How often the distance sensor is read, s."""
 
-PATIENCE = 1.2
-"""How long the robot waits after it stopped for something in its way, s."""
+WAIT = 1.2
+"""How long the robot waits for something in its way to go, s."""
 
 SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
-
-
-class Task(NamedTuple):
-    """A place to drive to, as the red team sees it: mm, degrees, percent, and how to treat the barriers."""
-
-    name: str
-    x: int
-    y: int
-    angle: int
-    speed: int
-    barriers: dict[str, Passage]
-
-    def seen_by(self, team: TeamColour) -> Task:
-        """Return the task for a team; yellow plays the mirror image."""
-        if team is TeamColour.RED:
-            return self
-        barriers = {MIRRORED[name]: passage for name, passage in self.barriers.items()}
-        return self._replace(x=int(WIDTH) - self.x, angle=int(normalise(180 - self.angle)), barriers=barriers)
-
-    def flags(self) -> Barriers:
-        """Return the barriers as Goto XY has them."""
-        return Barriers.of({barrier_number(name): passage for name, passage in self.barriers.items()})
-
-    def __str__(self) -> str:
-        return f"{self.name} ({self.x}, {self.y}) {self.angle} deg, {self.speed} %"
-
-
-MIRRORED = dict(zip(BARRIER_NAMES, ("fire 2", "fire 1", "fire 4", "fire 3", "fire 6", "fire 5", "pool 2", "pool 1")))
-"""The barrier on the other half of the field."""
-
-POOLS = {"pool 1": Passage.FORCED, "pool 2": Passage.FORCED}
-FIRES = {name: Passage.NORMAL for name in BARRIER_NAMES if name.startswith("fire")}
-
-TASKS = (
-    Task("tree", 1300, 1750, 90, 80, {}),
-    Task("fire 1", 700, 1150, 225, 60, POOLS),
-    Task("fresco", 1500, 1300, 90, 90, POOLS | FIRES),
-    Task("fire 5", 1250, 400, 180, 70, POOLS | FIRES),
-    Task("basket", 420, 1650, 180, 100, POOLS | FIRES),
-    Task("centre", 1500, 900, 0, 80, POOLS),
-)
-"""What is to be done, again and again."""
 
 
 def _count(number: int, one: str, several: str = "") -> str:
@@ -84,22 +42,19 @@ class Player:
     """
 
     def __init__(
-        self, core: Core, world: World, options: Options, timeline: Timeline, clock: Callable[[], float]
+        self, core: Core, world: World, options: MatchOptions, timeline: Timeline, clock: Callable[[], float]
     ) -> None:
         self.core, self.world, self.options, self.timeline, self.clock = core, world, options, timeline, clock
         self.errors: list[float] = []
         """Distance between estimated and true place at each arrival, mm."""
         self._duration = options.duration or float(core.setting("Match.Match duration"))
-        self._check_emergency()
+        if options.emergency_at is not None and options.emergency_at >= self._duration:
+            text = f"an emergency at {options.emergency_at:g} s is not within the match of {self._duration:g} s"
+            raise LocalError(text)
         self._end = 0.0
         self._mushroom: float | None = None
         self._stopped = False
         self._why = ""
-
-    def _check_emergency(self) -> None:
-        at, duration = self.options.emergency_at, self._duration
-        if at is not None and at >= duration:
-            raise LocalError(f"an emergency at {at:g} s is not within the match of {duration:g} s")
 
     async def play(self) -> None:
         """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
@@ -142,43 +97,40 @@ class Player:
         await self._stand_still()
 
     async def _drive(self) -> None:
-        for task in self._tasks():
-            report = await self._drive_to(task)
-            await self._tell(report)
-            if report.outcome is not Outcome.ARRIVED:
-                await asyncio.sleep(max(min(PATIENCE, self._next_stop() - self.clock()), 0))
-            if self._over():
+        for task in cycle(TASKS):
+            report = await self._drive_to(task.seen_by(self.options.team))
+            if report.outcome is Outcome.ARRIVED:
+                await self._tell_arrival(report)
+            else:
+                self._tell_given_up(report)
+                await asyncio.sleep(max(min(WAIT, self._time_left()), 0))
+            if self._time_left() <= 0:
                 break
         if not self._stopped:
             self._stop_for_good()
-
-    def _tasks(self) -> Iterator[Task]:
-        return (task.seen_by(self.options.team) for task in cycle(TASKS))
 
     async def _drive_to(self, task: Task) -> GotoReport:
         call = self.core.goto(task.x, task.y, task.angle, task.speed, task.flags())
         self.timeline.tell(EventKind.GOTO, str(task), goto=task._asdict() | {"barriers": str(task.flags())})
         arriving = asyncio.wrap_future(call)
         while not arriving.done():
-            await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._next_stop() - self.clock()), 0))
+            await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._time_left()), 0))
             if not arriving.done():
                 self._look()
         return arriving.result()
 
-    def _next_stop(self) -> float:
-        return self._end if self._mushroom is None else self._mushroom
-
-    def _over(self) -> bool:
-        return self.clock() >= self._next_stop()
+    def _time_left(self) -> float:
+        """Tell how long the robot may still drive, s."""
+        return (self._end if self._mushroom is None else self._mushroom) - self.clock()
 
     def _look(self) -> None:
         """Stop if the time has come or if something is in the way."""
-        if self._over():
+        now = self.clock()
+        if self._time_left() <= 0:
             self._stop_for_good()
             return
-        self.world.drop_thing(self.clock())
-        obstacle = self.world.obstacle(self.clock())
-        if obstacle is not None:
+        self.world.drop_thing(now)
+        if (obstacle := self.world.obstacle(now)) is not None:
             self._stop_for(obstacle)
 
     def _stop_for(self, obstacle: Obstacle) -> None:
@@ -197,10 +149,7 @@ class Player:
             self.core.emergency_shutdown()
             self.timeline.tell(EventKind.EMERGENCY, f"emergency shutdown: {self._why}")
 
-    async def _tell(self, report: GotoReport) -> None:
-        if report.outcome is Outcome.ARRIVED:
-            await self._tell_arrival(report)
-            return
+    def _tell_given_up(self, report: GotoReport) -> None:
         outcome, why = report.outcome, self._why if report.outcome is Outcome.STOPPED else None
         text = f"{outcome.value} after {report.ended:.2f} s"
         self.timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome.value, why=why, seconds=report.ended)

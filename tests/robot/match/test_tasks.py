@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, Point
-from eurobot_od.robot.match.play import MIRRORED, TASKS, Task
+from eurobot_od.robot.match.tasks import MIRRORED, TASKS, Task
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Passage, TeamColour, barrier_number
 

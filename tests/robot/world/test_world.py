@@ -11,7 +11,8 @@ import pytest
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.nodes.motion import AT_REST, Command
 from eurobot_od.robot.values import Obstacle, Source, TeamColour
-from eurobot_od.robot.world import DROP_SPEED, SIGHT, Patrol, World
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.world import DROP_SPEED, SIGHT
 
 FORWARD = Command(400.0, 0.0)
 ENEMIES = {Source.ENEMY_1, Source.ENEMY_2}
@@ -140,32 +141,6 @@ def test_beacons_are_off_by_their_deviation() -> None:
 def test_only_who_is_there_is_seen(enemies: int, confederates: int, there: set[Source]) -> None:
     world = Place(enemies=enemies, confederates=confederates).world
     assert {source for source in Source if world.locate(source, 0.0)} == there | {Source.INTERNAL}
-
-
-# The others
-
-
-def test_a_patrol_goes_round_at_its_speed() -> None:
-    patrol = Patrol((Point(0, 0), Point(300, 0), Point(300, 400)), speed=100)
-    assert patrol.at(0.0) == Pose(0, 0, 0)
-    assert patrol.at(1.5) == Pose(150, 0, 0)
-    assert patrol.at(5.0) == pytest.approx((300, 200, 90))
-    assert patrol.at(12.0) == patrol.at(24.0) == patrol.at(0.0)
-
-
-@pytest.mark.parametrize("source", [*ENEMIES, Source.CONFEDERATE])
-def test_the_others_stay_on_the_field_for_either_team(source: Source) -> None:
-    for team in TeamColour:
-        patrol = Place(team=team, enemies=2, confederates=1).world.others[source]
-        places = [patrol.at(second) for second in range(90)]
-        assert all(0 <= place.x <= WIDTH and 0 <= place.y <= HEIGHT for place in places)
-
-
-def test_yellow_plays_against_the_mirror_image() -> None:
-    teams = (TeamColour.RED, TeamColour.YELLOW)
-    red, yellow = (Place(team=team, enemies=1).world.others[Source.ENEMY_1].points for team in teams)
-    assert [WIDTH - point.x for point in red] == pytest.approx([point.x for point in yellow])
-    assert [point.y for point in red] == [point.y for point in yellow]
 
 
 # The distance sensor
