@@ -51,12 +51,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _messages(log: str, form: str | None, decoder: Decoder, tally: Tally) -> Iterator[tuple[float, Message]]:
     from eurobot_od.logs import formats
-    from eurobot_od.logs.raw import REMEMBERED
+    from eurobot_od.logs.entries import REMEMBERED
 
     decode = lru_cache(REMEMBERED)(decoder)
     with opened(log) as file:
         for line, time, _, raw in formats.read(file, form):
             meaning = decode(raw)
-            tally.add(log, line, meaning.findings)
+            tally.add(log, line, meaning.defects)
             if meaning.message is not None:
                 yield time, meaning.message

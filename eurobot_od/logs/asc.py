@@ -11,8 +11,8 @@ from functools import cache
 from itertools import product
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 from eurobot_od.logs.lines import LineFormat, seconds
-from eurobot_od.logs.raw import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 
 BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}
@@ -29,7 +29,7 @@ OCTET: Mapping[int, Callable[[bytes], int]] = {16: HEX.__getitem__, 10: int}
 """Reads one byte, by the base of the numbers; they raise LookupError or ValueError."""
 
 
-class Asc(LineFormat):
+class AscFormat(LineFormat):
     """Reads one ASC log; numbers are hexadecimal unless its header says `base dec`."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
-from eurobot_od.logs.raw import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame, shortened
 
 if TYPE_CHECKING:
     import can

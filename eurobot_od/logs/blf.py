@@ -13,7 +13,7 @@ from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, TypeAlias
 
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, frame, shortened
 
 FILE_HEADER = Struct("<4sL64xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from binascii import a2b_base64
 
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 from eurobot_od.logs.lines import LineFormat, seconds
-from eurobot_od.logs.raw import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 
 HEADER = b"timestamp,"
 FLAGS: dict[tuple[bytes, ...], Damage | None] = {
@@ -23,7 +23,7 @@ CLASSIC = (None, Damage.EXTENDED)
 """Damage of a classic data frame."""
 
 
-class Csv(LineFormat):
+class CsvFormat(LineFormat):
     """Reads one CSV log; it has no channels."""
 
     def comment(self, line: bytes) -> bool:

@@ -10,8 +10,8 @@ from pathlib import PurePath
 from typing import Any, BinaryIO, NamedTuple, cast
 
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Read
 from eurobot_od.logs.lines import read_lines
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Read
 
 STANDARD_INPUT = CANDUMP = "log"
 """Format of standard input, unless another is asked for."""
@@ -25,10 +25,10 @@ class Home(NamedTuple):
 
 
 FORMATS = {
-    CANDUMP: Home("candump", "Candump"),
-    "asc": Home("asc", "Asc"),
-    "csv": Home("csv", "Csv"),
-    "trc": Home("trc", "Trc"),
+    CANDUMP: Home("candump", "CandumpFormat"),
+    "asc": Home("asc", "AscFormat"),
+    "csv": Home("csv", "CsvFormat"),
+    "trc": Home("trc", "TrcFormat"),
     "blf": Home("blf", "read_blf"),
     "db": Home("binary", "read_table"),
     "mf4": Home("binary", "read_messages"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Raw, shortened
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, shortened
 
 LATEST = 1e11
 """A time in s that no log has; it also sorts out `nan` and `inf`."""

@@ -34,9 +34,9 @@ def _period(row: Row) -> str:
 def values(row: Row) -> str:
     """Write the last values, and what is wrong with them."""
     meaning = row.meaning
-    if not meaning.findings:
+    if not meaning.defects:
         return meaning.text
-    wrong = "; ".join(dict.fromkeys(f"{damage.value}: {text}" for damage, text in meaning.findings))
+    wrong = "; ".join(dict.fromkeys(f"{damage.value}: {text}" for damage, text in meaning.defects))
     return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
 
 

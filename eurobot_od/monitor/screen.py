@@ -67,7 +67,7 @@ def _table(rows: list[Row], now: float) -> Table:
 
 
 def _style(row: Row, now: float) -> str:
-    if row.meaning.findings:
+    if row.meaning.defects:
         return WRONG
     colour = COLOURS.get(row.meaning.group, "")
     period = row.period

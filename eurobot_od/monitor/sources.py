@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
 from eurobot_od.logs.binary import of_message
-from eurobot_od.logs.raw import Raw
+from eurobot_od.logs.entries import Raw
 
 if TYPE_CHECKING:
     import can

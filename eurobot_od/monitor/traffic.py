@@ -15,8 +15,8 @@ from statistics import fmean, pstdev
 from typing import Any, NamedTuple
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
-from eurobot_od.logs.raw import REMEMBERED, Damage, Raw
 from eurobot_od.logs.statistics import Tally
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import Address
@@ -69,7 +69,7 @@ class Row:
         meaning = self.meaning
         if meaning.message is None and meaning.name and len(meaning.nodes) == 1:
             return f"{meaning.name} {meaning.nodes[0]}"
-        return meaning.name or meaning.findings[0].damage.value
+        return meaning.name or meaning.defects[0].damage.value
 
 
 @dataclass
@@ -115,16 +115,16 @@ class Traffic:
         row.times.append(time)
         if known:
             self._bits += OVERHEAD_BITS + 8 * len(raw[1])
-        if meaning.findings:
+        if meaning.defects:
             row.wrong += 1
-            self.tally.add("frame", self.frames, meaning.findings)
+            self.tally.add("frame", self.frames, meaning.defects)
         if meaning.name in HEALTH:
             self._hear(time, meaning)
         return meaning
 
     def _hear(self, time: float, meaning: Meaning) -> None:
         health = self.nodes.get(meaning.nodes[0])
-        if health is not None and not meaning.findings:
+        if health is not None and not meaning.defects:
             HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
 
     def clear(self) -> None:

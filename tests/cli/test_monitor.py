@@ -15,7 +15,7 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.logs.raw import Damage, Foreign
+from eurobot_od.logs.entries import Damage, Foreign
 from eurobot_od.monitor.sources import BusSource, LogSource
 
 LOG = """\

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import pytest
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import Damage, Foreign, Raw
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.raw import Damage, Foreign, Raw
 from eurobot_od.pdo.message import describe
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
@@ -31,7 +31,7 @@ def test_a_message(decoder: Decoder) -> None:
     assert meaning.message == POSITION
     assert meaning.text == describe(POSITION)
     assert (meaning.name, meaning.group, meaning.nodes) == ("Kalman Position Response", "ELP", ("drive", "core"))
-    assert meaning.findings == ()
+    assert meaning.defects == ()
 
 
 @pytest.mark.parametrize("dialect", dialects.names())
@@ -76,11 +76,11 @@ DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bo
 ]
 
 
-@pytest.mark.parametrize(("raw", "findings", "read"), [row[1:] for row in DAMAGED], ids=[row[0] for row in DAMAGED])
+@pytest.mark.parametrize(("raw", "defects", "read"), [row[1:] for row in DAMAGED], ids=[row[0] for row in DAMAGED])
 def test_damage(
-    decoder: Decoder, raw: Callable[[Protocol], Raw], findings: list[tuple[Damage, str]], read: bool
+    decoder: Decoder, raw: Callable[[Protocol], Raw], defects: list[tuple[Damage, str]], read: bool
 ) -> None:
     meaning = decoder(raw(decoder.protocol))
-    assert [found.damage for found in meaning.findings] == [damage for damage, _ in findings]
-    assert all(text in found.text for found, (_, text) in zip(meaning.findings, findings))
+    assert [found.damage for found in meaning.defects] == [damage for damage, _ in defects]
+    assert all(text in found.text for found, (_, text) in zip(meaning.defects, defects))
     assert (meaning.message is not None) is read

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.raw import Damage, Foreign
+from eurobot_od.logs.entries import Damage, Foreign
 from eurobot_od.monitor.cells import HEADINGS, health, plain_table
 from eurobot_od.monitor.traffic import SORTS, Period, Traffic, selected
 from eurobot_od.robot import dialects

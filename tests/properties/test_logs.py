@@ -15,9 +15,9 @@ from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
 from eurobot_od.logs.decoding import Decoding
+from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import Text, showing, written
-from eurobot_od.logs.raw import Damage, Foreign, Raw, shortened
 from eurobot_od.logs.records import Csv, JsonLines
 from eurobot_od.logs.statistics import Tally
 from eurobot_od.pdo.message import flagged_fields
@@ -113,7 +113,7 @@ def test_any_frame_has_a_meaning_and_it_is_the_protocols(dialect: str, frame: Fr
         assert meaning.message is None
     else:
         assert meaning.message == message
-        assert bool(meaning.findings) >= bool(flagged_fields(message))
+        assert bool(meaning.defects) >= bool(flagged_fields(message))
 
 
 @pytest.mark.parametrize(
