@@ -1,6 +1,6 @@
 """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
 
-Rule of this file: parse, call `logs`, print. Lines go to standard output, progress and the report to standard error.
+Lines go to standard output, progress and the report to standard error.
 """
 
 from __future__ import annotations

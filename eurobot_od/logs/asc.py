@@ -18,7 +18,7 @@ BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}
 HEADER = re.compile(rb"(//|date\s|base\s|(no\s+)?internal\s|begin\s|end\s|previous\s)|$", re.IGNORECASE)
 EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE)
-"""A time and something else than a frame: a word where the channel would be, or behind it."""
+"""A time and something else than a frame: a word where the channel would be, or after it."""
 
 DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
 ERROR_FRAME, CANFD, REMOTE, EXTENDED = b"errorframe", b"CANFD", (b"r", b"R"), (b"x", b"X")
@@ -65,7 +65,7 @@ def _channel(channel: bytes) -> str:
 
 
 def _foreign(line: bytes, channel: bytes, words: list[bytes]) -> Damage | None:
-    """Return why a line is no classic base data frame, None if it is one; raises IndexError if it is too short."""
+    """Return why a line is not a classic base data frame, None if it is one; raises IndexError if it is too short."""
     if ERROR_FRAME in line.lower():
         return Damage.ERROR_FRAME
     if channel.upper() == CANFD:

@@ -16,6 +16,9 @@ from eurobot_od.logs.lines import LATEST, LineFormat
 OPENING, CLOSING = b"()"
 """What stands around a time."""
 
+DIRECTIONS = ([b"R"], [b"T"])
+"""Received or sent; other words are another entry, whose line end is lost."""
+
 COB_ID = re.compile(rb"([0-7][0-9A-F]{2})#", re.IGNORECASE)
 
 FOREIGN = (
@@ -31,9 +34,9 @@ class CandumpFormat(LineFormat):
     """Reads one log of candump."""
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        stamp, channel, rest = line.split()[:3]
+        stamp, channel, rest, *more = line.split()
         time = float(stamp[1:-1])
-        if not 0 <= time < LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING:
+        if not 0 <= time < LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING or (more and more not in DIRECTIONS):
             raise ValueError(line)
         try:
             cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])

@@ -40,7 +40,7 @@ class CsvFormat(LineFormat):
 
 
 def _data(base64: bytes) -> bytes:
-    """Read base 64; raises ValueError for what is none. What the reader leaves out makes the data too short."""
+    """Read base 64; raises ValueError. a2b_base64 skips what is not base 64; the data is then too short."""
     data = a2b_base64(base64)
     if len(base64) != 4 * ((len(data) + 2) // 3):
         raise ValueError(base64)

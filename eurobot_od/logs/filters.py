@@ -78,13 +78,13 @@ class Condition(NamedTuple):
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:
-    """Want messages with a field whose value is as `text` says: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`.
+    """Want messages with a field whose value is as `text` says: `x>1000`, `Goto XY.speed<=20`, `source=internal`.
 
-    Raises LocalError for a text that is no comparison, UnknownName for a message or field, FieldError for a value.
+    Raises LocalError for a text that is not a comparison, UnknownName for a message or field, FieldError for a value.
     """
     match = CONDITION.fullmatch(text)
     if match is None:
-        raise LocalError(f"{text!r} is no comparison such as `x>1000` or `Goto XY.speed<=20`")
+        raise LocalError(f"{text!r} is not a comparison such as `x>1000` or `MESSAGE.x>1000`")
     bindings = [protocol.binding(match["message"].strip())] if match["message"] else protocol.bindings
     having = [each for each in bindings if match["field"] in each.kinds]
     if not having:

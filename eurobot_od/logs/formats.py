@@ -1,4 +1,4 @@
-"""The log formats, by suffix; a `.gz` behind it is unpacked on the way.
+"""The log formats, by suffix; a log with `.gz` after it is unpacked on the way.
 
 Rule of this file: a log is opened once, read forwards, and never held in memory.
 """
@@ -18,7 +18,7 @@ STANDARD_INPUT = CANDUMP = "log"
 
 
 class Home(NamedTuple):
-    """Where a format's reader is: a module beside this one, and a class of lines or a function in it."""
+    """Where a format's reader is: a module of this package, and in it a LineFormat or a function."""
 
     module: str
     name: str
@@ -39,17 +39,11 @@ BY_NAME = ("db", "mf4")
 """Formats that are not read from front to back."""
 
 
-class Form(NamedTuple):
-    """A format by its suffix, and whether the log is packed."""
+def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
+    """Return the suffix of an open log's format, and whether the log is packed.
 
-    suffix: str
-    packed: bool
-
-
-def form_of(file: BinaryIO, form: str | None = None) -> Form:
-    """Return the format of an open log: `form`, a suffix, or left out what the file's name says.
-
-    Raises UnknownName for a suffix that stands for no format, LocalError for a pipe where only a file will do.
+    `form` is the suffix; left out, the file's name says it. Raises UnknownName for a suffix that stands for no format,
+    LocalError for a pipe where only a file will do.
     """
     name = getattr(file, "name", None)
     suffixes = PurePath(str(name)).suffixes if form is None else [f".{form}"]
@@ -59,19 +53,16 @@ def form_of(file: BinaryIO, form: str | None = None) -> Form:
         raise UnknownName("log format", suffix or str(name), FORMATS)
     if suffix in BY_NAME and not isinstance(name, str):
         raise LocalError(f"a log in the format {suffix} must be a file")
-    return Form(suffix, packed)
+    return suffix, packed
 
 
 def read(file: BinaryIO, form: str | None = None) -> Entries:
     """Yield the entries of an open log; errors as `form_of`."""
     suffix, packed = form_of(file, form)
-    reader = _reader(FORMATS[suffix])
-    return _unpacked(reader, file) if packed else reader(file)
-
-
-def _reader(home: Home) -> Read:
+    home = FORMATS[suffix]
     found: Any = getattr(import_module(f"eurobot_od.logs.{home.module}"), home.name)
-    return (lambda file: read_lines(file, found())) if isinstance(found, type) else found
+    reader: Read = (lambda lines: read_lines(lines, found())) if isinstance(found, type) else found
+    return _unpacked(reader, file) if packed else reader(file)
 
 
 def _unpacked(reader: Read, file: BinaryIO) -> Entries:

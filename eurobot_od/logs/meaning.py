@@ -21,7 +21,7 @@ from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.services import Service
+    from eurobot_od.logs.services import CanopenService
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
@@ -61,7 +61,7 @@ class Decoder:
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
     @cached_property
-    def _services(self) -> Mapping[int, Service]:
+    def _services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; many a log has none of them."""
         from eurobot_od.logs.services import services
 

@@ -38,7 +38,7 @@ class TrcFormat(LineFormat):
         self._set_columns(COLUMNS["1.0"])
 
     def _set_columns(self, columns: str) -> None:
-        """Note where each column is behind the number and the offset; the data is the last one."""
+        """Note where each column is after the number and the offset; the data is the last one."""
         letters = columns.strip().split(",")[2:]
         self._data = len(letters) - 1
         self._bus, self._type = (letters.index(each) if each in letters else None for each in "BT")
