@@ -16,8 +16,8 @@ from eurobot_od.logs.lines import LATEST, LineFormat
 OPENING, CLOSING = b"()"
 """What stands around a time."""
 
-DIRECTIONS = ([b"R"], [b"T"])
-"""Received or sent; other words are another entry, whose line end is lost."""
+DIRECTIONS = (b"R", b"T")
+"""Received or sent. Any other word belongs to a next entry: the line end between them is lost."""
 
 COB_ID = re.compile(rb"([0-7][0-9A-F]{2})#", re.IGNORECASE)
 
@@ -34,9 +34,12 @@ class CandumpFormat(LineFormat):
     """Reads one log of candump."""
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        stamp, channel, rest, *more = line.split()
+        words = line.split()
+        if len(words) > 3 and words.pop() not in DIRECTIONS:
+            raise ValueError(line)
+        stamp, channel, rest = words
         time = float(stamp[1:-1])
-        if not 0 <= time < LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING or (more and more not in DIRECTIONS):
+        if not 0 <= time < LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING:
             raise ValueError(line)
         try:
             cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])
@@ -47,7 +50,7 @@ class CandumpFormat(LineFormat):
         return time, channel.decode(), tuple.__new__(Frame, (cob_id, data))
 
 
-@cache  # a look-up takes a tenth of the time of int(), which would also have to be kept from reading `0_8` and `+08`
+@cache  # int() alone would also read `0_8` and `+08`; there are few identifiers, so that each is checked once
 def _cob_id(text: bytes) -> int:
     found = COB_ID.fullmatch(text)
     if found is None:

@@ -20,7 +20,8 @@ from eurobot_od.logs.entries import Raw
 if TYPE_CHECKING:
     import can
 
-    Timed: TypeAlias = tuple[float, Raw]
+Timed: TypeAlias = tuple[float, Raw]
+"""A time in s, and what came then."""
 
 AT_ONCE = 20_000
 """Entries of a log that are played without a refresh of the screen between them."""
