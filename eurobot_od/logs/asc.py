@@ -6,9 +6,7 @@ Rule of this file: frames are read, the events around them (statistics, chip sta
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 from functools import cache
-from itertools import product
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
@@ -22,11 +20,6 @@ EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|
 
 DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
 ERROR_FRAME, CANFD, REMOTE, EXTENDED = b"errorframe", b"CANFD", (b"r", b"R"), (b"x", b"X")
-
-DIGITS = "0123456789abcdefABCDEF"
-HEX = {text.encode(): int(text, 16) for text in (*DIGITS, *map("".join, product(DIGITS, repeat=2)))}
-OCTET: Mapping[int, Callable[[bytes], int]] = {16: HEX.__getitem__, 10: int}
-"""Reads one byte, by the base of the numbers; they raise LookupError or ValueError."""
 
 
 class AscFormat(LineFormat):
@@ -52,7 +45,7 @@ class AscFormat(LineFormat):
     def _frame(self, words: list[bytes]) -> Frame:
         identifier, direction, kind, length, *octets = words
         count = min(int(length, self._base), MAX_LENGTH)
-        data = bytes(map(OCTET[self._base], octets[:count]))
+        data = bytes([int(octet, self._base) for octet in octets[:count]])
         if direction not in DIRECTIONS or kind != b"d" or len(data) != count:
             raise ValueError(octets)
         return frame(int(identifier, self._base), data)

@@ -16,7 +16,7 @@ MAX_LENGTH = 8
 """Highest identifier and longest data of a classic base frame (ISO 11898-1)."""
 
 REMEMBERED = 256
-"""How many distinct frames, or values of a field, are kept understood by those who read logs."""
+"""For how many distinct frames, or values of a field, their meaning is kept."""
 
 
 class Damage(Enum):

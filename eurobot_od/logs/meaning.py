@@ -73,7 +73,7 @@ class Decoder:
         return read(raw) if read else self._first(raw)
 
     def _first(self, raw: Raw) -> Meaning:
-        """Tell the meaning of a frame of which there is no reader: that of its message is made when it is needed."""
+        """Tell what is not a frame, or the first frame with its COB-ID, for which a reader is made then."""
         if isinstance(raw, Foreign):
             return Meaning(raw, "", NO_GROUP, (), None, raw.text, (Defect(raw.damage, raw.text),))
         binding = self._bindings.get(raw.cob_id)
