@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from eurobot_od.monitor.traffic import MessageRow, NodeHealth
+from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
 
 ALIGN: Mapping[str, Callable[[str, int], str]] = {
     "ID": str.ljust,
@@ -20,18 +20,18 @@ ALIGN: Mapping[str, Callable[[str, int], str]] = {
 HEADINGS = tuple(ALIGN)
 
 
-def cells(row: MessageRow, now: float) -> tuple[str, ...]:
+def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
     """Write a row, one text for each heading."""
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
     return identifier, row.name, str(row.count), _period(row), f"{max(now - row.last, 0.0):.1f}", values(row)
 
 
-def _period(row: MessageRow) -> str:
+def _period(row: TrafficRow) -> str:
     period = row.period
     return "" if period is None else f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}"
 
 
-def values(row: MessageRow) -> str:
+def values(row: TrafficRow) -> str:
     """Write the last values, and what is wrong with them."""
     meaning = row.meaning
     if not meaning.defects:
@@ -47,7 +47,7 @@ def health(name: str, node: NodeHealth, now: float) -> str:
     )
 
 
-def plain_table(rows: list[MessageRow], now: float) -> Iterator[str]:
+def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:
     """Write the table without colours, one line a row."""
     lines = [HEADINGS, *(cells(row, now) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(HEADINGS) - 1)]

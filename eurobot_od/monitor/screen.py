@@ -14,7 +14,7 @@ from rich.text import Text
 from eurobot_od.logs.meaning import CANOPEN
 from eurobot_od.monitor.cells import ALIGN, cells, health
 from eurobot_od.monitor.controls import HELP, Controls
-from eurobot_od.monitor.traffic import MessageRow, Traffic, selected
+from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
 """Colours of the groups of messages, in the catalogue's order; further groups have none of their own."""
@@ -60,7 +60,7 @@ def _nodes(traffic: Traffic, now: float) -> Text:
     return text
 
 
-def _table(rows: list[MessageRow], now: float, colours: Mapping[str, str]) -> Table:
+def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
     for heading, align in ALIGN.items():
         ratio = 1 if heading == VALUES else None
@@ -70,7 +70,7 @@ def _table(rows: list[MessageRow], now: float, colours: Mapping[str, str]) -> Ta
     return table
 
 
-def _style(row: MessageRow, now: float, colours: Mapping[str, str]) -> str:
+def _style(row: TrafficRow, now: float, colours: Mapping[str, str]) -> str:
     if row.meaning.defects:
         return WRONG
     colour = colours.get(row.meaning.group, "")

@@ -43,7 +43,7 @@ class MeanPeriod(NamedTuple):
 
 
 @dataclass
-class MessageRow:
+class TrafficRow:
     """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
 
     identifier: int | None
@@ -95,7 +95,7 @@ class Traffic:
     def __init__(self, decoder: Decoder, bitrate: int) -> None:
         self.bitrate = bitrate
         self.groups = decoder.protocol.catalogue.groups
-        self.rows: dict[int | Damage, MessageRow] = {}
+        self.rows: dict[int | Damage, TrafficRow] = {}
         self.nodes = {each.name: NodeHealth(_heartbeat_period(each)) for each in decoder.outlines}
         self.damage = DamageCounts()
         self.frames = 0
@@ -113,7 +113,7 @@ class Traffic:
         key = raw[0]
         row = self.rows.get(key)
         if row is None:
-            row = self.rows[key] = MessageRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+            row = self.rows[key] = TrafficRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
@@ -170,7 +170,7 @@ HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _
 # What is shown
 
 
-SORTS: Mapping[str, Callable[[MessageRow], Any]] = {
+SORTS: Mapping[str, Callable[[TrafficRow], Any]] = {
     "identifier": lambda row: (row.identifier is None, row.identifier or 0),
     "name": lambda row: row.name.casefold(),
     "count": lambda row: -row.count,
@@ -181,7 +181,7 @@ SORTS: Mapping[str, Callable[[MessageRow], Any]] = {
 """The orders of the table."""
 
 
-def selected(rows: Iterable[MessageRow], sort: str, part: str) -> list[MessageRow]:
+def selected(rows: Iterable[TrafficRow], sort: str, part: str) -> list[TrafficRow]:
     """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
     return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
 
