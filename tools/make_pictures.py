@@ -15,7 +15,7 @@ from rich.console import Console
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.output import Text
+from eurobot_od.logs.output import TextOutput
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import screen
 from eurobot_od.monitor.traffic import Traffic
@@ -57,9 +57,10 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
 
 def lines(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
     """Return the first lines as the command decode writes them."""
-    output = Text()
+    output = TextOutput()
+    write = output.writer("")
     first = islice(frames, LINES)
-    return "".join(output.line("", 0, now, "can0", output.row(decoder(frame))) for now, frame in first)
+    return "".join(write(0, now, "can0", output.row(decoder(frame))) for now, frame in first)
 
 
 def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:

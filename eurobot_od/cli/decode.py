@@ -1,6 +1,6 @@
 """Decode logs of a CAN bus: messages with their fields and units, CANopen services, and whatever is wrong.
 
-Rule of this file: parse, call `logs`, print. Lines go to standard output, progress and the report to standard error.
+Lines go to standard output, progress and the report to standard error.
 """
 
 from __future__ import annotations
@@ -88,21 +88,21 @@ def run(arguments: argparse.Namespace) -> int:
     sys.stdout.write(output.header)
     for log in arguments.logs:
         with opened(log) as file:
-            sys.stdout.writelines(_watched(decoding.texts(file, log, form_of(log, arguments.format)), file))
+            sys.stdout.writelines(_watched(decoding.lines(file, log, form_of(log, arguments.format)), file))
     sys.stdout.flush()
-    sys.stderr.writelines(f"{line}\n" for line in decoding.tally.report())
-    return 1 if arguments.strict and decoding.tally.total else 0
+    sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
+    return 1 if arguments.strict and decoding.damage.total else 0
 
 
 def _output(arguments: argparse.Namespace, decoder: Decoder) -> Output:
-    from eurobot_od.logs.output import Text, TextOfSeveral
+    from eurobot_od.logs.output import TextOutput
 
     if arguments.json or arguments.csv:
-        from eurobot_od.logs.records import Csv, JsonLines
+        from eurobot_od.logs.records import CsvOutput, JsonOutput
 
         fields = (field for each in decoder.protocol.bindings for field in each.kinds)
-        return JsonLines() if arguments.json else Csv(fields)
-    return TextOfSeveral() if len(arguments.logs) > 1 else Text()
+        return JsonOutput() if arguments.json else CsvOutput(fields)
+    return TextOutput(several=len(arguments.logs) > 1)
 
 
 def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:

@@ -15,7 +15,7 @@ from eurobot_od.errors import RemoteError
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.statistics import Tally
+    from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.pdo.message import Message
 
 
@@ -29,31 +29,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Draw the match; say what was wrong in the log."""
-    from eurobot_od.logs.statistics import Tally
+    from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.robot.picture.files import form, save
     from eurobot_od.robot.picture.recording import record
     from eurobot_od.robot.protocol import decoder as robot_decoder
 
     form(arguments.output)
-    decoder, tally = robot_decoder(arguments.dialect), Tally()
+    decoder, damage = robot_decoder(arguments.dialect), DamageCounts()
     recording = record(
-        event for log in arguments.logs for event in _messages(log, form_of(log, arguments.format), decoder, tally)
+        event for log in arguments.logs for event in _messages(log, form_of(log, arguments.format), decoder, damage)
     )
-    sys.stderr.writelines(f"{line}\n" for line in tally.report())
+    sys.stderr.writelines(f"{line}\n" for line in damage.report())
     if not recording.path and not recording.gotos:
         raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
     save(recording, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
     return 0
 
 
-def _messages(log: str, form: str | None, decoder: Decoder, tally: Tally) -> Iterator[tuple[float, Message]]:
+def _messages(log: str, form: str | None, decoder: Decoder, damage: DamageCounts) -> Iterator[tuple[float, Message]]:
     from eurobot_od.logs import formats
-    from eurobot_od.logs.raw import REMEMBERED
+    from eurobot_od.logs.entries import REMEMBERED
 
     decode = lru_cache(REMEMBERED)(decoder)
     with opened(log) as file:
         for line, time, _, raw in formats.read(file, form):
             meaning = decode(raw)
-            tally.add(log, line, meaning.findings)
+            damage.add(log, line, meaning.defects)
             if meaning.message is not None:
                 yield time, meaning.message

@@ -1,6 +1,6 @@
 """Watch a bus, or logs at any speed, as a live table of messages; without a terminal or rich, as plain lines.
 
-Rule of this file: parse, connect a source of frames with what is shown, print.
+The loop here is the only one: it polls the source, draws, and waits for a key, all in the main thread.
 """
 
 from __future__ import annotations
@@ -66,18 +66,18 @@ def run(arguments: argparse.Namespace) -> int:
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:
         source = stack.enter_context(_source(arguments))
-        watch = Watch(traffic, controls, source)
-        took, refresh = stack.enter_context((on_screen if rich else _lines)(watch))
+        monitor = Monitor(traffic, controls, source)
+        took, refresh = stack.enter_context((on_screen if rich else _lines)(monitor))
         with suppress(KeyboardInterrupt):  # the usual way to end it
-            watch.run(took, refresh)
+            monitor.run(took, refresh)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
-    sys.stderr.writelines(f"{line}\n" for line in traffic.tally.report())
+    sys.stderr.writelines(f"{line}\n" for line in traffic.damage.report())
     return 0
 
 
-class Watch(NamedTuple):
-    """Where frames come from, what is made of them, and what the watcher wants."""
+class Monitor(NamedTuple):
+    """One session: where frames come from, what is made of them, and what the watcher wants."""
 
     traffic: Traffic
     controls: Controls
@@ -127,22 +127,23 @@ def _entries(logs: list[str], form: str | None) -> Generator[Timed, None, None]:
 
 
 @contextmanager
-def _lines(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
+def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Print each frame as a line."""
-    from eurobot_od.logs.output import Text
+    from eurobot_od.logs.output import TextOutput
     from eurobot_od.monitor.traffic import named
 
-    output = Text()
+    output = TextOutput()
+    write = output.writer("")
 
     def took(time: float, meaning: Meaning) -> None:
-        if not watch.controls.paused and named(meaning, watch.controls.part):
-            sys.stdout.write(output.line("", 0, time, "", output.row(meaning)))
+        if not monitor.controls.paused and named(meaning, monitor.controls.part):
+            sys.stdout.write(write(0, time, "", output.row(meaning)))
 
     yield took, sys.stdout.flush
 
 
 @contextmanager
-def on_screen(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
+def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
@@ -151,7 +152,7 @@ def on_screen(watch: Watch) -> Iterator[tuple[Took, Refresh]]:
     with Live(screen=True, auto_refresh=False) as live:
 
         def refresh() -> None:
-            now, height = watch.source.now, shutil.get_terminal_size().lines
-            live.update(screen(watch.traffic, watch.controls, now, watch.traffic.load(now), height), refresh=True)
+            now, height = monitor.source.now, shutil.get_terminal_size().lines
+            live.update(screen(monitor.traffic, monitor.controls, now, monitor.traffic.load(now), height), refresh=True)
 
         yield lambda *_: None, refresh

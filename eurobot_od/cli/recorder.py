@@ -56,6 +56,6 @@ def _open(file: Path) -> MessageWriter:
     except (ValueError, NotImplementedError) as error:
         raise LocalError(f"--log {file}: {error}") from error
     if isinstance(writer, can.SqliteWriter):
-        # Its stop() writes one more batch and drops what is behind that: there is to be one batch only.
+        # Its stop() writes one more batch and drops what comes after that: there is to be one batch only.
         writer.MAX_BUFFER_SIZE_BEFORE_WRITES = writer.MAX_TIME_BETWEEN_WRITES = sys.maxsize
     return writer

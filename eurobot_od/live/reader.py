@@ -23,14 +23,15 @@ Receive: TypeAlias = Callable[[int, Data, float], object]
 class Reader:
     """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
 
-    `failed` gets the error that has ended the reading; not if `running` was set to False before.
+    `clock` says when a frame was read; without one the driver's time stamps count, which start anywhere. `failed` gets
+    the error that has ended the reading; not if `running` was set to False before.
     """
 
     def __init__(
         self,
         bus: can.BusABC,
         receive: Receive,
-        clock: Callable[[], float],
+        clock: Callable[[], float] | None,
         foreign: Callable[[can.Message], object],
         failed: Callable[[BusError], object],
     ) -> None:
@@ -55,25 +56,25 @@ class Reader:
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
             else:
-                # our clock's time, not the message's: the time stamps of drivers start anywhere
-                receive(message.arbitration_id, message.data, clock())
+                receive(message.arbitration_id, message.data, clock() if clock else message.timestamp)
 
 
 class Watch:
     """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
 
-    `failed` is called, once, with the error that ended the reading.
+    `clock`, `foreign` and `failed` are those of the Reader.
     """
 
     def __init__(
         self,
         bus: can.BusABC,
         seen: Callable[[float, Frame], object],
-        clock: Callable[[], float],
+        clock: Callable[[], float] | None,
         failed: Callable[[BusError], object] = lambda _: None,
+        foreign: Callable[[can.Message], object] = lambda _: None,
     ) -> None:
         self._bus, self._seen = bus, seen
-        self._reader = Reader(bus, self._see, clock, lambda _: None, failed)
+        self._reader = Reader(bus, self._see, clock, foreign, failed)
         self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
     def _see(self, cob_id: int, data: Data, now: float) -> None:

@@ -1,5 +1,13 @@
 """Recorded traffic: log files to frames, frames to meanings, meanings to text, JSON lines and CSV.
 
-Rule of this package: what a frame means depends on nothing but the frame. Reading a log yields for every entry what
-its frame was understood as; each distinct frame is understood once, and memory does not grow with the log.
+There is one path for every log and every form of output (`decoding`), an entry at a time:
+
+    line or object  ->  entry: number, time, channel, Raw   `formats`, `lines`, and a module for each format
+    Raw             ->  Meaning: message or service, text, defects   `meaning`, `services`
+    Meaning         ->  row, the part of a line that the frame alone decides   `output`, `records`
+    entry and row   ->  line
+
+Rule of this package: what a frame means depends on nothing but the frame. So a log may begin anywhere, the meaning and
+the row of a frame may be kept for when it comes again, and memory does not grow with the log. Nothing is dropped: what
+cannot be read, or is not a frame of the protocol, is an entry with its Damage, and is counted (`statistics`).
 """

@@ -6,30 +6,23 @@ Rule of this file: frames are read, the events around them (statistics, chip sta
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 from functools import cache
-from itertools import product
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 from eurobot_od.logs.lines import LineFormat, seconds
-from eurobot_od.logs.raw import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 
 BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}
 HEADER = re.compile(rb"(//|date\s|base\s|(no\s+)?internal\s|begin\s|end\s|previous\s)|$", re.IGNORECASE)
 EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE)
-"""A time and something else than a frame: a word where the channel would be, or behind it."""
+"""A time and something else than a frame: a word where the channel would be, or after it."""
 
 DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
 ERROR_FRAME, CANFD, REMOTE, EXTENDED = b"errorframe", b"CANFD", (b"r", b"R"), (b"x", b"X")
 
-DIGITS = "0123456789abcdefABCDEF"
-HEX = {text.encode(): int(text, 16) for text in (*DIGITS, *map("".join, product(DIGITS, repeat=2)))}
-OCTET: Mapping[int, Callable[[bytes], int]] = {16: HEX.__getitem__, 10: int}
-"""Reads one byte, by the base of the numbers; they raise LookupError or ValueError."""
 
-
-class Asc(LineFormat):
+class AscFormat(LineFormat):
     """Reads one ASC log; numbers are hexadecimal unless its header says `base dec`."""
 
     def __init__(self) -> None:
@@ -52,7 +45,7 @@ class Asc(LineFormat):
     def _frame(self, words: list[bytes]) -> Frame:
         identifier, direction, kind, length, *octets = words
         count = min(int(length, self._base), MAX_LENGTH)
-        data = bytes(map(OCTET[self._base], octets[:count]))
+        data = bytes([int(octet, self._base) for octet in octets[:count]])
         if direction not in DIRECTIONS or kind != b"d" or len(data) != count:
             raise ValueError(octets)
         return frame(int(identifier, self._base), data)
@@ -65,7 +58,7 @@ def _channel(channel: bytes) -> str:
 
 
 def _foreign(line: bytes, channel: bytes, words: list[bytes]) -> Damage | None:
-    """Return why a line is no classic base data frame, None if it is one; raises IndexError if it is too short."""
+    """Return why a line is not a classic base data frame, None if it is one; raises IndexError if it is too short."""
     if ERROR_FRAME in line.lower():
         return Damage.ERROR_FRAME
     if channel.upper() == CANFD:

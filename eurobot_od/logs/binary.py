@@ -1,4 +1,4 @@
-"""Logs that are no lines: python-can's SQLite tables, and MF4, which only python-can knows.
+"""Logs that do not consist of lines: python-can's SQLite tables, and MF4, which only python-can knows.
 
 Rule of this file: a log that ends in the middle, or that its reader gives up, ends with an entry that says so.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
-from eurobot_od.logs.raw import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame, shortened
 
 if TYPE_CHECKING:
     import can
@@ -85,7 +85,9 @@ def read_messages(file: BinaryIO) -> Entries:
                 yield number, message.timestamp, _channel(message.channel), of_message(message)
     except NotImplementedError:  # what it raises without the package it needs
         raise LocalError(f"{file.name}: reading it needs the extra `mf4`: pip install 'eurobot-od[mf4]'") from None
-    except Exception as error:  # the readers raise what comes to hand
+    except (
+        Exception
+    ) as error:  # what a reader raises for a damaged file is not said anywhere: struct.error, KeyError, ...
         yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
 
 

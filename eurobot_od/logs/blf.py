@@ -13,7 +13,7 @@ from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, TypeAlias
 
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, frame, shortened
 
 FILE_HEADER = Struct("<4sL64xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -22,7 +22,7 @@ OBJECT = Struct("<4sHHLL")
 """Signature, size of the whole header, its version, size of the object, type."""
 
 CLOCK = Struct("<L4xQ")
-"""Behind it: 1 if the time counts 10 us, 2 for 1 ns; the time since the start."""
+"""After it: 1 if the time counts 10 us, 2 for 1 ns; the time since the start."""
 
 CONTAINER = Struct("<H6xL4x")
 """Compression (0 none, 2 deflate) and size of what it holds."""
@@ -45,11 +45,11 @@ NANOSECOND = 1e-9
 
 
 Object: TypeAlias = tuple[int, float, bytes]
-"""One object: its type, time in s since the start, and what is behind its header."""
+"""One object: its type, time in s since the start, and what comes after its header."""
 
 
 def read_blf(file: BinaryIO) -> Entries:
-    """Read a BLF file; if it is none, or is cut off, its last entry says so."""
+    """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
     number, time, start = 0, 0.0, 0.0
     try:
         start = _start(file)

@@ -6,13 +6,20 @@ Rule of this file: the format as can-utils' `candump -l` and python-can write it
 from __future__ import annotations
 
 import re
+from binascii import a2b_hex
+from functools import cache
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw
 from eurobot_od.logs.lines import LATEST, LineFormat
-from eurobot_od.logs.raw import Damage, Foreign, Raw, frame
 
 OPENING, CLOSING = b"()"
 """What stands around a time."""
+
+DIRECTIONS = (b"R", b"T")
+"""Received or sent. Any other word belongs to a next entry: the line end between them is lost."""
+
+COB_ID = re.compile(rb"([0-7][0-9A-F]{2})#", re.IGNORECASE)
 
 FOREIGN = (
     (Damage.ERROR_FRAME, rb"[2367ABEF][0-9A-F]{7}#([0-9A-F]{2})*"),
@@ -20,28 +27,35 @@ FOREIGN = (
     (Damage.REMOTE, rb"([0-9A-F]{3}|[0-9A-F]{8})#R[0-9A-F]?"),
     (Damage.EXTENDED, rb"[0-9A-F]{8}#([0-9A-F]{2}){0,8}"),
 )
-"""What is no classic base data frame, the first that fits; an error frame has bit 29 of its identifier set."""
+"""What is not a classic base data frame, the first that fits; an error frame has bit 29 of its identifier set."""
 
 
-class Candump(LineFormat):
+class CandumpFormat(LineFormat):
     """Reads one log of candump."""
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
-        stamp, channel, rest, *_ = line.split()
+        words = line.split()
+        if len(words) > 3 and words.pop() not in DIRECTIONS:
+            raise ValueError(line)
+        stamp, channel, rest = words
         time = float(stamp[1:-1])
-        if 0 <= time < LATEST and stamp[0] == OPENING and stamp[-1] == CLOSING:
-            return time, channel.decode(), parse(rest)
-        raise ValueError(line)
+        if not 0 <= time < LATEST or stamp[0] != OPENING or stamp[-1] != CLOSING:
+            raise ValueError(line)
+        try:
+            cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])
+        except ValueError:
+            return time, channel.decode(), _foreign(rest)
+        if len(data) > MAX_LENGTH:
+            raise ValueError(line)
+        return time, channel.decode(), tuple.__new__(Frame, (cob_id, data))
 
 
-def parse(rest: bytes) -> Raw:
-    """Read what stands behind the channel, `008#D27423592C0D9702`; raises ValueError."""
-    return _frame(rest) if rest[3:4] == b"#" and rest[4:5] not in (b"#", b"R", b"r") else _foreign(rest)
-
-
-def _frame(rest: bytes) -> Frame:
-    octets = bytes.fromhex("0" + rest.replace(b"#", b"", 1).decode())
-    return frame(int.from_bytes(octets[:2], "big"), octets[2:])
+@cache  # int() alone would also read `0_8` and `+08`; there are few identifiers, so that each is checked once
+def _cob_id(text: bytes) -> int:
+    found = COB_ID.fullmatch(text)
+    if found is None:
+        raise ValueError(text)
+    return int(found[1], 16)
 
 
 def _foreign(rest: bytes) -> Foreign:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from binascii import a2b_base64
 
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 from eurobot_od.logs.lines import LineFormat, seconds
-from eurobot_od.logs.raw import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
 
 HEADER = b"timestamp,"
 FLAGS: dict[tuple[bytes, ...], Damage | None] = {
@@ -23,7 +23,7 @@ CLASSIC = (None, Damage.EXTENDED)
 """Damage of a classic data frame."""
 
 
-class Csv(LineFormat):
+class CsvFormat(LineFormat):
     """Reads one CSV log; it has no channels."""
 
     def comment(self, line: bytes) -> bool:
@@ -40,7 +40,7 @@ class Csv(LineFormat):
 
 
 def _data(base64: bytes) -> bytes:
-    """Read base 64; raises ValueError for what is none. What the reader leaves out makes the data too short."""
+    """Read base 64; raises ValueError. a2b_base64 skips what is not base 64; the data is then too short."""
     data = a2b_base64(base64)
     if len(base64) != 4 * ((len(data) + 2) // 3):
         raise ValueError(base64)

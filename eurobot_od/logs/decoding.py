@@ -3,31 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from io import BufferedReader, BytesIO
-from typing import TypeAlias
+from functools import lru_cache
+from typing import BinaryIO
 
 from eurobot_od.logs import formats
+from eurobot_od.logs.entries import REMEMBERED, Raw
 from eurobot_od.logs.filters import Wanted, Window
-from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.output import Output, showing, written
-from eurobot_od.logs.statistics import Tally
+from eurobot_od.logs.meaning import Decoder, Defect
+from eurobot_od.logs.output import Output
+from eurobot_od.logs.statistics import DamageCounts
 
 EVERYTHING = Window()
 
-Log: TypeAlias = BufferedReader | BytesIO
-"""An open log."""
-
 
 class Decoding:
-    """What is asked for: the `output`, the entries `wanted` (None: all), their times; `tally` counts what is wrong."""
+    """What is asked for: the `output`, the entries `wanted` (None: all), their times; `damage` counts what is wrong."""
 
     def __init__(
         self, decoder: Decoder, output: Output, wanted: Wanted | None = None, window: Window = EVERYTHING
     ) -> None:
-        self.tally = Tally()
+        self.damage = DamageCounts()
         self._output, self._window = output, window
-        self._show = showing(decoder, wanted, output)
 
-    def texts(self, file: Log, log: str, form: str | None = None) -> Iterator[str]:
-        """Yield the lines of output for an open log named `log`; errors as `formats.form_of`."""
-        return written(formats.read(file, form), self._show, log, self._output, self.tally, self._window.clock())
+        # Most frames on a bus are requests and confirms without data: what is made of them is kept.
+        @lru_cache(REMEMBERED)
+        def show(raw: Raw) -> tuple[str | None, tuple[Defect, ...]]:
+            meaning = decoder(raw)
+            return output.row(meaning) if wanted is None or wanted(meaning) else None, meaning.defects
+
+        self._show = show
+
+    def lines(self, file: BinaryIO, log: str, form: str | None = None) -> Iterator[str]:
+        """Yield the lines of output for an open log named `log`; errors as `formats.form_of`.
+
+        What is wrong in the log is counted, whether it is wanted or not.
+        """
+        show, shown_time, write = self._show, self._window.clock(), self._output.writer(log)
+        for number, time, channel, raw in formats.read(file, form):
+            row, defects = show(raw)
+            if defects:
+                self.damage.add(log, number, defects)
+            shown = shown_time(time)
+            if row is not None and shown is not None:
+                yield write(number, shown, channel, row)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.logs.meaning import CANOPEN, Meaning
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import plain_name
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 
@@ -34,30 +35,28 @@ CONDITION = re.compile(
 )
 
 
-def _plain(name: str) -> str:
-    return re.sub(r"[ _-]", "", name).casefold()
-
-
 def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
     """Want messages and services of these names, and those of a group of the catalogue or of the group CANopen.
 
     Raises UnknownName.
     """
-    known = {_plain(name): name for name in (*protocol.names(), *SERVICE_NAMES, *protocol.catalogue.groups, CANOPEN)}
+    known = {
+        plain_name(name): name for name in (*protocol.names(), *SERVICE_NAMES, *protocol.catalogue.groups, CANOPEN)
+    }
     wanted = {_known(name, known, "message") for name in names}
     return lambda meaning: meaning.name in wanted or meaning.group in wanted
 
 
 def by_node(nodes: Iterable[str], known: Iterable[str]) -> Wanted:
     """Want what these nodes send or receive; raises UnknownName."""
-    names = {_plain(name): name for name in known}
+    names = {plain_name(name): name for name in known}
     wanted = {_known(node, names, "node") for node in nodes}
     return lambda meaning: not wanted.isdisjoint(meaning.nodes)
 
 
 def _known(name: str, known: Mapping[str, str], kind: str) -> str:
     try:
-        return known[_plain(name)]
+        return known[plain_name(name)]
     except KeyError:
         raise UnknownName(kind, name, known.values()) from None
 
@@ -78,13 +77,13 @@ class Condition(NamedTuple):
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:
-    """Want messages with a field whose value is as `text` says: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`.
+    """Want messages with a field whose value is as `text` says: `x>1000`, `Goto XY.speed<=20`, `source=internal`.
 
-    Raises LocalError for a text that is no comparison, UnknownName for a message or field, FieldError for a value.
+    Raises LocalError for a text that is not a comparison, UnknownName for a message or field, FieldError for a value.
     """
     match = CONDITION.fullmatch(text)
     if match is None:
-        raise LocalError(f"{text!r} is no comparison such as `x>1000` or `Goto XY.speed<=20`")
+        raise LocalError(f"{text!r} is not a comparison such as `x>1000` or `MESSAGE.x>1000`")
     bindings = [protocol.binding(match["message"].strip())] if match["message"] else protocol.bindings
     having = [each for each in bindings if match["field"] in each.kinds]
     if not having:

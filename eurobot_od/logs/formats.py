@@ -1,4 +1,4 @@
-"""The log formats, by suffix; a `.gz` behind it is unpacked on the way.
+"""The log formats, by suffix; a log with `.gz` after it is unpacked on the way.
 
 Rule of this file: a log is opened once, read forwards, and never held in memory.
 """
@@ -10,25 +10,25 @@ from pathlib import PurePath
 from typing import Any, BinaryIO, NamedTuple, cast
 
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Read
 from eurobot_od.logs.lines import read_lines
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Read
 
 STANDARD_INPUT = CANDUMP = "log"
 """Format of standard input, unless another is asked for."""
 
 
 class Home(NamedTuple):
-    """Where a format's reader is: a module beside this one, and a class of lines or a function in it."""
+    """Where a format's reader is: a module of this package, and in it a LineFormat or a function."""
 
     module: str
     name: str
 
 
 FORMATS = {
-    CANDUMP: Home("candump", "Candump"),
-    "asc": Home("asc", "Asc"),
-    "csv": Home("csv", "Csv"),
-    "trc": Home("trc", "Trc"),
+    CANDUMP: Home("candump", "CandumpFormat"),
+    "asc": Home("asc", "AscFormat"),
+    "csv": Home("csv", "CsvFormat"),
+    "trc": Home("trc", "TrcFormat"),
     "blf": Home("blf", "read_blf"),
     "db": Home("binary", "read_table"),
     "mf4": Home("binary", "read_messages"),
@@ -39,17 +39,11 @@ BY_NAME = ("db", "mf4")
 """Formats that are not read from front to back."""
 
 
-class Form(NamedTuple):
-    """A format by its suffix, and whether the log is packed."""
+def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
+    """Return the suffix of an open log's format, and whether the log is packed.
 
-    suffix: str
-    packed: bool
-
-
-def form_of(file: BinaryIO, form: str | None = None) -> Form:
-    """Return the format of an open log: `form`, a suffix, or left out what the file's name says.
-
-    Raises UnknownName for a suffix that stands for no format, LocalError for a pipe where only a file will do.
+    `form` is the suffix; left out, the file's name says it. Raises UnknownName for a suffix that stands for no format,
+    LocalError for a pipe where only a file will do.
     """
     name = getattr(file, "name", None)
     suffixes = PurePath(str(name)).suffixes if form is None else [f".{form}"]
@@ -59,19 +53,16 @@ def form_of(file: BinaryIO, form: str | None = None) -> Form:
         raise UnknownName("log format", suffix or str(name), FORMATS)
     if suffix in BY_NAME and not isinstance(name, str):
         raise LocalError(f"a log in the format {suffix} must be a file")
-    return Form(suffix, packed)
+    return suffix, packed
 
 
 def read(file: BinaryIO, form: str | None = None) -> Entries:
     """Yield the entries of an open log; errors as `form_of`."""
     suffix, packed = form_of(file, form)
-    reader = _reader(FORMATS[suffix])
-    return _unpacked(reader, file) if packed else reader(file)
-
-
-def _reader(home: Home) -> Read:
+    home = FORMATS[suffix]
     found: Any = getattr(import_module(f"eurobot_od.logs.{home.module}"), home.name)
-    return (lambda file: read_lines(file, found())) if isinstance(found, type) else found
+    reader: Read = (lambda lines: read_lines(lines, found())) if isinstance(found, type) else found
+    return _unpacked(reader, file) if packed else reader(file)
 
 
 def _unpacked(reader: Read, file: BinaryIO) -> Entries:

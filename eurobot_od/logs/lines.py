@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from eurobot_od.logs.raw import Damage, Entries, Foreign, Raw, shortened
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, shortened
 
 LATEST = 1e11
 """A time in s that no log has; it also sorts out `nan` and `inf`."""
 
 
 class LineFormat:
-    """A format of lines; `entry` raises ValueError or LookupError for what is none.
+    """A format of lines; `entry` raises ValueError or LookupError for what it cannot read.
 
     A format with a header keeps what it says; an instance is used for one log.
     """
@@ -29,26 +29,20 @@ class LineFormat:
         raise NotImplementedError
 
 
-def read_lines(lines: Iterable[bytes], form: LineFormat, before: int = 0, time: float = 0.0) -> Entries:
-    """Read a log of lines; what cannot be read is Foreign, with the time of the entry before.
-
-    `before` is the number of lines before these, `time` that of the last entry among them.
-    """
-    entry = form.entry
-    for number, line in enumerate(lines, before + 1):
+def read_lines(lines: Iterable[bytes], form: LineFormat) -> Entries:
+    """Read a log of lines; what cannot be read is Foreign, with the time of the entry before."""
+    entry, time = form.entry, 0.0
+    for number, line in enumerate(lines, 1):
         try:
             time, channel, raw = entry(line)
         except (ValueError, LookupError):
             if form.comment(line):
                 continue
-            yield number, time, "", _unreadable(line)
+            # only the last line may have no line end: then the log was cut off there
+            damage = Damage.UNREADABLE if line.endswith(b"\n") else Damage.CUT_OFF
+            yield number, time, "", Foreign(damage, shortened(line))
         else:
             yield number, time, channel, raw
-
-
-def _unreadable(line: bytes) -> Foreign:
-    """Say what a line is that cannot be read: only the last one has no line end, if the log was cut off."""
-    return Foreign(Damage.UNREADABLE if line.endswith(b"\n") else Damage.CUT_OFF, shortened(line))
 
 
 def seconds(text: bytes) -> float:

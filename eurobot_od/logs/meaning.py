@@ -6,21 +6,22 @@ Rule of this file: nothing raises, whatever the frame; what is wrong with it is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from eurobot_od.errors import FrameLengthError, RemoteError
+from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Frame
-from eurobot_od.logs.raw import REMEMBERED, Damage, Foreign, Raw
+from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.outline import Outline
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
+from eurobot_od.pdo.codec import compiled
 from eurobot_od.pdo.kinds import Kind, OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.services import Service
+    from eurobot_od.logs.services import CanopenService
 
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
@@ -28,7 +29,7 @@ CANOPEN = "CANopen"
 NO_GROUP = ""
 
 
-class Finding(NamedTuple):
+class Defect(NamedTuple):
     """One thing that is wrong with a frame, and what exactly."""
 
     damage: Damage
@@ -47,7 +48,7 @@ class Meaning(NamedTuple):
     nodes: tuple[str, ...]
     message: Message | None
     text: str
-    findings: tuple[Finding, ...] = ()
+    defects: tuple[Defect, ...] = ()
 
 
 class Decoder:
@@ -57,10 +58,10 @@ class Decoder:
         self.outlines = tuple(outlines)
         self.protocol = Protocol(((each, each.pdos) for each in self.outlines), catalogue)
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
-        self._readers: dict[int, Callable[[Frame], Meaning]] = {}
+        self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
     @cached_property
-    def _services(self) -> Mapping[int, Service]:
+    def _services(self) -> Mapping[int, CanopenService]:
         """The services by identifier; many a log has none of them."""
         from eurobot_od.logs.services import services
 
@@ -68,71 +69,89 @@ class Decoder:
 
     def __call__(self, raw: Raw) -> Meaning:
         """Tell what a frame means."""
-        if isinstance(raw, Foreign):
-            return Meaning(raw, "", NO_GROUP, (), None, raw.text, (Finding(raw.damage, raw.text),))
-        read = self._readers.get(raw.cob_id) or self._reader(raw.cob_id)
-        return read(raw)
+        read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
+        return read(raw) if read else self._first(raw)
 
-    def _reader(self, cob_id: int) -> Callable[[Frame], Meaning]:
-        """Return the function for an identifier, made when the first frame with it comes."""
-        binding = self._bindings.get(cob_id)
-        read = self._readers[cob_id] = _reader(binding, self.protocol) if binding else self._service
-        return read
+    def _first(self, raw: Raw) -> Meaning:
+        """Tell what is not a frame, or the first frame with its COB-ID, for which a reader is made then."""
+        if isinstance(raw, Foreign):
+            return Meaning(raw, "", NO_GROUP, (), None, raw.text, (Defect(raw.damage, raw.text),))
+        binding = self._bindings.get(raw.cob_id)
+        read = self._readers[raw.cob_id] = _reader(binding) if binding else self._service
+        return read(raw)
 
     def _service(self, frame: Frame) -> Meaning:
         found = self._services.get(frame.cob_id)
         if found is None:
-            return Meaning(frame, "", NO_GROUP, (), None, str(frame), (Finding(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
+            return Meaning(frame, "", NO_GROUP, (), None, str(frame), (Defect(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
         nodes = (found.node,) if found.node else tuple(each.name for each in self.outlines)
         if len(frame.data) != found.length:
             text = f"{len(frame.data)} bytes of data, expected {found.length}"
-            finding = Finding(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
-            return Meaning(frame, found.name, CANOPEN, nodes, None, text, (finding,))
+            defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")
+            return Meaning(frame, found.name, CANOPEN, nodes, None, text, (defect,))
         text = ", ".join(filter(None, (found.node, found.text(frame.data))))
         return Meaning(frame, found.name, CANOPEN, nodes, None, text)
 
 
-def _reader(binding: Binding, protocol: Protocol) -> Callable[[Frame], Meaning]:
+def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     """Return the function that tells the meaning of one message's frames."""
-    name, group = binding.name, binding.group
-    nodes = (*binding.senders, *binding.receivers)
-    length, decode, new = binding.layout.length, protocol.decode, tuple.__new__
-    texts = [_field_text(field, kind) if field in binding.limits else None for field, kind in binding.kinds.items()]
+    name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
+    length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
 
     def read(frame: Frame) -> Meaning:
+        _, data = frame
         try:
-            message = decode(*frame)
+            message = decode(data)
         except FrameLengthError as error:
-            return _too_short(frame, error)
-        text = ", ".join([write(value) for write, value in zip(texts, message) if write])
-        findings: tuple[Finding, ...] = ()
-        if len(frame.data) > length or OutOfRange in map(type, message):
-            findings = tuple(_findings(frame, message, binding))
-        return new(Meaning, (frame, name, group, nodes, message, text, findings))
-
-    def _too_short(frame: Frame, error: RemoteError) -> Meaning:
-        return Meaning(frame, name, group, nodes, None, str(error), (Finding(Damage.WRONG_LENGTH, str(error)),))
+            return Meaning(frame, name, group, nodes, None, str(error), (Defect(Damage.WRONG_LENGTH, str(error)),))
+        defects: tuple[Defect, ...] = ()
+        if len(data) > length or OutOfRange in map(type, message):
+            defects = tuple(_defects(frame, message, binding))
+        return new(Meaning, (frame, name, group, nodes, message, write(message), defects))
 
     return read
 
 
-def _field_text(field: str, kind: Kind) -> Callable[[Any], str]:
-    """Return the function that writes a field's values."""
-    return lru_cache(REMEMBERED)(lambda value: field_text(field, kind, value))
+def _fields_writer(binding: Binding) -> Callable[[Any], str]:
+    """Generate `write(message) -> text`, the mapped fields for a person.
+
+    Nearly all values are plain numbers, seldom the same twice; they are written without a call. Other values, such as
+    an enum's or an unknown angle, take several calls, but there are few of them: their texts are kept. Goto XY's
+    function is, shortened to two fields:
+
+        def write(message):
+            v0, v4, = message
+            return f"{f'{name0}{v0}{unit0}' if type(v0) is int else text0(v0)}, {text4(v4)}"
+    """
+    if not binding.kinds:
+        return lambda _: ""
+    names: dict[str, Any] = {}
+    parts = []
+    for n, (field, kind) in enumerate(binding.kinds.items()):
+        if field in binding.limits:
+            number = f"f'{{name{n}}}{{v{n}}}{{unit{n}}}' if type(v{n}) is int else "
+            parts.append(f"{{{number if kind.numbers(binding.limits[field]) else ''}text{n}(v{n})}}")
+            text = lru_cache(REMEMBERED)(partial(_field_text, field, kind))
+            names |= {f"name{n}": f"{field}=", f"unit{n}": f" {kind.unit}".rstrip(), f"text{n}": text}
+    source = f"""
+def write(message):
+    {"".join(f"v{n}, " for n in range(len(binding.kinds)))} = message
+    return f"{", ".join(parts)}"
+"""
+    return compiled("write", source, names)
 
 
-def field_text(field: str, kind: Kind, value: Any) -> str:
-    """Write a field for a person: its name, its value and unit."""
+def _field_text(field: str, kind: Kind, value: Any) -> str:
     return f"{field}={kind.text(value)}"
 
 
-def _findings(frame: Frame, message: Message, binding: Binding) -> Iterator[Finding]:
+def _defects(frame: Frame, message: Message, binding: Binding) -> Iterator[Defect]:
     if len(frame.data) > binding.layout.length:
         error = FrameLengthError(binding.name, frame.cob_id, len(frame.data), str(binding.layout.length))
-        yield Finding(Damage.WRONG_LENGTH, f"{error}; read all the same")
+        yield Defect(Damage.WRONG_LENGTH, f"{error}; read all the same")
     for field in flagged_fields(message):
         kind, limits = binding.kinds[field], binding.limits[field]
-        yield Finding(
+        yield Defect(
             Damage.OUT_OF_RANGE,
             f"{binding.name}: {field} = {int(getattr(message, field))}, allowed: {kind.allowed(limits)}",
         )

@@ -14,11 +14,11 @@ from typing import Any
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Meaning
-from eurobot_od.logs.output import Output
+from eurobot_od.logs.output import Output, WriteLine
 from eurobot_od.pdo.message import kinds
 
 
-class JsonLines(Output):
+class JsonOutput(Output):
     """One JSON object a line; fields as numbers, null (unknown), or the words that a person writes."""
 
     def row(self, meaning: Meaning) -> str:
@@ -27,12 +27,15 @@ class JsonLines(Output):
             data["fields"] = _fields(meaning)
         elif meaning.text:
             data["text"] = meaning.text
-        if meaning.findings:
-            data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.findings]
+        if meaning.defects:
+            data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
         return json.dumps(data, ensure_ascii=False)[1:]
 
-    def line(self, log: str, number: int, time: float, channel: str, row: str) -> str:
-        return f'{{"log": {_quoted(log)}, "line": {number}, "time": {time:.6f}, "channel": {_quoted(channel)}, {row}\n'
+    def writer(self, log: str) -> WriteLine:
+        start, quoted = f'{{"log": {_quoted(log)}, "line":', lru_cache(_quoted)
+        return lambda number, time, channel, row: (
+            f'{start} {number}, "time": {time:.6f}, "channel": {quoted(channel)}, {row}\n'
+        )
 
 
 def _identification(meaning: Meaning) -> dict[str, Any]:
@@ -54,7 +57,6 @@ def _fields(meaning: Meaning) -> dict[str, Any]:
     return {field: written[field].plain(value) for field, value in meaning.message._asdict().items()}
 
 
-@lru_cache
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
@@ -63,7 +65,7 @@ PLACE = ("log", "line", "timestamp", "channel")
 FRAME = ("id", "data", "message", "protocol")
 
 
-class Csv(Output):
+class CsvOutput(Output):
     """Comma-separated values, one column for each of the `fields` that any message has; unknown is empty."""
 
     def __init__(self, fields: Iterable[str]) -> None:
@@ -73,12 +75,13 @@ class Csv(Output):
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)
         fields = _fields(meaning) if meaning.message is not None else {}
-        damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.findings)
+        damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
         head = [known.get(key, "") for key in FRAME]
         return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])
 
-    def line(self, log: str, number: int, time: float, channel: str, row: str) -> str:
-        return f"{_joined((log,))},{number},{time:.6f},{_joined((channel,))},{row}\n"
+    def writer(self, log: str) -> WriteLine:
+        start, quoted = _joined([log]), lru_cache(lambda channel: _joined([channel]))
+        return lambda number, time, channel, row: f"{start},{number},{time:.6f},{quoted(channel)},{row}\n"
 
 
 def _joined(values: Sequence[Any]) -> str:

@@ -1,4 +1,4 @@
-"""The CANopen services beside the messages: NMT, EMCY, SDO, boot-up and heartbeat (CiA 301, 7.2 and 7.3.3).
+"""The CANopen services besides the messages: NMT, EMCY, SDO, boot-up and heartbeat (CiA 301, 7.2 and 7.3.3).
 
 Rule of this file: one frame at a time. What a frame means is said without the frames before it, so that a log may
 begin anywhere; the middle of a segmented or block transfer is therefore only named.
@@ -31,7 +31,7 @@ SDO_REQUEST_ENTRY: Address = (0x1200, 1)
 SDO_ANSWER_ENTRY: Address = (0x1200, 2)
 
 
-class Service(NamedTuple):
+class CanopenService(NamedTuple):
     """What an identifier is for: the service's name, its node, the frame's length, and how it is read."""
 
     name: str
@@ -40,35 +40,37 @@ class Service(NamedTuple):
     text: Callable[[bytes], str]
 
 
-class Known(NamedTuple):
+class KnownNode(NamedTuple):
     """What is known of the node that a frame is from or for: its name, and the outline of its EDS if there is one."""
 
     name: str
     outline: Outline | None = None
 
 
-def services(outlines: Iterable[Outline], errors: Mapping[int, str] = MappingProxyType({})) -> dict[int, Service]:
+def services(
+    outlines: Iterable[Outline], errors: Mapping[int, str] = MappingProxyType({})
+) -> dict[int, CanopenService]:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
     `errors` are words for the error codes that are the devices' own.
     """
-    known = {each.node_id: Known(each.name, each) for each in outlines}
-    found = {NMT_COB_ID: Service("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
+    known = {each.node_id: KnownNode(each.name, each) for each in outlines}
+    found = {NMT_COB_ID: CanopenService("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
     for node_id in NODE_IDS:
-        found |= dict(_predefined(node_id, known.get(node_id, Known(f"node {node_id}")), errors))
+        found |= dict(_predefined(node_id, known.get(node_id, KnownNode(f"node {node_id}")), errors))
     for each in known.values():
         found |= dict(_configured(each, errors))
     return found
 
 
-def _predefined(node_id: int, node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, Service]]:
+def _predefined(node_id: int, node: KnownNode, errors: Mapping[int, str]) -> Iterator[tuple[int, CanopenService]]:
     yield EMCY_BASE + node_id, _emcy(node, errors)
     yield SDO_REQUEST_BASE + node_id, _sdo(node, REQUESTS)
     yield SDO_RESPONSE_BASE + node_id, _sdo(node, ANSWERS)
-    yield ERROR_CONTROL_BASE + node_id, Service("Heartbeat", node.name, 1, heartbeat_text)
+    yield ERROR_CONTROL_BASE + node_id, CanopenService("Heartbeat", node.name, 1, heartbeat_text)
 
 
-def _configured(node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, Service]]:
+def _configured(node: KnownNode, errors: Mapping[int, str]) -> Iterator[tuple[int, CanopenService]]:
     services = _emcy(node, errors), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
     for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
         value = node.outline.number(address) if node.outline else None
@@ -76,12 +78,12 @@ def _configured(node: Known, errors: Mapping[int, str]) -> Iterator[tuple[int, S
             yield value, service
 
 
-def _emcy(node: Known, errors: Mapping[int, str]) -> Service:
-    return Service("EMCY", node.name, 8, partial(emcy_text, errors))
+def _emcy(node: KnownNode, errors: Mapping[int, str]) -> CanopenService:
+    return CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
 
 
-def _sdo(node: Known, table: Commands) -> Service:
-    return Service("SDO", node.name, 8, partial(sdo_text, table, node.outline))
+def _sdo(node: KnownNode, table: Commands) -> CanopenService:
+    return CanopenService("SDO", node.name, 8, partial(sdo_text, table, node.outline))
 
 
 # NMT, heartbeat, EMCY

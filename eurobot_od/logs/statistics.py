@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from eurobot_od.logs.meaning import Finding
-from eurobot_od.logs.raw import Damage
+from eurobot_od.logs.entries import Damage
+from eurobot_od.logs.meaning import Defect
 
 
-class Count(NamedTuple):
+class DamageCount(NamedTuple):
     """How often one kind of damage was met, in which log and line first, and what exactly was wrong there."""
 
     log: str
@@ -21,21 +21,21 @@ class Count(NamedTuple):
     number: int = 0
 
 
-class Tally:
+class DamageCounts:
     """Counts damage over any number of logs."""
 
     def __init__(self) -> None:
-        self.counts: dict[Damage, Count] = {}
+        self.counts: dict[Damage, DamageCount] = {}
 
-    def add(self, log: str, line: int, findings: Iterable[Finding]) -> None:
+    def add(self, log: str, line: int, defects: Iterable[Defect]) -> None:
         """Count what is wrong with the entry at a line of a log."""
-        for damage, text in findings:
-            count = self.counts.get(damage) or Count(log, line, text)
+        for damage, text in defects:
+            count = self.counts.get(damage) or DamageCount(log, line, text)
             self.counts[damage] = count._replace(number=count.number + 1)
 
     @property
     def total(self) -> int:
-        """How many findings there were."""
+        """How many defects there were."""
         return sum(count.number for count in self.counts.values())
 
     def report(self) -> Iterator[str]:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta, timezone
 
+from eurobot_od.logs.entries import Damage, Foreign, Raw, frame, shortened
 from eurobot_od.logs.lines import LATEST, LineFormat
-from eurobot_od.logs.raw import Damage, Foreign, Raw, frame, shortened
 
 COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.2": "N,O,B,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
 """Columns of the versions that do not list theirs; letters as in version 2: number, offset, type, identifier, ..."""
@@ -30,7 +30,7 @@ EPOCH = datetime(1899, 12, 30, tzinfo=timezone.utc)
 """What $STARTTIME counts days from."""
 
 
-class Trc(LineFormat):
+class TrcFormat(LineFormat):
     """Reads one TRC log."""
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class Trc(LineFormat):
         self._set_columns(COLUMNS["1.0"])
 
     def _set_columns(self, columns: str) -> None:
-        """Note where each column is behind the number and the offset; the data is the last one."""
+        """Note where each column is after the number and the offset; the data is the last one."""
         letters = columns.strip().split(",")[2:]
         self._data = len(letters) - 1
         self._bus, self._type = (letters.index(each) if each in letters else None for each in "BT")
@@ -83,5 +83,5 @@ class Trc(LineFormat):
         return frame(int(identifier, 16), octets)
 
 
-HEADER = {"$FILEVERSION": Trc._version, "$STARTTIME": Trc._start_time, "$COLUMNS": Trc._set_columns}
+HEADER = {"$FILEVERSION": TrcFormat._version, "$STARTTIME": TrcFormat._start_time, "$COLUMNS": TrcFormat._set_columns}
 HEADER = {";" + key: read for key, read in HEADER.items()}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
-from eurobot_od.monitor.traffic import NodeHealth, Row
+from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
 
 ALIGN: Mapping[str, Callable[[str, int], str]] = {
     "ID": str.ljust,
@@ -20,23 +20,23 @@ ALIGN: Mapping[str, Callable[[str, int], str]] = {
 HEADINGS = tuple(ALIGN)
 
 
-def cells(row: Row, now: float) -> tuple[str, ...]:
+def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
     """Write a row, one text for each heading."""
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
     return identifier, row.name, str(row.count), _period(row), f"{max(now - row.last, 0.0):.1f}", values(row)
 
 
-def _period(row: Row) -> str:
+def _period(row: TrafficRow) -> str:
     period = row.period
     return "" if period is None else f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}"
 
 
-def values(row: Row) -> str:
+def values(row: TrafficRow) -> str:
     """Write the last values, and what is wrong with them."""
     meaning = row.meaning
-    if not meaning.findings:
+    if not meaning.defects:
         return meaning.text
-    wrong = "; ".join(dict.fromkeys(f"{damage.value}: {text}" for damage, text in meaning.findings))
+    wrong = "; ".join(dict.fromkeys(f"{damage.value}: {text}" for damage, text in meaning.defects))
     return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
 
 
@@ -47,7 +47,7 @@ def health(name: str, node: NodeHealth, now: float) -> str:
     )
 
 
-def plain_table(rows: list[Row], now: float) -> Iterator[str]:
+def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:
     """Write the table without colours, one line a row."""
     lines = [HEADINGS, *(cells(row, now) for row in rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(HEADINGS) - 1)]

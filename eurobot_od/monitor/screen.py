@@ -1,6 +1,6 @@
-"""The live table for a terminal, with the package rich.
+"""The live table for a terminal; colours show the group of a message, red whatever is wrong.
 
-Rule of this file: the only one that imports rich; colours show the protocol, red whatever is wrong.
+Rule of this file: the only one that imports rich, which is an extra.
 """
 
 from __future__ import annotations
@@ -11,12 +11,15 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from eurobot_od.logs.meaning import CANOPEN
 from eurobot_od.monitor.cells import ALIGN, cells, health
 from eurobot_od.monitor.controls import HELP, Controls
-from eurobot_od.monitor.traffic import Row, Traffic, selected
+from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
 
-COLOURS: Mapping[str, str] = {"GTP": "bright_cyan", "ELP": "green", "GIP": "yellow", "CANopen": "magenta"}
-"""Colour of each protocol."""
+COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
+"""Colours of the groups of messages, in the catalogue's order; further groups have none of their own."""
+
+SERVICE_COLOUR = "magenta"
 
 WRONG, OLD = "bold red", "dim"
 OLD_AFTER = 3.0
@@ -31,7 +34,8 @@ def screen(traffic: Traffic, controls: Controls, now: float, load: tuple[float, 
     """Return everything that is shown on `height` lines."""
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     room = max(height - 8, 1)
-    table = _table(rows[:room], now)
+    colours = {CANOPEN: SERVICE_COLOUR} | dict(zip(traffic.groups, COLOURS))
+    table = _table(rows[:room], now, colours)
     return Group(_top(traffic, load), _nodes(traffic, now), table, _bottom(controls, len(rows) - room))
 
 
@@ -42,8 +46,8 @@ def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
     text = Text(f"{traffic.frames} frames  {rate:.0f}/s  load ")
     text.append("█" * filled, colour).append("░" * (BAR_WIDTH - filled), OLD).append(f" {share:.1%}", colour)
     text.append(f" of {traffic.bitrate // 1000} kbit/s")
-    if traffic.tally.total:
-        kinds = ", ".join(f"{count.number} x {damage.value}" for damage, count in traffic.tally.counts.items())
+    if traffic.damage.total:
+        kinds = ", ".join(f"{count.number} x {damage.value}" for damage, count in traffic.damage.counts.items())
         text.append(f"   {kinds}", WRONG)
     return text
 
@@ -56,20 +60,20 @@ def _nodes(traffic: Traffic, now: float) -> Text:
     return text
 
 
-def _table(rows: list[Row], now: float) -> Table:
+def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
     for heading, align in ALIGN.items():
         ratio = 1 if heading == VALUES else None
         table.add_column(heading, justify="right" if align is str.rjust else "left", no_wrap=True, ratio=ratio)
     for row in rows:
-        table.add_row(*cells(row, now), style=_style(row, now))
+        table.add_row(*cells(row, now), style=_style(row, now, colours))
     return table
 
 
-def _style(row: Row, now: float) -> str:
-    if row.meaning.findings:
+def _style(row: TrafficRow, now: float, colours: Mapping[str, str]) -> str:
+    if row.meaning.defects:
         return WRONG
-    colour = COLOURS.get(row.meaning.group, "")
+    colour = colours.get(row.meaning.group, "")
     period = row.period
     old = now - row.last > max(OLD_AFTER * period.mean, 1.0) if period else False
     return f"{colour} {OLD}" if old else colour

@@ -1,6 +1,6 @@
 """Where the monitor's frames come from: a bus, or logs played at any speed.
 
-Rule of this file: `poll` never waits; it returns what has come since the last time.
+Rule of this file: `poll` never waits; it returns what has come since the last time. The monitor waits for keys instead.
 """
 
 from __future__ import annotations
@@ -8,52 +8,43 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.live import Watch
 from eurobot_od.logs.binary import of_message
-from eurobot_od.logs.raw import Raw
+from eurobot_od.logs.entries import Raw
 
 if TYPE_CHECKING:
     import can
 
-    Timed: TypeAlias = tuple[float, Raw]
-
-POLL = 0.1
-"""Seconds after which the thread that reads a bus looks whether it is to end."""
+Timed: TypeAlias = tuple[float, Raw]
+"""A time in s, and what came then."""
 
 AT_ONCE = 20_000
 """Entries of a log that are played without a refresh of the screen between them."""
 
 
-class Collector:
-    """What python-can's thread gives its messages, and its last error, to."""
-
-    def __init__(self) -> None:
-        self.came: deque[can.Message] = deque()
-        self.error: Exception | None = None
-
-    def __call__(self, message: can.Message) -> None:
-        self.came.append(message)
-
-    def on_error(self, error: Exception) -> None:
-        """Keep an error until somebody asks for messages."""
-        self.error = error
-
-
 class BusSource:
-    """Frames of a bus, with the driver's times; a thread of python-can's takes them from it."""
+    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them."""
 
     ended = False
 
     def __init__(self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic) -> None:
-        import can
-
         self._clock = clock
-        self._collector = Collector()
+        self._came: deque[Timed] = deque()
+        self._failures: list[BusError] = []
         self._last, self._seen = 0.0, clock()
-        self._notifier = can.Notifier(bus, [self._collector], timeout=POLL)
-        self._bus = bus
+        self._watch = ExitStack()
+        self._watch.enter_context(Watch(bus, self._take, None, self._failures.append, self._take_foreign))
+
+    def _take(self, time: float, frame: Frame) -> None:
+        self._came.append((time, frame))
+
+    def _take_foreign(self, message: can.Message) -> None:
+        self._came.append((message.timestamp, of_message(message)))
 
     @property
     def now(self) -> float:
@@ -66,18 +57,16 @@ class BusSource:
 
     def poll(self) -> Iterator[Timed]:
         """Return the frames; raises BusError if the bus failed."""
-        came = self._collector.came
-        for _ in range(len(came)):
-            message = came.popleft()
-            self._last, self._seen = message.timestamp, self._clock()
-            yield message.timestamp, of_message(message)
-        if self._collector.error is not None:
-            raise BusError(f"the bus {self._bus.channel_info} failed: {self._collector.error}")
+        for _ in range(len(self._came)):  # not until there is none: a full bus would never let the screen be drawn
+            timed = self._came.popleft()
+            self._last, self._seen = timed[0], self._clock()
+            yield timed
+        if self._failures:
+            raise self._failures[0]
 
     def close(self) -> None:
         """Let the bus go."""
-        self._notifier.stop(1)
-        self._bus.shutdown()
+        self._watch.close()
 
 
 class LogSource:

@@ -15,14 +15,14 @@ from statistics import fmean, pstdev
 from typing import Any, NamedTuple
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
-from eurobot_od.logs.raw import REMEMBERED, Damage, Raw
-from eurobot_od.logs.statistics import Tally
+from eurobot_od.logs.statistics import DamageCounts
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import Address
 
 OVERHEAD_BITS = 47
-"""Bits of a classic base frame beside its data, interframe space included and stuff bits not (ISO 11898-1)."""
+"""Bits of a classic base frame besides its data, interframe space included and stuff bits not (ISO 11898-1)."""
 
 REMEMBERED_TIMES = 33
 """Period and jitter are those of the last 32 intervals."""
@@ -35,7 +35,7 @@ LOST_AFTER = 2.0
 """A node is lost after so many of its heartbeat periods without a heartbeat."""
 
 
-class Period(NamedTuple):
+class MeanPeriod(NamedTuple):
     """Mean interval between frames of a message, and the intervals' standard deviation, both in s."""
 
     mean: float
@@ -43,7 +43,7 @@ class Period(NamedTuple):
 
 
 @dataclass
-class Row:
+class TrafficRow:
     """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
 
     identifier: int | None
@@ -58,10 +58,10 @@ class Row:
         return self.times[-1]
 
     @property
-    def period(self) -> Period | None:
+    def period(self) -> MeanPeriod | None:
         """The period; None before there is an interval."""
         intervals = [later - earlier for earlier, later in pairwise(self.times)]
-        return Period(fmean(intervals), pstdev(intervals)) if intervals else None
+        return MeanPeriod(fmean(intervals), pstdev(intervals)) if intervals else None
 
     @property
     def name(self) -> str:
@@ -69,7 +69,7 @@ class Row:
         meaning = self.meaning
         if meaning.message is None and meaning.name and len(meaning.nodes) == 1:
             return f"{meaning.name} {meaning.nodes[0]}"
-        return meaning.name or meaning.findings[0].damage.value
+        return meaning.name or meaning.defects[0].damage.value
 
 
 @dataclass
@@ -87,13 +87,17 @@ class NodeHealth:
 
 
 class Traffic:
-    """The traffic on a bus of `bitrate` bit/s; `rows` by identifier, or by kind of damage where there is none."""
+    """The traffic on a bus of `bitrate` bit/s; `rows` by identifier, or by kind of damage where there is none.
+
+    `groups` are those of the messages that may come.
+    """
 
     def __init__(self, decoder: Decoder, bitrate: int) -> None:
         self.bitrate = bitrate
-        self.rows: dict[int | Damage, Row] = {}
+        self.groups = decoder.protocol.catalogue.groups
+        self.rows: dict[int | Damage, TrafficRow] = {}
         self.nodes = {each.name: NodeHealth(_heartbeat_period(each)) for each in decoder.outlines}
-        self.tally = Tally()
+        self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
         self._bits = 0
@@ -109,28 +113,28 @@ class Traffic:
         key = raw[0]
         row = self.rows.get(key)
         if row is None:
-            row = self.rows[key] = Row(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+            row = self.rows[key] = TrafficRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
         if known:
             self._bits += OVERHEAD_BITS + 8 * len(raw[1])
-        if meaning.findings:
+        if meaning.defects:
             row.wrong += 1
-            self.tally.add("frame", self.frames, meaning.findings)
+            self.damage.add("frame", self.frames, meaning.defects)
         if meaning.name in HEALTH:
             self._hear(time, meaning)
         return meaning
 
     def _hear(self, time: float, meaning: Meaning) -> None:
         health = self.nodes.get(meaning.nodes[0])
-        if health is not None and not meaning.findings:
+        if health is not None and not meaning.defects:
             HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
 
     def clear(self) -> None:
         """Forget what was counted."""
         self.rows.clear()
-        self.tally = Tally()
+        self.damage = DamageCounts()
 
     def load(self, now: float) -> tuple[float, float]:
         """Return bus load (share of 1, stuff bits not counted) and frames per second since the last second's mark.
@@ -166,7 +170,7 @@ HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _
 # What is shown
 
 
-SORTS: Mapping[str, Callable[[Row], Any]] = {
+SORTS: Mapping[str, Callable[[TrafficRow], Any]] = {
     "identifier": lambda row: (row.identifier is None, row.identifier or 0),
     "name": lambda row: row.name.casefold(),
     "count": lambda row: -row.count,
@@ -177,7 +181,7 @@ SORTS: Mapping[str, Callable[[Row], Any]] = {
 """The orders of the table."""
 
 
-def selected(rows: Iterable[Row], sort: str, part: str) -> list[Row]:
+def selected(rows: Iterable[TrafficRow], sort: str, part: str) -> list[TrafficRow]:
     """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
     return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
 

@@ -88,7 +88,7 @@ def unpack(data):
     word = from_bytes(data, {layout.byte_order!r})
     return ({"".join(f"{_extract(layout.runs[field])}, " for field in layout.fields)})
 """
-    return _compiled("unpack", source, {"from_bytes": int.from_bytes})
+    return compiled("unpack", source, {"from_bytes": int.from_bytes})
 
 
 def reader(
@@ -117,7 +117,7 @@ def read(data):
     {whole}
     return new(message, ({_listed(values)}))
 """
-    return _compiled("read", source, names)
+    return compiled("read", source, names)
 
 
 def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any]:
@@ -166,7 +166,7 @@ def write(message):
     {f"if {' or '.join(odd)}: return careful(message)" if odd else ""}
     return new(Frame, ({cob_id}, word.to_bytes({layout.length}, {layout.byte_order!r})))
 """
-    return _compiled("write", source, names)
+    return compiled("write", source, names)
 
 
 def _raw(column: Column, number: int) -> str:
@@ -181,7 +181,8 @@ def _listed(items: Iterable[str]) -> str:
     return "".join(f"{item}, " for item in items)
 
 
-def _compiled(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:
+def compiled(name: str, source: str, names: dict[str, Any]) -> Callable[[Any], Any]:
+    """Return the function `name` of a source whose global names are `names`."""
     exec(compile(source, f"<generated {name}>", "exec"), names)
     function: Callable[[Any], Any] = names[name]
     return function

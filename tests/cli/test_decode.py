@@ -175,7 +175,7 @@ WRONG = [
     (["log.log", "--message", "Goto"], 2, "unknown message 'Goto'; known: Emergency Shutdown"),
     (["log.log", "--node", "Antrieb"], 2, "unknown node 'Antrieb'; known: core, drive, navigation"),
     (["log.log", "--where", "speed>fast"], 2, "Goto XY: speed = 'fast' is not allowed; allowed: 0..100 %"),
-    (["log.log", "--where", "fast"], 2, "'fast' is no comparison"),
+    (["log.log", "--where", "fast"], 2, "'fast' is not a comparison"),
     (["log.log", "--dialect", "nowhere"], 2, "unknown dialect 'nowhere'"),
 ]
 

@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
-from eurobot_od.logs.raw import Damage, Foreign, Raw
+from eurobot_od.logs.entries import Damage, Foreign, Raw
 
 GOTO = "008#D27423592C0D9702"
 GOTO_FRAME = Frame(0x008, bytes.fromhex("D27423592C0D9702"))

@@ -16,7 +16,7 @@ import pytest
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
-from eurobot_od.logs.raw import Damage, Foreign, Raw
+from eurobot_od.logs.entries import Damage, Foreign, Raw
 
 SENT = [
     can.Message(timestamp=1.0, arbitration_id=0x008, data=bytes.fromhex("D27423592C0D9702"), is_extended_id=False),

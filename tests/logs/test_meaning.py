@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable
 
 import pytest
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import Damage, Foreign, Raw
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.raw import Damage, Foreign, Raw
-from eurobot_od.pdo.message import describe
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.message import describe, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
@@ -31,7 +33,7 @@ def test_a_message(decoder: Decoder) -> None:
     assert meaning.message == POSITION
     assert meaning.text == describe(POSITION)
     assert (meaning.name, meaning.group, meaning.nodes) == ("Kalman Position Response", "ELP", ("drive", "core"))
-    assert meaning.findings == ()
+    assert meaning.defects == ()
 
 
 @pytest.mark.parametrize("dialect", dialects.names())
@@ -76,11 +78,39 @@ DAMAGED: list[tuple[str, Callable[[Protocol], Raw], list[tuple[Damage, str]], bo
 ]
 
 
-@pytest.mark.parametrize(("raw", "findings", "read"), [row[1:] for row in DAMAGED], ids=[row[0] for row in DAMAGED])
+@pytest.mark.parametrize(("raw", "defects", "read"), [row[1:] for row in DAMAGED], ids=[row[0] for row in DAMAGED])
 def test_damage(
-    decoder: Decoder, raw: Callable[[Protocol], Raw], findings: list[tuple[Damage, str]], read: bool
+    decoder: Decoder, raw: Callable[[Protocol], Raw], defects: list[tuple[Damage, str]], read: bool
 ) -> None:
     meaning = decoder(raw(decoder.protocol))
-    assert [found.damage for found in meaning.findings] == [damage for damage, _ in findings]
-    assert all(text in found.text for found, (_, text) in zip(meaning.findings, findings))
+    assert [found.damage for found in meaning.defects] == [damage for damage, _ in defects]
+    assert all(text in found.text for found, (_, text) in zip(meaning.defects, defects))
     assert (meaning.message is not None) is read
+
+
+def regular(binding: Binding, chance: random.Random) -> bytes:
+    return binding.pack({field: chance.randint(*limits) for field, limits in binding.limits.items()})
+
+
+def any_bits(binding: Binding, chance: random.Random) -> bytes:
+    return chance.randbytes(binding.layout.length)
+
+
+def unknown(binding: Binding, chance: random.Random) -> bytes:
+    values = {field: getattr(kind, "UNKNOWN", 0) for field, kind in binding.kinds.items() if field in binding.limits}
+    return binding.pack({field: chance.choice((0, value)) for field, value in values.items()})
+
+
+@pytest.mark.parametrize("make", [regular, any_bits, unknown])
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_every_field_is_written_as_its_kind_writes_it(
+    dialect: str, make: Callable[[Binding, random.Random], bytes]
+) -> None:
+    decoder, chance = robot_decoder(dialect), random.Random(7)
+    for binding in decoder.protocol.bindings:
+        for _ in range(30):
+            meaning = decoder(Frame(binding.cob_id, make(binding, chance)))
+            assert meaning.message is not None
+            values = {field: getattr(meaning.message, field) for field in binding.kinds if field in binding.limits}
+            assert meaning.text == ", ".join(f"{f}={binding.kinds[f].text(value)}" for f, value in values.items())
+            assert len(meaning.defects) == len(flagged_fields(meaning.message))

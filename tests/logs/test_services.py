@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.raw import Damage
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
 
@@ -52,7 +52,7 @@ def decoder() -> Decoder:
 @pytest.mark.parametrize(("cob_id", "data", "name", "text"), SERVICES)
 def test_what_a_service_says(decoder: Decoder, cob_id: int, data: str, name: str, text: str) -> None:
     meaning = decoder(Frame(cob_id, bytes.fromhex(data)))
-    assert (meaning.name, meaning.group, meaning.findings) == (name, "CANopen", ())
+    assert (meaning.name, meaning.group, meaning.defects) == (name, "CANopen", ())
     assert text in meaning.text
 
 
@@ -60,8 +60,8 @@ def test_what_a_service_says(decoder: Decoder, cob_id: int, data: str, name: str
     ("cob_id", "data"), [(0x000, "01"), (0x701, ""), (0x701, "05 05"), (0x082, "10 82 11"), (0x602, "40 17 10 00")]
 )
 def test_a_service_of_another_length(decoder: Decoder, cob_id: int, data: str) -> None:
-    (finding,) = decoder(Frame(cob_id, bytes.fromhex(data))).findings
-    assert finding.damage is Damage.WRONG_LENGTH
+    (defect,) = decoder(Frame(cob_id, bytes.fromhex(data))).defects
+    assert defect.damage is Damage.WRONG_LENGTH
 
 
 def test_a_message_goes_before_the_service_of_node_64(decoder: Decoder) -> None:

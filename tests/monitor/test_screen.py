@@ -9,7 +9,7 @@ from rich.console import Console
 
 from eurobot_od.frame import Frame
 from eurobot_od.monitor.controls import Controls
-from eurobot_od.monitor.screen import COLOURS, screen
+from eurobot_od.monitor.screen import COLOURS, SERVICE_COLOUR, screen
 from eurobot_od.monitor.traffic import SORTS, Traffic
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionRequest
@@ -52,7 +52,7 @@ def test_protocols_have_colours_of_their_own(traffic: Traffic) -> None:
     assert style_before(text, "Goto XY") == "96"
     assert style_before(text, "Kalman Position Request") == "32"
     assert style_before(text, "Heartbeat drive") == "35"
-    assert len(set(COLOURS.values())) == len(COLOURS)
+    assert len({*COLOURS, SERVICE_COLOUR}) == len(COLOURS) + 1
 
 
 def test_what_is_wrong_is_red(traffic: Traffic) -> None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.raw import Damage, Foreign
+from eurobot_od.logs.entries import Damage, Foreign
 from eurobot_od.monitor.cells import HEADINGS, health, plain_table
-from eurobot_od.monitor.traffic import SORTS, Period, Traffic, selected
+from eurobot_od.monitor.traffic import SORTS, MeanPeriod, Traffic, selected
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
@@ -35,13 +35,13 @@ def test_count_last_values_and_age(traffic: Traffic) -> None:
     ("times", "period"),
     [
         ([1.0], None),
-        ([1.0, 1.5], Period(0.5, 0.0)),
-        ([0.0, 0.5, 1.5, 2.0, 3.0], Period(0.75, 0.25)),
+        ([1.0, 1.5], MeanPeriod(0.5, 0.0)),
+        ([0.0, 0.5, 1.5, 2.0, 3.0], MeanPeriod(0.75, 0.25)),
         # only the last 32 intervals count
-        ([*(float(n) for n in range(50)), *(49 + 2.0 * n for n in range(1, 33))], Period(2.0, 0.0)),
+        ([*(float(n) for n in range(50)), *(49 + 2.0 * n for n in range(1, 33))], MeanPeriod(2.0, 0.0)),
     ],
 )
-def test_period_and_jitter(traffic: Traffic, times: list[float], period: Period | None) -> None:
+def test_period_and_jitter(traffic: Traffic, times: list[float], period: MeanPeriod | None) -> None:
     for time in times:
         traffic.take(time, REQUEST)
     assert traffic.rows[REQUEST.cob_id].period == period
@@ -79,9 +79,9 @@ def test_faults_are_counted_by_row_and_in_all(traffic: Traffic) -> None:
         "unknown identifier": 1,
         "Goto XY": 1,
     }
-    assert traffic.tally.total == 3
+    assert traffic.damage.total == 3
     traffic.clear()
-    assert (traffic.rows, traffic.tally.total) == ({}, 0)
+    assert (traffic.rows, traffic.damage.total) == ({}, 0)
 
 
 def test_nodes(traffic: Traffic) -> None:

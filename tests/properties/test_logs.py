@@ -15,11 +15,10 @@ from eurobot_od.errors import FrameLengthError, UnknownIdentifier
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
 from eurobot_od.logs.decoding import Decoding
+from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.logs.output import Text, showing, written
-from eurobot_od.logs.raw import Damage, Foreign, Raw, shortened
-from eurobot_od.logs.records import Csv, JsonLines
-from eurobot_od.logs.statistics import Tally
+from eurobot_od.logs.output import Output, TextOutput
+from eurobot_od.logs.records import CsvOutput, JsonOutput
 from eurobot_od.pdo.message import flagged_fields
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import decoder as robot_decoder
@@ -60,16 +59,12 @@ def test_every_line_of_a_candump_log_is_an_entry_unless_it_is_empty(lines: list[
     assert [line for line, *_ in entries] == [n for n, line in enumerate(lines, 1) if line.strip()]
 
 
-@pytest.mark.parametrize("dialect", dialects.names())
 @given(log=LOGS)
-def test_a_log_taken_at_once_gives_the_text_of_its_lines(dialect: str, log: str) -> None:
-    decode, output, tally = decoder(dialect), Text(), Tally()
-    entries = formats.read(io.BytesIO(log.encode()), "log")
-    decoding = Decoding(decode, output)
-    assert "".join(decoding.texts(io.BytesIO(log.encode()), "x", "log")) == "".join(
-        written(entries, showing(decode, None, output), "x", output, tally)
-    )
-    assert list(decoding.tally.report()) == list(tally.report())
+def test_every_entry_is_a_line_of_text_and_damage_is_counted(log: str) -> None:
+    decoding = Decoding(decoder(dialects.DEFAULT), TextOutput())
+    lines = list(decoding.lines(io.BytesIO(log.encode()), "x", "log"))
+    assert len(lines) == sum(1 for line in log.split("\n") if line.strip())
+    assert decoding.damage.total >= sum("! " in line for line in lines)
 
 
 @given(st.lists(FRAMES))
@@ -113,13 +108,15 @@ def test_any_frame_has_a_meaning_and_it_is_the_protocols(dialect: str, frame: Fr
         assert meaning.message is None
     else:
         assert meaning.message == message
-        assert bool(meaning.findings) >= bool(flagged_fields(message))
+        assert bool(meaning.defects) >= bool(flagged_fields(message))
 
 
 @pytest.mark.parametrize(
-    "output", [Text(), JsonLines(), Csv(["x", "time", "team_colour"])], ids=lambda each: type(each).__name__
+    "output",
+    [TextOutput(), JsonOutput(), CsvOutput(["x", "time", "team_colour"])],
+    ids=lambda each: type(each).__name__,
 )
 @given(raw=st.one_of(FRAMES, st.builds(Foreign, st.sampled_from(list(Damage)), st.text().map(shortened))))
-def test_any_meaning_is_one_line(output: Text | JsonLines | Csv, raw: Raw) -> None:
+def test_any_meaning_is_one_line(output: Output, raw: Raw) -> None:
     row = output.row(decoder(dialects.DEFAULT)(raw))
-    assert output.line("bus.log", 1, 2.0, "can0", row).splitlines(keepends=True)[1:] == []
+    assert output.writer("bus.log")(1, 2.0, "can0", row).splitlines(keepends=True)[1:] == []

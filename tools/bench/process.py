@@ -19,7 +19,7 @@ from bench.measure import Figures, Quantity, Wrong
 
 PROGRAMS = Path(__file__).parent / "programs"
 PYTHON = sys.executable
-UNWANTED = ("PYTHONDONTWRITEBYTECODE", "EUROBOT_OD_DIALECT", "CAN_INTERFACE", "CAN_CHANNEL")
+UNWANTED = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "EUROBOT_OD_DIALECT", "CAN_INTERFACE", "CAN_CHANNEL")
 """Variables that would change what is measured: installed programs have their bytecode beside them."""
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in UNWANTED}

@@ -78,13 +78,13 @@ def monitor(sender: Sender) -> int:
     from eurobot_od.monitor.traffic import Traffic
 
     source = BusSource(can.Bus(interface="virtual", channel=CHANNEL))
-    watch = command.Watch(Traffic(decoder(), 1_000_000), Controls("identifier", ""), source)
+    watched = command.Monitor(Traffic(decoder(), 1_000_000), Controls("identifier", ""), source)
     sender.start()
-    sender.then(lambda: watch.controls.key("q"))
-    with command.on_screen(watch) as (took, refresh):
-        watch.run(took, refresh)
+    sender.then(lambda: watched.controls.key("q"))
+    with command.on_screen(watched) as (took, refresh):
+        watched.run(took, refresh)
     source.close()
-    return sum(row.count for row in watch.traffic.rows.values())
+    return sum(row.count for row in watched.traffic.rows.values())
 
 
 def viewer(sender: Sender) -> int:

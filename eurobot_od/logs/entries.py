@@ -1,6 +1,6 @@
-"""What a log holds: entries with a frame, or with something that is no frame of this protocol.
+"""What a log holds: entries with a classic base data frame, or with something else.
 
-Rule of this file: nothing that stands in a log is dropped; what is no classic base data frame gets a name.
+Rule of this file: nothing that stands in a log is dropped; what is not such a frame gets a name, its Damage.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ MAX_LENGTH = 8
 """Highest identifier and longest data of a classic base frame (ISO 11898-1)."""
 
 REMEMBERED = 256
-"""How many distinct frames, or values of a field, are kept understood by those who read logs."""
+"""For how many distinct frames, or values of a field, their meaning is kept."""
 
 
 class Damage(Enum):
@@ -34,7 +34,7 @@ class Damage(Enum):
 
 
 class Foreign(NamedTuple):
-    """An entry that is no classic base data frame: why not, and what stands there, shortened."""
+    """An entry that is not a classic base data frame: why not, and what stands there, shortened."""
 
     damage: Damage
     text: str
@@ -42,10 +42,10 @@ class Foreign(NamedTuple):
 
 Raw: TypeAlias = Frame | Foreign
 
-Entry: TypeAlias = tuple[int, float, str, Raw]
+LogEntry: TypeAlias = tuple[int, float, str, Raw]
 """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
 
-Entries: TypeAlias = Iterator[Entry]
+Entries: TypeAlias = Iterator[LogEntry]
 Read: TypeAlias = Callable[[BinaryIO], Entries]
 """A reader of a format: an open file in, entries out."""
 
