@@ -15,10 +15,10 @@ from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.device.nmt import NmtState, error_control
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
+from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.match.options import MatchOptions
-from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
-from eurobot_od.robot.world import World
+from eurobot_od.robot.nodes import ROLES, Core, Node
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
 
@@ -136,7 +136,7 @@ def run_simulated(
     """Run a suite against nodes of ours, made from `roles`, with all chance from `seed`."""
     network = Network()
     nodes = {name: roles[name](suite.dictionaries[name]) for name in suite.nodes}
-    put_into_world(nodes, seed, lambda: network.now)
+    assemble(nodes.values(), MatchOptions(seed=seed), lambda: network.now)
     for number, node in enumerate(nodes.values()):
         network.attach(node, number * BOOT_STEP)
     tester = Tester(next(iter(suite.dictionaries.values())))
@@ -155,14 +155,3 @@ def run_simulated(
             await asyncio.sleep(0)
 
     return loop.run(network, main())
-
-
-def put_into_world(nodes: Mapping[str, Node], seed: int, clock: Callable[[], float]) -> None:
-    """Make the world around the nodes: the drive's wheels and the navigation's beacons are in it."""
-    match, drive, navigation = MatchOptions(), nodes.get("drive"), nodes.get("navigation")
-    deviations = navigation.deviations if isinstance(navigation, Navigation) else lambda: (0.0, 0.0)
-    world = World(seed, match.team, match.enemies, match.confederates, deviations, clock)
-    if isinstance(drive, Drive):
-        drive.chassis = world
-    if isinstance(navigation, Navigation):
-        navigation.beacons = world
