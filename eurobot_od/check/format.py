@@ -49,7 +49,6 @@ from eurobot_od.check.suite import (
 )
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
-from eurobot_od.robot import dialects
 from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
 
 VERSION = 1
@@ -95,7 +94,7 @@ class Format:
             "spec": Key(_version(), "version of the format", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
             "node": Key(nodes, "node or nodes under test; left out: all"),
-            "dialect": Key(converted(TEXT, _dialect), "EDS files that the suite is for; left out: any"),
+            "dialect": Key(converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
             "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
@@ -157,6 +156,10 @@ class Format:
             dictionaries=self._words.dictionaries,
             decoder=self._words.decoder,
         )
+
+    def _dialect(self, text: Text) -> str:
+        self._words.networks.find(str(text))
+        return str(text)
 
     def _read_step(self, node: yaml.Node, problems: Problems) -> Step:
         pairs = pairs_of(node, problems)
@@ -243,8 +246,3 @@ def _within(action: SdoRead | SdoWrite, within: float | None = None) -> Action:
 
 def _version() -> Shape[int]:
     return Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
-
-
-def _dialect(text: Text) -> str:
-    dialects.folder(str(text))
-    return str(text)

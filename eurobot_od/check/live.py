@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od import live as runtime
 from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Options, Runner
+from eurobot_od.check.runner import Interrupt, Runner, RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.errors import BusError
@@ -69,7 +69,7 @@ class LiveBench:
 
 def run_live(
     suite: Suite,
-    options: Options,
+    options: RunOptions,
     interrupt: Interrupt,
     show: Callable[[StepResult], None],
     open_bus: Callable[[], can.BusABC],

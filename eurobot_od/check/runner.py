@@ -1,7 +1,7 @@
 """Runs a suite on a bench: setup, steps, teardown, and a result for each step.
 
-Rule of this file: what a step does is `doing`'s; here is which steps are done, what becomes of the others, and that the
-teardown is done whatever happens.
+What a step does stands in `steps`; here is which steps are done, what becomes of the others, and that the teardown is
+done whatever happens.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FRAMES_SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Options:
+class RunOptions:
     """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are done."""
 
     keep_going: bool = False
@@ -65,7 +65,7 @@ class Runner:
         self,
         suite: Suite,
         bench: Bench,
-        options: Options,
+        options: RunOptions,
         interrupt: Interrupt,
         show: Callable[[StepResult], None],
     ) -> None:

@@ -152,6 +152,11 @@ class Node:
         self._out += self.device.send(message, self.now)
         self._call()
 
+    def put(self, frame: Frame) -> None:
+        """Put a frame among those to send, whatever it means, and wake whoever runs the node."""
+        self._out.append(frame)
+        self._call()
+
     def offer(self, message: Message) -> None:
         """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
         try:

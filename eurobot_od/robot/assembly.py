@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
 
-from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.nodes import Drive, Navigation, Node
 from eurobot_od.robot.world import World
+
+if TYPE_CHECKING:  # the package `match` loads this file itself
+    from eurobot_od.robot.match.options import MatchOptions
 
 
 def assemble(nodes: Iterable[Node], options: MatchOptions, clock: Callable[[], float]) -> World:

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.patterns import EmergencyPattern, FramePattern, HeartbeatPattern, MessagePattern
-from eurobot_od.check.reader import SuiteError, SuiteReader
+from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.frame import Frame
-from tests.check.suites import HEAD, document, read, suite
+from tests.check.suites import HEAD, document, read, reader, suite
 
 GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
 
@@ -136,7 +136,7 @@ def test_tells_all_problems_of_all_files_at_once(tmp_path: Path) -> None:
     other.write_text("a: [")
     latin.write_bytes("spec: 1 # Zürich".encode("latin-1"))
     with pytest.raises(SuiteError) as error:
-        SuiteReader().read_files([one, other, missing, latin])
+        reader(None).read_files([one, other, missing, latin])
     places = [line.split(": ")[0] for line in str(error.value).splitlines()]
     assert places == [
         *(f"{one}:{place}" for place in ("5:11", "6:11", "7:24", "7:34")),
