@@ -1,8 +1,4 @@
-"""Faults that any node can have: network management, heartbeat, emergencies, SDO, frames of a wrong length.
-
-Rule of this file: a row says what is wrong, how, and which step of which suite finds it; a fault that needs state is a
-class above the table.
-"""
+"""Faults that any node can have: network management, heartbeat, emergencies, SDO, frames of a wrong length."""
 
 from __future__ import annotations
 
@@ -15,16 +11,18 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
-    Change,
+    FrameChange,
     arriving,
     data,
     emcy,
     every,
     heartbeat,
+    kept,
     leaving,
     lost,
     moved,
     nmt,
+    numbered,
     sdo_answer,
     sdo_request,
     twice,
@@ -33,30 +31,8 @@ from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiat
 
 BOOT_UP = NmtState.INITIALISING
 
-
-class HeartbeatStops(Node):
-    """Sends two heartbeats and then no more."""
-
-    _sent = 0
-
-    def _flush(self) -> list[Frame]:
-        frames = super()._flush()
-        beats = [frame for frame in frames if frame.cob_id == heartbeat(self) and frame.data[0] != BOOT_UP]
-        self._sent += len(beats)
-        return [frame for frame in frames if frame not in beats] if self._sent > 2 else frames
-
-
-class EveryOtherHeartbeat(Node):
-    """Sends only every other heartbeat."""
-
-    _count = 0
-
-    def _flush(self) -> list[Frame]:
-        return [frame for frame in super()._flush() if frame.cob_id != heartbeat(self) or self._odd(frame)]
-
-    def _odd(self, frame: Frame) -> bool:
-        self._count += frame.data[0] != BOOT_UP
-        return frame.data[0] == BOOT_UP or self._count % 2 == 1
+BOOTED = 1
+"""The number of the boot-up message among the heartbeats; the first heartbeat is the next one."""
 
 
 class AlwaysOperational(Node):
@@ -100,7 +76,7 @@ class Padded(Node):
         return super().receive(Frame(frame.cob_id, frame.data.ljust(lengths.get(frame.cob_id, 0), b"\x01")), now)
 
 
-def without(command: NmtCommand) -> Change:
+def without(command: NmtCommand) -> FrameChange:
     """Do not hear one NMT command."""
     return lambda _, frame: [] if frame.data[:1] == bytes([command]) else [frame]
 
@@ -158,13 +134,13 @@ FAULTS = (
     Fault(
         "heartbeat-stops",
         "sends two heartbeats and then no more",
-        HeartbeatStops,
+        numbered(heartbeat, lambda number: kept if number <= BOOTED + 2 else lost),
         Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
     ),
     Fault(
         "heartbeat-every-other",
         "sends only every other heartbeat",
-        EveryOtherHeartbeat,
+        numbered(heartbeat, lambda number: kept if number == BOOTED or number % 2 == 0 else lost),
         Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
     ),
     Fault(

@@ -70,12 +70,12 @@ LEAVING = [
 
 
 @pytest.mark.parametrize(("change", "left"), LEAVING)
-def test_a_change_is_applied_to_what_leaves(change: hooks.Change, left: list[Frame]) -> None:
+def test_a_change_is_applied_to_what_leaves(change: hooks.FrameChange, left: list[Frame]) -> None:
     assert answers(drive(hooks.leaving(CheckDriveResponse, change)), CheckDriveRequest()) == left
 
 
 @pytest.mark.parametrize(("change", "_left"), LEAVING)
-def test_a_change_leaves_other_messages_alone(change: hooks.Change, _left: list[Frame]) -> None:
+def test_a_change_leaves_other_messages_alone(change: hooks.FrameChange, _left: list[Frame]) -> None:
     node = drive(hooks.leaving(CheckDriveResponse, change))
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(PLACE)]
 
@@ -92,20 +92,20 @@ def test_a_change_leaves_other_messages_alone(change: hooks.Change, _left: list[
         (hooks.field("x", lambda _: 4000), PLACE),
     ],
 )
-def test_a_change_of_the_meaning(change: hooks.Change, said: KalmanPositionResponse) -> None:
+def test_a_change_of_the_meaning(change: hooks.FrameChange, said: KalmanPositionResponse) -> None:
     node = drive(hooks.leaving(KalmanPositionResponse, change))
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(said)]
 
 
 @pytest.mark.parametrize("change", [hooks.field("x", lambda x: x // 2), hooks.raw(x=lambda x: x // 2)])
-def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.Change) -> None:
+def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.FrameChange) -> None:
     node = drive(hooks.arriving(GotoXY, change))
     short = Frame(PROTOCOL.cob_id(GotoXY), b"\x01\x02")
     assert [frame.cob_id for frame in node.receive(short, 0.0)] == [hooks.emcy(node)]
 
 
 @pytest.mark.parametrize(("change", "count"), [(hooks.lost, 0), (hooks.twice, 2)])
-def test_a_change_is_applied_to_what_arrives(change: hooks.Change, count: int) -> None:
+def test_a_change_is_applied_to_what_arrives(change: hooks.FrameChange, count: int) -> None:
     assert answers(drive(hooks.arriving(CheckDriveRequest, change)), CheckDriveRequest()) == [CHECKED] * count
 
 
