@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import yaml
 
 from eurobot_od.check import shapes
-from eurobot_od.check.frames import Frames
+from eurobot_od.check.frames import FrameShapes
 from eurobot_od.check.patterns import Pattern
-from eurobot_od.check.services import Services
+from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import (
     DURATION,
     NAME,
@@ -31,7 +31,6 @@ from eurobot_od.check.shapes import (
     problem_of,
 )
 from eurobot_od.check.suite import (
-    Action,
     Expect,
     Group,
     Never,
@@ -44,6 +43,7 @@ from eurobot_od.check.suite import (
     SdoWrite,
     Send,
     Step,
+    StepAction,
     Suite,
     Wait,
 )
@@ -61,11 +61,11 @@ MAX_COUNT = 100_000
 """Most repetitions of a step, most periods measured."""
 
 
-class Row(NamedTuple):
+class ActionRow(NamedTuple):
     """An action of a step: its shape, what makes it, and the keys beside it with the names `make` has for them."""
 
     shape: Shape[Any]
-    make: Callable[..., Action]
+    make: Callable[..., StepAction]
     help: str
     beside: Mapping[str, tuple[str, Key]] = {}
 
@@ -75,8 +75,8 @@ class Format:
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
-        self._services = Services(words)
-        self._frames = Frames(words, self._services)
+        self._services = ServiceShapes(words)
+        self._frames = FrameShapes(words, self._services)
         self._step: Shape[Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
         self._actions = self._action_table()
         self._common = {
@@ -103,24 +103,26 @@ class Format:
             "teardown": Key(steps, "steps afterwards, done in any case"),
         }
 
-    def _action_table(self) -> dict[str, Row]:
+    def _action_table(self) -> dict[str, ActionRow]:
         within = {"within": ("within", Key(DURATION, "longest time; left out: the suite's timeout"))}
         span = {"for": ("span", Key(DURATION, "how long to watch", needed=True))}
         until = {"until": ("until", Key(self._frames.pattern, "the frame that ends the polling", needed=True))} | within
         services = self._services
         return {
-            "send": Row(self._frames.sent, Send, "send a message or a raw frame"),
-            "expect": Row(self._frames.patterns, Expect, "wait for a frame, or several", within),
-            "never": Row(self._frames.pattern, Never, "see that no such frame comes", span),
-            "poll": Row(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
-            "period": Row(shapes.record(_period, self._period_table()), _same, "measure how often a frame comes"),
-            "sdo": Row(services.sdo, _within, "read or write an object", within),
-            "nmt": Row(services.nmt, _same, "send an NMT command"),
-            "heartbeat": Row(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
-            "emcy": Row(services.emcy, _expect_one, "wait for an emergency message", within),
-            "save": Row(shapes.mapping(NAME, self._frames.field), Save, "keep fields of the messages received last"),
-            "wait": Row(DURATION, Wait, "let time pass"),
-            "steps": Row(shapes.listing(self._step), Group, "steps that belong together"),
+            "send": ActionRow(self._frames.sent, Send, "send a message or a raw frame"),
+            "expect": ActionRow(self._frames.patterns, Expect, "wait for a frame, or several", within),
+            "never": ActionRow(self._frames.pattern, Never, "see that no such frame comes", span),
+            "poll": ActionRow(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
+            "period": ActionRow(shapes.record(_period, self._period_table()), _same, "measure how often a frame comes"),
+            "sdo": ActionRow(services.sdo, _within, "read or write an object", within),
+            "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
+            "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
+            "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
+            "save": ActionRow(
+                shapes.mapping(NAME, self._frames.field), Save, "keep fields of the messages received last"
+            ),
+            "wait": ActionRow(DURATION, Wait, "let time pass"),
+            "steps": ActionRow(shapes.listing(self._step), Group, "steps that belong together"),
         }
 
     def _poll_table(self) -> dict[str, Key]:
@@ -213,7 +215,7 @@ class Format:
             "$defs": {"step": {"oneOf": steps}} | self._frames.definitions(),
         }
 
-    def _step_schema(self, name: str, row: Row) -> Schema:
+    def _step_schema(self, name: str, row: ActionRow) -> Schema:
         keys = {name: Key(row.shape, row.help, needed=True)}
         return shapes.object_schema(keys | {key: each for key, (_, each) in row.beside.items()} | self._common)
 
@@ -221,23 +223,23 @@ class Format:
 # What actions are made by
 
 
-def _same(action: Action) -> Action:
+def _same(action: StepAction) -> StepAction:
     return action
 
 
-def _expect_one(pattern: Pattern, within: float | None = None) -> Action:
+def _expect_one(pattern: Pattern, within: float | None = None) -> StepAction:
     return Expect(Patterns(Order.IN_ORDER, (pattern,)), within)
 
 
-def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> Action:
+def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> StepAction:
     return Poll(parts["send"], parts["every"], until, within)
 
 
-def _period(message: Pattern, every: float, tolerance: float, count: int) -> Action:
+def _period(message: Pattern, every: float, tolerance: float, count: int) -> StepAction:
     return Period(message, every, tolerance, count)
 
 
-def _within(action: SdoRead | SdoWrite, within: float | None = None) -> Action:
+def _within(action: SdoRead | SdoWrite, within: float | None = None) -> StepAction:
     return replace(action, within=within)
 
 

@@ -14,7 +14,7 @@ import yaml
 
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import FramePattern, MessagePattern, Pattern, Sent, SentFrame, SentMessage
-from eurobot_od.check.services import Services
+from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
 from eurobot_od.check.values import Scale, expectation
@@ -34,10 +34,10 @@ ORDERS = {"any": Order.ANY, "all": Order.ALL}
 VALUE: Schema = {"type": ["string", "number"]}
 
 
-class Frames:
+class FrameShapes:
     """The shapes of frames, with the words of one document."""
 
-    def __init__(self, words: Vocabulary, services: Services) -> None:
+    def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
         self._words = words
         self._others: dict[str, Shape[Pattern]] = {
             "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),

@@ -190,7 +190,7 @@ class Group:
         return f"{len(self.steps)} steps"
 
 
-Action: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
+StepAction: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ class Step:
 
     name: str
     place: Place
-    action: Action
+    action: StepAction
     repeat: int = 1
 
 

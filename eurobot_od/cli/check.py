@@ -200,6 +200,6 @@ def _show(arguments: argparse.Namespace, step: StepResult) -> None:
 
     if not _silent(arguments):
         print(report.step_line(step, sys.stdout.isatty()))
-        if step.finding is not None:
-            print("\n".join(report.finding_lines(step.finding)))
+        if step.reason is not None:
+            print("\n".join(report.reason_lines(step.reason)))
         sys.stdout.flush()
