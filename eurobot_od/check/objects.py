@@ -18,6 +18,8 @@ from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     DATA_TYPES,
     OCTET_STRING,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
     VISIBLE_STRING,
     Address,
     DataType,
@@ -103,8 +105,11 @@ def object_type(dictionary: Dictionary, address: Address) -> ObjectType | None:
 
 
 def services(dictionary: Dictionary) -> NodeServices:
-    """Return where a node's services are, as its EDS has them."""
-    request, answer = (dictionary.default(address) for address in (SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY))
-    if not isinstance(request, int) or not isinstance(answer, int):
-        raise DictionaryError(dictionary.file, SDO_REQUEST_ENTRY[0], "the COB-IDs of the SDO server are missing")
-    return NodeServices(dictionary.name, dictionary.node_id, request & BASE_IDENTIFIER, answer & BASE_IDENTIFIER)
+    """Return where a node's services are; without 0x1200 its SDO server is the default one (CiA 301, 7.5.2.33)."""
+    request, answer = dictionary.default(SDO_REQUEST_ENTRY), dictionary.default(SDO_ANSWER_ENTRY)
+    return NodeServices(
+        dictionary.name,
+        dictionary.node_id,
+        request & BASE_IDENTIFIER if isinstance(request, int) else SDO_REQUEST_BASE + dictionary.node_id,
+        answer & BASE_IDENTIFIER if isinstance(answer, int) else SDO_RESPONSE_BASE + dictionary.node_id,
+    )
