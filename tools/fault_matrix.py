@@ -1,7 +1,7 @@
 """Runs all shipped check suites against all faults and prints which suite finds which fault.
 
-Rule of this file: every fault has to turn the step red that its table names, and without a fault no suite may be red,
-whatever the seed. Both are told, and the exit status says whether it is so: 0 yes, 1 no.
+Every fault has to turn the step red that its table names, and without a fault no suite may be red, whatever the seed.
+The exit status says whether it is so: 0 yes, 1 no.
 """
 
 from __future__ import annotations

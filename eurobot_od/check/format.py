@@ -1,7 +1,6 @@
 """The format of suites: tables of keys, from which come reading, checking and the JSON Schema.
 
-Rule of this file: a key stands in one table, with its shape, what it is for, and whether it has to be there. Every
-problem is told with its place.
+Rule of this file: a key stands in one table only, with its shape, what it is for, and whether it is needed.
 """
 
 from __future__ import annotations
@@ -62,12 +61,12 @@ MAX_COUNT = 100_000
 
 
 class ActionRow(NamedTuple):
-    """An action of a step: its shape, what makes it, and the keys beside it with the names `make` has for them."""
+    """An action of a step: its shape, what makes it, and its extra keys with the names `make` has for them."""
 
     shape: Shape[Any]
     make: Callable[..., StepAction]
     help: str
-    beside: Mapping[str, tuple[str, Key]] = {}
+    extra: Mapping[str, tuple[str, Key]] = {}
 
 
 class Format:
@@ -169,13 +168,13 @@ class Format:
         row = self._actions[key]
         wrong = list(self._key_problems(node, key, pairs))
         problems += wrong
-        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.beside.items()} | self._common
+        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.extra.items()} | self._common
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
         if wrong:
             raise ReadError
-        beside = {attribute: given[name] for name, (attribute, _) in row.beside.items() if name in given}
-        action = row.make(given[key], **beside)
+        extra = {attribute: given[name] for name, (attribute, _) in row.extra.items() if name in given}
+        action = row.make(given[key], **extra)
         return Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
 
     def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
@@ -193,13 +192,13 @@ class Format:
         raise ReadError
 
     def _key_problems(self, node: yaml.Node, action: str, pairs: Mapping[Text, yaml.Node]) -> Iterator[Problem]:
-        """Yield what is wrong with the keys beside a step's action."""
-        beside = self._actions[action].beside
+        """Yield what is wrong with the keys next to a step's action."""
+        extra = self._actions[action].extra
         for key in pairs:
-            if key != action and key not in beside and key not in self._common:
-                known = [*beside, *self._common]
-                yield problem_at(key, UnknownName(f"key beside {action}", str(key), known))
-        for name, (_, each) in beside.items():
+            if key != action and key not in extra and key not in self._common:
+                known = [*extra, *self._common]
+                yield problem_at(key, UnknownName(f"key next to {action}", str(key), known))
+        for name, (_, each) in extra.items():
             if each.needed and name not in list(pairs):
                 yield problem_of(node, f"{action} needs the key '{name}'")
 
@@ -217,7 +216,7 @@ class Format:
 
     def _step_schema(self, name: str, row: ActionRow) -> Schema:
         keys = {name: Key(row.shape, row.help, needed=True)}
-        return shapes.object_schema(keys | {key: each for key, (_, each) in row.beside.items()} | self._common)
+        return shapes.object_schema(keys | {key: each for key, (_, each) in row.extra.items()} | self._common)
 
 
 # What actions are made by

@@ -1,7 +1,6 @@
 """Frames in suites: what is sent and what is expected, messages by name or raw.
 
-Rule of this file: names, fields, ranges are those of the EDS files; fields may be named as there or short, `X position`
-or `x`.
+Fields may be named as in the EDS or short: `X position` or `x`.
 """
 
 from __future__ import annotations
@@ -125,7 +124,7 @@ class FrameShapes:
 
 
 def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]:
-    """Return the name of a message, and what stands behind it."""
+    """Return the name of a message, and what comes after it."""
     if isinstance(node, yaml.ScalarNode):
         return SCALAR.read(node, problems), None
     return shapes.only_pair(node, problems, "one message")

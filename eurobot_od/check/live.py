@@ -1,6 +1,7 @@
 """Suites on a real bus: the tester is one more participant on whatever python-can can reach.
 
-Rule of this file: the bus is read by `runtime.Watch`; what it sees goes to the event loop and is judged there.
+The bus is read in a thread (`live.Watch`). What it reads is handed to the event loop, so that only one thread ever
+touches the trace.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Objects of a node's dictionary as suites name them, and their values as SDO carries them.
 
-Rule of this file: types and limits are the EDS's; an object that it does not have has bytes and no value.
+Types and limits are the EDS's. An object that it does not have can still be read and written, as bytes.
 """
 
 from __future__ import annotations

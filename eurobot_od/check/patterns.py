@@ -1,7 +1,7 @@
-"""What a suite sends and expects: messages, raw frames, heartbeats and emergencies, as frames and against frames.
+"""What a suite sends and expects: messages, raw frames, heartbeats and emergencies.
 
-Rule of this file: a pattern knows the one identifier its frames have, and says of such a frame, thing by thing, how it
-differs from what is expected; no difference is a match.
+A pattern knows the one identifier that its frames have, and says of such a frame in what it differs from what is
+expected; no mismatch is a match.
 """
 
 from __future__ import annotations
@@ -144,7 +144,10 @@ class FramePattern:
 
 @dataclass(frozen=True)
 class HeartbeatPattern:
-    """A node's heartbeat with a state, None for any; a heartbeat with another state is no failure yet."""
+    """A node's heartbeat with a state, None for any.
+
+    One with another state does not decide: the node may be on its way to the state that is waited for.
+    """
 
     node: str
     cob_id: int

@@ -1,7 +1,4 @@
-"""Results as text: for the console, as TAP, as JUnit XML, and as JSON.
-
-Rule of this file: results in, text out; nothing is printed here, and no report says what another one hides.
-"""
+"""Results as text: for the console, as TAP, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
@@ -57,11 +54,8 @@ def summary(results: Sequence[SuiteResult]) -> str:
     counts = {status: sum(result.count(status) for result in results) for status in Status}
     steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
     seconds = sum(result.seconds for result in results)
-    return f"{_count(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
+    suites = "1 suite" if len(results) == 1 else f"{len(results)} suites"
+    return f"{suites}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
 
 
 # TAP

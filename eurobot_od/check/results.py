@@ -1,4 +1,4 @@
-"""What came out of a suite, step by step; rule: values only, with everything that a report may want to say."""
+"""What came out of a suite, step by step, with everything that a report may want to say."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from eurobot_od.check.bench import Bench
 from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Doer, Failed
 from eurobot_od.check.suite import Group, Step, Suite
-from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.check.trace import Trace
 from eurobot_od.errors import BusError, LocalError, RemoteError
 
 FRAMES_SHOWN = 8
@@ -143,7 +143,7 @@ class Runner:
         return self._trace.now - self._start
 
     def _last_frames(self) -> tuple[Line, ...]:
-        return tuple(map(self._line, self._trace.frames[-FRAMES_SHOWN:]))
-
-    def _line(self, seen: Seen) -> Line:
-        return Line(seen.time - self._start, seen.own, seen.frame, self._doer.words(seen.frame))
+        return tuple(
+            Line(time - self._start, own, frame, self._doer.words(frame))
+            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
+        )

@@ -1,8 +1,10 @@
 """Does one step after the other on a bench: asks, looks at what comes, and raises Failed if it is not as expected.
 
-Rule of this file: no clock and no bus but the bench's. `expect` looks at what has come since the last question, each
-frame counting once; `never` and `period` at what comes from the end of the step before. A question is a `send`
-(several in a row count as one), an `nmt`, an `sdo` or a `poll`.
+`expect` looks at what has come since the last question, and each frame counts once; `never` and `period` look at what
+comes from the end of the step before. A question is a `send` (several in a row count as one), an `nmt`, an `sdo` or a
+`poll`.
+
+Rule of this file: no clock and no bus but the bench's.
 """
 
 from __future__ import annotations
@@ -246,7 +248,7 @@ class Doer:
         return data
 
     async def _run(self, transfer: Transfer, node: NodeServices) -> None:
-        """Do a transfer to its end; raises OddAnswer for an answer that is no SDO frame by its length."""
+        """Do a transfer to its end; raises OddAnswer for an answer that has not the length of an SDO frame."""
         requests = transfer.start(self._trace.now)
         while True:
             start = len(self._trace)

@@ -1,7 +1,7 @@
 """Values as suites write them: `1200`, `1200 +- 15`, `88..92`, `< 500`, `not red`, `unknown`, `"{t}"`.
 
-Rule of this file: what a value means and what is allowed is the kind's business; here is only how a received value
-may relate to a written one. Everything is checked while it is read; what a variable holds is known when it is used.
+What a value means, and which are allowed, is known by its kind (`pdo.kinds`); here is how a received value may relate
+to a written one. Everything is checked while the suite is read, except for what a variable holds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ VARIABLE = re.compile(r"\{\s*(?P<name>[A-Za-z_][A-Za-z0-9_]*)\s*\}")
 
 
 class ValueProblem(LocalError):
-    """A written value that is none; the text says what is allowed."""
+    """A text that is not a value of its kind, or not in its range; the message says what is allowed."""
 
 
 class NotSaved(LocalError):
@@ -131,7 +131,7 @@ def _ordering(compare: Callable[[Any, Any], bool]) -> Test:
 class Notation(NamedTuple):
     """A way to write an expectation: what it looks like, how it is shown, and when a value fulfils it.
 
-    A form that is `ordered` is fulfilled by plain numbers in their range only, by no `unknown` and by no name.
+    A form that is `ordered` is fulfilled only by plain numbers in their range, never by `unknown` or by a name.
     """
 
     pattern: re.Pattern[str]

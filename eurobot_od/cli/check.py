@@ -1,7 +1,4 @@
-"""Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
-
-Rule of this file: parse, run the suites one after the other, print; all files are read before anything is sent.
-"""
+"""Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ WRONG_STEPS = {
     "no action": ("- ^{name: nothing}", "no action; a step has one of send, expect, never, poll"),
     "unknown action": ("- ^snd: Stop Drive", "unknown action 'snd'; did you mean send?"),
     "two actions": ("- {send: Stop Drive, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
-    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key beside send 'within'"),
+    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key next to send 'within'"),
     "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
     "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
@@ -74,7 +74,7 @@ WRONG_STEPS = {
     "refused and read": ("- sdo: ^{read: 0x1017, expect: 3, abort: 0x06020000}", "an SDO read that is refused with"),
     "read with a value": ("- sdo: ^{read: 0x1017, value: 3}", "'value' does not belong to an SDO read"),
     "value over the type": ("- sdo: {write: 0x1017, value: ^65536}", "'65536' is not allowed; allowed: 0..65535"),
-    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is no number or text in the EDS of drive"),
+    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is neither a whole number nor a text"),
     "no bytes": ("- sdo: {write: 0x1017, data: ^12 3}", "'12 3' is not hexadecimal bytes such as 'E8 03'"),
     # counts
     "no times": ("- {wait: 1 s, repeat: ^0}", "0 is not in 1..100000"),

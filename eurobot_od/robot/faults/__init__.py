@@ -1,7 +1,7 @@
 """Faults on demand: what can be wrong with a node, each as a class of node that does just that.
 
-Rule of this package: a fault changes the simulated node only; the node's own class knows nothing of it. Every fault
-says which step of which shipped suite finds it, and a tool proves it for all of them.
+Every fault names the step of the shipped suite that finds it; `tools/fault_matrix.py` proves it for all of them, which
+shows that the suites would find such a fault in a real node.
 """
 
 from __future__ import annotations

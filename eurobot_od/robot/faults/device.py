@@ -11,7 +11,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
-    FrameChange,
     arriving,
     data,
     emcy,
@@ -23,6 +22,7 @@ from eurobot_od.robot.faults.hooks import (
     moved,
     nmt,
     numbered,
+    only,
     sdo_answer,
     sdo_request,
     twice,
@@ -76,15 +76,6 @@ class Padded(Node):
         return super().receive(Frame(frame.cob_id, frame.data.ljust(lengths.get(frame.cob_id, 0), b"\x01")), now)
 
 
-def without(command: NmtCommand) -> FrameChange:
-    """Do not hear one NMT command."""
-    return lambda _, frame: [] if frame.data[:1] == bytes([command]) else [frame]
-
-
-def _without_boot_up(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [frame] if frame.data[0] != BOOT_UP else []
-
-
 def _always_well(node: Node, frame: Frame) -> Iterable[Frame]:
     return [frame if frame.data[0] == BOOT_UP else error_control(node.device.node_id, NmtState.OPERATIONAL)]
 
@@ -93,18 +84,10 @@ def _to_us(node: Node, frame: Frame) -> Iterable[Frame]:
     return [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
 
 
-def _never_cleared(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [] if frame.data[:2] == ErrorCode.NO_ERROR.to_bytes(2, "little") else [frame]
-
-
 def _general_abort(_: Node, frame: Frame) -> Iterable[Frame]:
     if frame.data[0] != ABORT:
         return [frame]
     return [Frame(frame.cob_id, aborted(Initiate.of(frame.data).address, AbortCode.GENERAL))]
-
-
-def _silent_abort(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [frame] if frame.data[0] != ABORT else []
 
 
 def _babble(node: Node) -> None:
@@ -116,19 +99,19 @@ FAULTS = (
     Fault(
         "boot-up-missing",
         "sends no boot-up message",
-        leaving(heartbeat, _without_boot_up),
+        leaving(heartbeat, only(lambda data: data[0] != BOOT_UP)),
         Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
     ),
     Fault(
         "reset-ignored",
         "goes on when it is told to reset",
-        arriving(nmt, without(NmtCommand.RESET_NODE)),
+        arriving(nmt, only(lambda data: data[:1] != bytes([NmtCommand.RESET_NODE]))),
         Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
     ),
     Fault(
         "heartbeat-missing",
         "sends no heartbeat",
-        leaving(heartbeat, lambda _, frame: [frame] if frame.data[0] == BOOT_UP else []),
+        leaving(heartbeat, only(lambda data: data[0] == BOOT_UP)),
         Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says"),
     ),
     Fault(
@@ -164,7 +147,7 @@ FAULTS = (
     Fault(
         "nmt-stop-ignored",
         "does not hear the NMT command Stop",
-        arriving(nmt, without(NmtCommand.STOP)),
+        arriving(nmt, only(lambda data: data[:1] != bytes([NmtCommand.STOP]))),
         Caught("canopen", "7.2.8.3.2 Heartbeat: STOPPED"),
     ),
     Fault(
@@ -206,7 +189,7 @@ FAULTS = (
     Fault(
         "emcy-not-cleared",
         "does not say that an error is gone",
-        leaving(emcy, _never_cleared),
+        leaving(emcy, only(lambda data: data[:2] != ErrorCode.NO_ERROR.to_bytes(2, "little"))),
         Caught("canopen", "7.2.7 EMCY: the error is gone"),
     ),
     Fault(
@@ -242,7 +225,7 @@ FAULTS = (
     Fault(
         "sdo-abort-silent",
         "does not answer a request that it refuses",
-        leaving(sdo_answer, _silent_abort),
+        leaving(sdo_answer, only(lambda data: data[0] != ABORT)),
         Caught("canopen", "7.2.4.3.17 SDO: an object that is not there"),
     ),
     Fault(

@@ -132,14 +132,10 @@ def _not_held(drive: Drive, shutdown: EmergencyShutdown, healthy: Any) -> None:
     drive.safe = False
 
 
-def _kept(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
+def _held_for_ever(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
     safe = drive.safe
     healthy(configuration)
     drive.safe = safe
-
-
-def _unapplied(drive: Drive, _: StartConfigurationSet, __: Any) -> None:
-    drive.offer(StartConfigurationConfirm())
 
 
 def _only_first(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
@@ -147,11 +143,6 @@ def _only_first(drive: Drive, configuration: StartConfigurationSet, healthy: Any
         healthy(configuration)
     else:
         drive.offer(StartConfigurationConfirm())
-
-
-def _not_before_configured(drive: Drive, request: CheckDriveRequest, healthy: Any) -> None:
-    if drive.configuration is not None:
-        healthy(request)
 
 
 def _in_centimetres(position: KalmanPositionResponse) -> KalmanPositionResponse:
@@ -253,7 +244,7 @@ FAULTS = (
     ),
     Fault(
         "goto-30-mm-too-far",
-        "drives to a place 30 mm beside the one it is told",
+        "drives to a place 30 mm off the one it is told",
         arriving(GotoXY, raw(x=lambda x: x + 30)),
         Caught("drive", "2.1 Goto: the place is reached"),
     ),
@@ -381,7 +372,7 @@ FAULTS = (
     Fault(
         "shutdown-held-for-ever",
         "stays in its safe state after a new start configuration",
-        handling(StartConfigurationSet, _kept),
+        handling(StartConfigurationSet, _held_for_ever),
         Caught("emergency", "4.2.2 Emergency mushroom: a new start configuration ends it"),
     ),
     Fault(
@@ -512,13 +503,13 @@ FAULTS = (
     Fault(
         "check-needs-configuration",
         "answers node checks only after the start configuration, so that the startup blocks",
-        handling(CheckDriveRequest, _not_before_configured),
+        handling(CheckDriveRequest, lambda drive, request, healthy: healthy(request) if drive.configuration else None),
         Caught("drive", DRIVE_THERE),
     ),
     Fault(
         "drive-configuration-not-applied",
         "confirms the start configuration and forgets it",
-        handling(StartConfigurationSet, _unapplied),
+        handling(StartConfigurationSet, lambda drive, *_: drive.offer(StartConfigurationConfirm())),
         Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
     ),
     Fault(

@@ -63,22 +63,9 @@ def _scattered(position: NaviPositionResponse) -> NaviPositionResponse:
     return position._replace(x=position.x + (SCATTER if position.x % 2 else -SCATTER))
 
 
-def _unapplied(navigation: Navigation, _: StartConfigurationSet, __: Any) -> None:
-    navigation.offer(StartConfigurationConfirm())
-
-
-def _mute_in_safe_state(navigation: Navigation, request: CheckNaviRequest, healthy: Any) -> None:
-    if not navigation.safe:
-        healthy(request)
-
-
 def _under_enemy_2(navigation: Navigation, *_: object) -> None:
     answer: Any = navigation.answer_to(Enemy1PositionRequest())
     navigation.offer(Enemy2PositionResponse(*answer))
-
-
-def _zero(position: Any) -> Any:
-    return position if position.x is not None else position._replace(x=0, y=0, angle=0)
 
 
 FAULTS = (
@@ -152,7 +139,7 @@ FAULTS = (
     Fault(
         "enemy-unknown-as-zero",
         "says 0, 0 for an enemy that is not there",
-        leaving(Enemy2PositionResponse, meaning(_zero)),
+        leaving(Enemy2PositionResponse, meaning(lambda p: p if p.x is not None else p._replace(x=0, y=0, angle=0))),
         Caught("navigation", "Table 2: an enemy that is not there is unknown"),
     ),
     Fault(
@@ -170,13 +157,13 @@ FAULTS = (
     Fault(
         "navi-configuration-not-applied",
         "confirms the start configuration and forgets it",
-        handling(StartConfigurationSet, _unapplied),
+        handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
         Caught("navigation", "Table 2: an enemy that is not there is unknown"),
     ),
     Fault(
         "navi-mute-after-shutdown",
         "answers no node check after an Emergency Shutdown",
-        handling(CheckNaviRequest, _mute_in_safe_state),
+        handling(CheckNaviRequest, lambda node, request, healthy: None if node.safe else healthy(request)),
         Caught("navigation", "4.2.2 Emergency mushroom: the navigation still answers node checks"),
     ),
 )
