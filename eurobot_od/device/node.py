@@ -176,6 +176,8 @@ class Node:
         """Report by EMCY that an error is gone."""
         self.device.emergencies.cleared(what)
 
+    # Hooks: what a faulty node does otherwise, without knowing how a healthy one works inside (`reset` is one, too)
+
     def handle(self, message: Message) -> None:
         """Take in a message that has come: act on it unless a value in it is out of range."""
         if message and is_flagged(message) and type(message) not in self.CATALOGUE.always:

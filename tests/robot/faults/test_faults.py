@@ -137,6 +137,44 @@ def test_an_action_is_done_again_and_again() -> None:
     assert answers(node, until=0.35) == [PROTOCOL.encode(GotoConfirm())] * 3
 
 
+@pytest.mark.parametrize(("count", "left"), [(1, 1), (2, 2), (3, 2)])
+def test_frames_are_changed_by_their_number(count: int, left: int) -> None:
+    node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number <= 2 else hooks.lost))
+    assert answers(node, *[CheckDriveRequest()] * count) == [CHECKED] * left
+
+
+def test_numbers_begin_anew_with_a_reset() -> None:
+    node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number == 1 else hooks.lost))
+    assert answers(node, CheckDriveRequest(), CheckDriveRequest()) == [CHECKED]
+    node.receive(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 0])), 0.0)
+    assert answers(node, CheckDriveRequest()) == [CHECKED]
+
+
+def test_a_frozen_message_says_the_first_thing_until_all_begins_anew() -> None:
+    node = drive(hooks.frozen(KalmanPositionResponse, StartConfigurationSet))
+    yellow = START._replace(team_colour=TeamColour.YELLOW)
+    asked = KalmanPositionRequest()
+    first = answers(node, asked)
+    answers(node, GOTO, until=1.0)
+    assert answers(node, asked) == first == [PROTOCOL.encode(PLACE)]
+    assert answers(node, yellow, asked)[1:] == [PROTOCOL.encode(PLACE._replace(x=2800, angle=180))]
+
+
+def test_an_answer_that_is_not_awaited_is_heard_at_once() -> None:
+    heard: list[Message] = []
+    listening = hooks.handling(GotoConfirm, lambda _, message, __: heard.append(message))
+    node = drive(listening, hooks.leaving(CheckDriveResponse, hooks.unawaited(GotoConfirm())))
+    assert answers(node, CheckDriveRequest()) == [CHECKED]
+    assert heard == [GotoConfirm()]
+
+
+def test_both_of_two_things_are_wrong() -> None:
+    node = drive(
+        hooks.both(hooks.leaving(GotoStateResponse, hooks.lost), hooks.leaving(CheckDriveResponse, hooks.twice))
+    )
+    assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
+
+
 def test_hooks_add_up() -> None:
     state = hooks.leaving(GotoStateResponse, hooks.lost)
     node = drive(state, hooks.leaving(CheckDriveResponse, hooks.twice))
