@@ -30,6 +30,7 @@ from eurobot_od.check.shapes import (
     problem_of,
 )
 from eurobot_od.check.suite import (
+    Action,
     Expect,
     Group,
     Never,
@@ -42,7 +43,6 @@ from eurobot_od.check.suite import (
     SdoWrite,
     Send,
     Step,
-    StepAction,
     Suite,
     Wait,
 )
@@ -64,7 +64,7 @@ class ActionRow(NamedTuple):
     """An action of a step: its shape, what makes it, and its extra keys with the names `make` has for them."""
 
     shape: Shape[Any]
-    make: Callable[..., StepAction]
+    make: Callable[..., Action]
     help: str
     extra: Mapping[str, tuple[str, Key]] = {}
 
@@ -222,23 +222,23 @@ class Format:
 # What actions are made by
 
 
-def _same(action: StepAction) -> StepAction:
+def _same(action: Action) -> Action:
     return action
 
 
-def _expect_one(pattern: Pattern, within: float | None = None) -> StepAction:
+def _expect_one(pattern: Pattern, within: float | None = None) -> Action:
     return Expect(Patterns(Order.IN_ORDER, (pattern,)), within)
 
 
-def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> StepAction:
+def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> Action:
     return Poll(parts["send"], parts["every"], until, within)
 
 
-def _period(message: Pattern, every: float, tolerance: float, count: int) -> StepAction:
+def _period(message: Pattern, every: float, tolerance: float, count: int) -> Action:
     return Period(message, every, tolerance, count)
 
 
-def _within(action: SdoRead | SdoWrite, within: float | None = None) -> StepAction:
+def _within(action: SdoRead | SdoWrite, within: float | None = None) -> Action:
     return replace(action, within=within)
 
 

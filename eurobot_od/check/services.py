@@ -15,7 +15,7 @@ from eurobot_od.check import shapes
 from eurobot_od.check.objects import ObjectType, find_address, object_type, services
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
-from eurobot_od.check.suite import Nmt, SdoRead, SdoWrite, StepAction
+from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
 from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
@@ -43,9 +43,9 @@ class ServiceShapes:
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
-        self.nmt: Shape[StepAction] = self._service("command", command, self._nmt)
+        self.nmt: Shape[Action] = self._service("command", command, self._nmt)
         self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, self._sdo_keys())
-        self.sdo: Shape[StepAction] = Shape(self._read_sdo, self._sdo_parts.schema)
+        self.sdo: Shape[Action] = Shape(self._read_sdo, self._sdo_parts.schema)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
         """Return the EDS of the node that is meant; raises LocalError."""
@@ -81,7 +81,7 @@ class ServiceShapes:
             raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY_ENTRY[0]:04X})")
         return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code)
 
-    def _nmt(self, command: NmtCommand, given: Dictionary | None) -> StepAction:
+    def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
         to_all = given is None and len(self._words.nodes) != 1
         return Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
 
@@ -99,7 +99,7 @@ class ServiceShapes:
             "node": Key(self._node, "whose object; left out: the node under test"),
         }
 
-    def _read_sdo(self, node: yaml.Node, problems: Problems) -> StepAction:
+    def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
         given = self._sdo_parts.read(node, problems)
         try:
             verb = _verb(given)
@@ -111,7 +111,7 @@ class ServiceShapes:
         target = Target(dictionary, address, _label(address, name), object_type(dictionary, address))
         return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
 
-    def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> StepAction:
+    def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
         expected = None
         if "expect" in given:
             expected = taken(given["expect"], problems, lambda text: expectation(text, self._scale(target.typed)))
@@ -120,7 +120,7 @@ class ServiceShapes:
             services(target.node), target.address, target.label, decode, expected, given.get("abort"), given.get("save")
         )
 
-    def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> StepAction:
+    def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
         widened = "abort" in given
         if "data" in given:
             encode = taken(given["data"], problems, _bytes)

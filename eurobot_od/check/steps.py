@@ -17,6 +17,7 @@ from eurobot_od.check.bench import Bench
 from eurobot_od.check.patterns import Mismatch, Pattern
 from eurobot_od.check.results import Reason
 from eurobot_od.check.suite import (
+    Action,
     Expect,
     Never,
     Nmt,
@@ -28,7 +29,6 @@ from eurobot_od.check.suite import (
     SdoRead,
     SdoWrite,
     Send,
-    StepAction,
     Suite,
     Wait,
 )
@@ -58,7 +58,7 @@ class Doer:
         self._mark, self._edge = 0, len(trace)
         self._asking = False
 
-    async def do(self, action: StepAction) -> None:
+    async def do(self, action: Action) -> None:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, BusError if the bus failed."""
         await self.DO[type(action)](self, action)
         self._asking = isinstance(action, Send) or (self._asking and isinstance(action, Save))

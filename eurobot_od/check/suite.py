@@ -187,7 +187,7 @@ class Group:
         return f"{len(self.steps)} steps"
 
 
-StepAction: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
+Action: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class Step:
 
     name: str
     place: Place
-    action: StepAction
+    action: Action
     repeat: int = 1
 
 
