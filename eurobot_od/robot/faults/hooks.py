@@ -2,7 +2,7 @@
 
 Each hook returns a class to be put between a node's class and `Node`, where it overrides what `Node` offers to
 everybody: `handle`, `outgoing`, `reset`, `setting`, `receive`. The node's own class is as it is and knows nothing of
-faults. Several hooks can stand in front of one node; of two that change one message, the first one has the last word.
+faults. Several hooks can stand in front of one node: what arrives passes the first of them first, what leaves the last.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def only(wanted: Callable[[bytes], bool]) -> FrameChange:
 
 
 def data(change: Callable[[bytes], bytes]) -> FrameChange:
-    """FrameChange a frame's data bytes."""
+    """Change a frame's data bytes."""
     return lambda _, frame: [Frame(frame.cob_id, change(frame.data))]
 
 
@@ -259,7 +259,7 @@ def _whole_protocol(folder: Path) -> Protocol:
 
 
 def meaning(change: Callable[[Any], Message]) -> FrameChange:
-    """FrameChange what a frame says: `change` gets its message and returns another one."""
+    """Change what a frame says: `change` gets its message and returns another one."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
         protocol = node.device.protocol
@@ -272,7 +272,7 @@ def meaning(change: Callable[[Any], Message]) -> FrameChange:
 
 
 def field(name: str, change: Callable[[Any], Any]) -> FrameChange:
-    """FrameChange one field of a message unless it is unknown."""
+    """Change one field of a message unless it is unknown."""
 
     def changed(message: Any) -> Message:
         value = getattr(message, name)
@@ -292,7 +292,7 @@ def exchanged(one: str, other: str) -> FrameChange:
 
 
 def raw(**changes: Callable[[int], int]) -> FrameChange:
-    """FrameChange raw values of a message's fields, whatever they mean; what grows too wide is cut."""
+    """Change raw values of a message's fields, whatever they mean; what grows too wide is cut."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
         return [_packed(node, frame, lambda values: {name: change(values[name]) for name, change in changes.items()})]
