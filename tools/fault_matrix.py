@@ -1,7 +1,7 @@
 """Runs all shipped check suites against all faults and prints which suite finds which fault.
 
-Rule of this file: every fault has to turn the step red that its table names, and without a fault no suite may be red,
-whatever the seed. Both are told, and the exit status says whether it is so: 0 yes, 1 no.
+Every fault has to turn the step red that its table names, and without a fault no suite may be red, whatever the seed.
+The exit status says whether it is so: 0 yes, 1 no.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
-from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot import dialects, faults
-from eurobot_od.robot.check.shipped import shipped_suites
+from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.check.shipped import NETWORKS, shipped_suites
 from eurobot_od.robot.nodes import ROLES
 
 FINE, NOT_FOUND = 0, 1
@@ -48,18 +49,16 @@ class Outcome(NamedTuple):
 @cache
 def shipped(dialect: str) -> dict[str, Suite]:
     """Return the shipped suites that are for a dialect, by the names of their files."""
-    suites = SuiteReader(dialect).read_files(shipped_suites().values())
+    suites = SuiteReader(NETWORKS, dialect).read_files(shipped_suites().values())
     return {suite.file.stem: suite for suite in suites if suite.dialect in (None, dialect)}
 
 
 def do(run: Run) -> Outcome:
     """Run a suite."""
     suite = shipped(run.dialect)[run.suite]
-    roles = {
-        name: faults.faulty(ROLES[name], run.fault) if run.fault and fits(run.fault, name) else ROLES[name]
-        for name in ROLES
-    }
-    result = run_simulated(suite, Options(keep_going=True), Interrupt(), lambda _: None, run.seed, roles)
+    make_nodes = partial(nodes_under_test, roles=faults.faulty_roles([run.fault] if run.fault else []))
+    options = RunOptions(keep_going=True)
+    result = run_simulated(suite, options, Interrupt(), lambda _: None, make_nodes, run.seed)
     return Outcome(run, tuple(step.name for step in result.steps if step.status is not Status.PASSED))
 
 

@@ -1,4 +1,4 @@
-"""What a runner needs of a bus; rule: nothing else is asked of it, so a simulated one and a real one are alike."""
+"""What a runner needs of a bus, be it real or simulated."""
 
 from __future__ import annotations
 

@@ -1,7 +1,6 @@
 """The format of suites: tables of keys, from which come reading, checking and the JSON Schema.
 
-Rule of this file: a key stands in one table, with its shape, what it is for, and whether it has to be there. Every
-problem is told with its place.
+Rule of this file: a key stands in one table only, with its shape, what it is for, and whether it is needed.
 """
 
 from __future__ import annotations
@@ -14,9 +13,9 @@ from typing import Any, NamedTuple
 import yaml
 
 from eurobot_od.check import shapes
-from eurobot_od.check.frames import Frames
+from eurobot_od.check.frames import FrameShapes
 from eurobot_od.check.patterns import Pattern
-from eurobot_od.check.services import Services
+from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import (
     DURATION,
     NAME,
@@ -49,7 +48,6 @@ from eurobot_od.check.suite import (
 )
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
-from eurobot_od.robot import dialects
 from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
 
 VERSION = 1
@@ -62,13 +60,13 @@ MAX_COUNT = 100_000
 """Most repetitions of a step, most periods measured."""
 
 
-class Row(NamedTuple):
-    """An action of a step: its shape, what makes it, and the keys beside it with the names `make` has for them."""
+class ActionRow(NamedTuple):
+    """An action of a step: its shape, what makes it, and its extra keys with the names `make` has for them."""
 
     shape: Shape[Any]
     make: Callable[..., Action]
     help: str
-    beside: Mapping[str, tuple[str, Key]] = {}
+    extra: Mapping[str, tuple[str, Key]] = {}
 
 
 class Format:
@@ -76,8 +74,8 @@ class Format:
 
     def __init__(self, words: Vocabulary) -> None:
         self._words = words
-        self._services = Services(words)
-        self._frames = Frames(words, self._services)
+        self._services = ServiceShapes(words)
+        self._frames = FrameShapes(words, self._services)
         self._step: Shape[Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
         self._actions = self._action_table()
         self._common = {
@@ -95,7 +93,7 @@ class Format:
             "spec": Key(_version(), "version of the format", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
             "node": Key(nodes, "node or nodes under test; left out: all"),
-            "dialect": Key(converted(TEXT, _dialect), "EDS files that the suite is for; left out: any"),
+            "dialect": Key(converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
             "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
@@ -104,24 +102,26 @@ class Format:
             "teardown": Key(steps, "steps afterwards, done in any case"),
         }
 
-    def _action_table(self) -> dict[str, Row]:
+    def _action_table(self) -> dict[str, ActionRow]:
         within = {"within": ("within", Key(DURATION, "longest time; left out: the suite's timeout"))}
         span = {"for": ("span", Key(DURATION, "how long to watch", needed=True))}
         until = {"until": ("until", Key(self._frames.pattern, "the frame that ends the polling", needed=True))} | within
         services = self._services
         return {
-            "send": Row(self._frames.sent, Send, "send a message or a raw frame"),
-            "expect": Row(self._frames.patterns, Expect, "wait for a frame, or several", within),
-            "never": Row(self._frames.pattern, Never, "see that no such frame comes", span),
-            "poll": Row(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
-            "period": Row(shapes.record(_period, self._period_table()), _same, "measure how often a frame comes"),
-            "sdo": Row(services.sdo, _within, "read or write an object", within),
-            "nmt": Row(services.nmt, _same, "send an NMT command"),
-            "heartbeat": Row(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
-            "emcy": Row(services.emcy, _expect_one, "wait for an emergency message", within),
-            "save": Row(shapes.mapping(NAME, self._frames.field), Save, "keep fields of the messages received last"),
-            "wait": Row(DURATION, Wait, "let time pass"),
-            "steps": Row(shapes.listing(self._step), Group, "steps that belong together"),
+            "send": ActionRow(self._frames.sent, Send, "send a message or a raw frame"),
+            "expect": ActionRow(self._frames.patterns, Expect, "wait for a frame, or several", within),
+            "never": ActionRow(self._frames.pattern, Never, "see that no such frame comes", span),
+            "poll": ActionRow(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
+            "period": ActionRow(shapes.record(_period, self._period_table()), _same, "measure how often a frame comes"),
+            "sdo": ActionRow(services.sdo, _within, "read or write an object", within),
+            "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
+            "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
+            "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
+            "save": ActionRow(
+                shapes.mapping(NAME, self._frames.field), Save, "keep fields of the messages received last"
+            ),
+            "wait": ActionRow(DURATION, Wait, "let time pass"),
+            "steps": ActionRow(shapes.listing(self._step), Group, "steps that belong together"),
         }
 
     def _poll_table(self) -> dict[str, Key]:
@@ -158,19 +158,23 @@ class Format:
             decoder=self._words.decoder,
         )
 
+    def _dialect(self, text: Text) -> str:
+        self._words.networks.find(str(text))
+        return str(text)
+
     def _read_step(self, node: yaml.Node, problems: Problems) -> Step:
         pairs = pairs_of(node, problems)
         key = self._action_key(node, pairs, problems)
         row = self._actions[key]
         wrong = list(self._key_problems(node, key, pairs))
         problems += wrong
-        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.beside.items()} | self._common
+        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.extra.items()} | self._common
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
         if wrong:
             raise ReadError
-        beside = {attribute: given[name] for name, (attribute, _) in row.beside.items() if name in given}
-        action = row.make(given[key], **beside)
+        extra = {attribute: given[name] for name, (attribute, _) in row.extra.items() if name in given}
+        action = row.make(given[key], **extra)
         return Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
 
     def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
@@ -188,13 +192,13 @@ class Format:
         raise ReadError
 
     def _key_problems(self, node: yaml.Node, action: str, pairs: Mapping[Text, yaml.Node]) -> Iterator[Problem]:
-        """Yield what is wrong with the keys beside a step's action."""
-        beside = self._actions[action].beside
+        """Yield what is wrong with the keys next to a step's action."""
+        extra = self._actions[action].extra
         for key in pairs:
-            if key != action and key not in beside and key not in self._common:
-                known = [*beside, *self._common]
-                yield problem_at(key, UnknownName(f"key beside {action}", str(key), known))
-        for name, (_, each) in beside.items():
+            if key != action and key not in extra and key not in self._common:
+                known = [*extra, *self._common]
+                yield problem_at(key, UnknownName(f"key next to {action}", str(key), known))
+        for name, (_, each) in extra.items():
             if each.needed and name not in list(pairs):
                 yield problem_of(node, f"{action} needs the key '{name}'")
 
@@ -210,9 +214,9 @@ class Format:
             "$defs": {"step": {"oneOf": steps}} | self._frames.definitions(),
         }
 
-    def _step_schema(self, name: str, row: Row) -> Schema:
+    def _step_schema(self, name: str, row: ActionRow) -> Schema:
         keys = {name: Key(row.shape, row.help, needed=True)}
-        return shapes.object_schema(keys | {key: each for key, (_, each) in row.beside.items()} | self._common)
+        return shapes.object_schema(keys | {key: each for key, (_, each) in row.extra.items()} | self._common)
 
 
 # What actions are made by
@@ -243,8 +247,3 @@ def _within(action: SdoRead | SdoWrite, within: float | None = None) -> Action:
 
 def _version() -> Shape[int]:
     return Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
-
-
-def _dialect(text: Text) -> str:
-    dialects.folder(str(text))
-    return str(text)

@@ -1,7 +1,6 @@
 """Frames in suites: what is sent and what is expected, messages by name or raw.
 
-Rule of this file: names, fields, ranges are those of the EDS files; fields may be named as there or short, `X position`
-or `x`.
+Fields may be named as in the EDS or short: `X position` or `x`.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import yaml
 
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import FramePattern, MessagePattern, Pattern, Sent, SentFrame, SentMessage
-from eurobot_od.check.services import Services
+from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
 from eurobot_od.check.values import Scale, expectation
@@ -34,10 +33,10 @@ ORDERS = {"any": Order.ANY, "all": Order.ALL}
 VALUE: Schema = {"type": ["string", "number"]}
 
 
-class Frames:
+class FrameShapes:
     """The shapes of frames, with the words of one document."""
 
-    def __init__(self, words: Vocabulary, services: Services) -> None:
+    def __init__(self, words: Vocabulary, services: ServiceShapes) -> None:
         self._words = words
         self._others: dict[str, Shape[Pattern]] = {
             "raw": Shape(_read_raw_pattern, _pattern_schema(RAW_PATTERN)),
@@ -125,7 +124,7 @@ class Frames:
 
 
 def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]:
-    """Return the name of a message, and what stands behind it."""
+    """Return the name of a message, and what comes after it."""
     if isinstance(node, yaml.ScalarNode):
         return SCALAR.read(node, problems), None
     return shapes.only_pair(node, problems, "one message")

@@ -1,6 +1,7 @@
 """Suites on a real bus: the tester is one more participant on whatever python-can can reach.
 
-Rule of this file: the bus is read by `runtime.Watch`; what it sees goes to the event loop and is judged there.
+The bus is read in a thread (`live.Watch`). What it reads is handed to the event loop, so that only one thread ever
+touches the trace.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od import live as runtime
 from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Options, Runner
+from eurobot_od.check.runner import Interrupt, Runner, RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.errors import BusError
@@ -69,7 +70,7 @@ class LiveBench:
 
 def run_live(
     suite: Suite,
-    options: Options,
+    options: RunOptions,
     interrupt: Interrupt,
     show: Callable[[StepResult], None],
     open_bus: Callable[[], can.BusABC],

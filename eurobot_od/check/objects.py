@@ -1,6 +1,6 @@
 """Objects of a node's dictionary as suites name them, and their values as SDO carries them.
 
-Rule of this file: types and limits are the EDS's; an object that it does not have has bytes and no value.
+Types and limits are the EDS's. An object that it does not have can still be read and written, as bytes.
 """
 
 from __future__ import annotations
@@ -14,15 +14,22 @@ from eurobot_od.check.values import ValueProblem
 from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.logs.services import SDO_ANSWER_ENTRY, SDO_REQUEST_ENTRY
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import BASE_IDENTIFIER, Address, Limits
+from eurobot_od.od.values import (
+    BASE_IDENTIFIER,
+    DATA_TYPES,
+    OCTET_STRING,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    VISIBLE_STRING,
+    Address,
+    DataType,
+    Limits,
+)
 from eurobot_od.pdo.kinds import Kind
 
 ADDRESS = re.compile(r"0[xX](?P<index>[0-9A-Fa-f]{1,4})(?::(?P<subindex>0x[0-9A-Fa-f]{1,2}|\d{1,3}))?")
 
-TEXT_TYPES = frozenset({0x09, 0x0A})
-SIGNED_TYPES = {0x02: 1, 0x03: 2, 0x04: 4, 0x10: 3, 0x12: 5, 0x13: 6, 0x14: 7, 0x15: 8}
-UNSIGNED_TYPES = {0x01: 1, 0x05: 1, 0x06: 2, 0x07: 4, 0x16: 3, 0x18: 5, 0x19: 6, 0x1A: 7, 0x1B: 8}
-"""Data types with their bytes (CiA 301, Table 44)."""
+TEXT_TYPES = (VISIBLE_STRING.code, OCTET_STRING.code)
 
 
 class TextKind(Kind):
@@ -40,34 +47,30 @@ class TextKind(Kind):
 
 
 class ObjectType(NamedTuple):
-    """How an object's value is written and measured; `size` in bytes, None for a text."""
+    """An object's data type, a number's or a text's, and how its value is written and measured."""
 
+    type: DataType
     kind: Kind
     limits: Limits
-    size: int | None
-    signed: bool
 
     @property
     def widest(self) -> Limits:
         """What its type can carry, whatever the EDS's limits are."""
-        if self.size is None:
-            return self.limits
-        bits = 8 * self.size
-        return Limits(-1 << bits - 1, (1 << bits - 1) - 1) if self.signed else Limits(0, (1 << bits) - 1)
+        return Limits(self.type.low, self.type.high)
 
     def encode(self, value: Any) -> bytes:
         """Return a value's bytes."""
-        if self.size is None:
+        if not self.type.is_integer:
             return str(value).encode()
-        return int(value).to_bytes(self.size, "little", signed=self.signed)
+        return int(value).to_bytes(self.type.size, "little", signed=self.type.is_signed)
 
     def decode(self, data: bytes) -> Any:
         """Return the value in bytes from a node; raises ValueProblem for another length than the type's."""
-        if self.size is None:
+        if not self.type.is_integer:
             return data.decode(errors="replace")
-        if len(data) != self.size:
-            raise ValueProblem(f"{len(data)} bytes came, the object has {self.size}")
-        return int.from_bytes(data, "little", signed=self.signed)
+        if len(data) != self.type.size:
+            raise ValueProblem(f"{len(data)} bytes came, the object has {self.type.size}")
+        return int.from_bytes(data, "little", signed=self.type.is_signed)
 
 
 def find_address(dictionary: Dictionary, text: str) -> Address:
@@ -89,25 +92,24 @@ def _names(dictionary: Dictionary) -> list[str]:
 
 
 def object_type(dictionary: Dictionary, address: Address) -> ObjectType | None:
-    """Return the type of an object, None if the EDS does not have it or if it is none of numbers and texts."""
+    """Return the type of an object, None if the EDS does not have it or if it is neither a whole number nor a text."""
     variable = dictionary.variable(address)
     if variable is None:
         return None
-    code = variable.data_type or 0
-    if code in TEXT_TYPES:
-        return ObjectType(TextKind(), Limits(0, 0), None, False)
-    size = SIGNED_TYPES.get(code) or UNSIGNED_TYPES.get(code)
-    if size is None:
+    data_type = DATA_TYPES.get(variable.data_type or 0)
+    if data_type is None or not (data_type.is_integer or data_type.code in TEXT_TYPES):
         return None
-    plain = ObjectType(Kind(), Limits(0, 0), size, code in SIGNED_TYPES)
-    low, high = plain.widest
-    limits = Limits(low if variable.min is None else variable.min, high if variable.max is None else variable.max)
-    return plain._replace(limits=limits)
+    low = data_type.low if variable.min is None else variable.min
+    high = data_type.high if variable.max is None else variable.max
+    return ObjectType(data_type, Kind() if data_type.is_integer else TextKind(), Limits(low, high))
 
 
 def services(dictionary: Dictionary) -> NodeServices:
-    """Return where a node's services are, as its EDS has them."""
-    request, answer = (dictionary.default(address) for address in (SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY))
-    if not isinstance(request, int) or not isinstance(answer, int):
-        raise DictionaryError(dictionary.file, SDO_REQUEST_ENTRY[0], "the COB-IDs of the SDO server are missing")
-    return NodeServices(dictionary.name, dictionary.node_id, request & BASE_IDENTIFIER, answer & BASE_IDENTIFIER)
+    """Return where a node's services are; without 0x1200 its SDO server is the default one (CiA 301, 7.5.2.33)."""
+    request, answer = dictionary.default(SDO_REQUEST_ENTRY), dictionary.default(SDO_ANSWER_ENTRY)
+    return NodeServices(
+        dictionary.name,
+        dictionary.node_id,
+        request & BASE_IDENTIFIER if isinstance(request, int) else SDO_REQUEST_BASE + dictionary.node_id,
+        answer & BASE_IDENTIFIER if isinstance(answer, int) else SDO_RESPONSE_BASE + dictionary.node_id,
+    )

@@ -1,7 +1,7 @@
-"""What a suite sends and expects: messages, raw frames, heartbeats and emergencies, as frames and against frames.
+"""What a suite sends and expects: messages, raw frames, heartbeats and emergencies.
 
-Rule of this file: a pattern knows the one identifier its frames have, and says of such a frame, thing by thing, how it
-differs from what is expected; no difference is a match.
+A pattern knows the one identifier that its frames have, and says of such a frame in what it differs from what is
+expected; no mismatch is a match.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ANY = "any"
 """Any state in a heartbeat, any code in an EMCY."""
 
 
-class Difference(NamedTuple):
+class Mismatch(NamedTuple):
     """One thing in which a frame is not as expected."""
 
     what: str
@@ -92,23 +92,23 @@ class MessagePattern:
         """Identifier of the frames that may match."""
         return self.binding.cob_id
 
-    def differences(self, frame: Frame, variables: Variables) -> list[Difference]:
+    def mismatches(self, frame: Frame, variables: Variables) -> list[Mismatch]:
         """Return how a frame of this identifier differs; raises NotSaved."""
         lengths = self.binding.lengths
         if len(frame.data) not in lengths:
-            return [Difference("length", f"{' or '.join(map(str, lengths))} bytes", f"{len(frame.data)} bytes")]
-        return list(self._field_differences(frame, variables))
+            return [Mismatch("length", f"{' or '.join(map(str, lengths))} bytes", f"{len(frame.data)} bytes")]
+        return list(self._field_mismatches(frame, variables))
 
-    def _field_differences(self, frame: Frame, variables: Variables) -> Iterator[Difference]:
+    def _field_mismatches(self, frame: Frame, variables: Variables) -> Iterator[Mismatch]:
         message = self.protocol.decode(*frame)
         came = message._asdict()
         for field, expected in self.fields.items():
             if not expected.fits(came[field], variables):
-                yield Difference(field, expected.text(variables), self.binding.kinds[field].text(came[field]))
+                yield Mismatch(field, expected.text(variables), self.binding.kinds[field].text(came[field]))
         for field in flagged_fields(message):
             if field not in self.fields:
                 kind = self.binding.kinds[field]
-                yield Difference(field, kind.allowed(self.binding.limits[field]), kind.text(came[field]))
+                yield Mismatch(field, kind.allowed(self.binding.limits[field]), kind.text(came[field]))
 
     def text(self, variables: Variables) -> str:
         """Write what is expected, variables with their values."""
@@ -127,12 +127,12 @@ class FramePattern:
     digits: str
     decisive: ClassVar[bool] = True
 
-    def differences(self, frame: Frame, _: Variables) -> list[Difference]:
+    def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how a frame of this identifier differs."""
         came = frame.data.hex().upper()
         if re.fullmatch(self.digits.replace("?", "."), came):
             return []
-        return [Difference("data", self.digits or "none", came or "none")]
+        return [Mismatch("data", self.digits or "none", came or "none")]
 
     def text(self, _: Variables) -> str:
         """Write what is expected."""
@@ -144,19 +144,22 @@ class FramePattern:
 
 @dataclass(frozen=True)
 class HeartbeatPattern:
-    """A node's heartbeat with a state, None for any; a heartbeat with another state is no failure yet."""
+    """A node's heartbeat with a state, None for any.
+
+    One with another state does not decide: the node may be on its way to the state that is waited for.
+    """
 
     node: str
     cob_id: int
     state: NmtState | None
     decisive: ClassVar[bool] = False
 
-    def differences(self, frame: Frame, _: Variables) -> list[Difference]:
+    def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how a heartbeat differs."""
         if len(frame.data) != 1:
-            return [Difference("length", "1 byte", f"{len(frame.data)} bytes")]
+            return [Mismatch("length", "1 byte", f"{len(frame.data)} bytes")]
         came = STATE_NAMES.get(frame.data[0], f"0x{frame.data[0]:02X}")
-        return [] if self.state is None or frame.data[0] == self.state else [Difference("state", self._state, came)]
+        return [] if self.state is None or frame.data[0] == self.state else [Mismatch("state", self._state, came)]
 
     @property
     def _state(self) -> str:
@@ -179,12 +182,12 @@ class EmergencyPattern:
     code: int | None
     decisive: ClassVar[bool] = True
 
-    def differences(self, frame: Frame, _: Variables) -> list[Difference]:
+    def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how an EMCY differs."""
         if len(frame.data) != 8:
-            return [Difference("length", "8 bytes", f"{len(frame.data)} bytes")]
+            return [Mismatch("length", "8 bytes", f"{len(frame.data)} bytes")]
         came = int.from_bytes(frame.data[:2], "little")
-        return [] if self.code in (None, came) else [Difference("code", self._code, f"0x{came:04X}")]
+        return [] if self.code in (None, came) else [Mismatch("code", self._code, f"0x{came:04X}")]
 
     @property
     def _code(self) -> str:

@@ -1,7 +1,6 @@
-"""Reads suite files: one YAML document a suite, several documents in a file if need be.
+"""Reads suite files: one YAML document for each suite, several documents in a file if need be.
 
-Rule of this file: a file is read whole, and all that is wrong in all files comes out in one error, before anything is
-sent.
+Rule of this file: everything that is wrong in all files comes out in one error, before anything is sent.
 """
 
 from __future__ import annotations
@@ -14,9 +13,10 @@ import yaml
 from eurobot_od.check.format import Format
 from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.vocabulary import Dialect, Vocabulary, load_dialect, saved_names, texts_at
+from eurobot_od.check.vocabulary import Dictionaries, Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.robot import dialects
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.folder import outlines
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
 
@@ -30,14 +30,14 @@ class SuiteError(LocalError):
 
 
 class SuiteReader:
-    """Reads suites for a `dialect` (None: the default one), where they do not name theirs.
+    """Reads suites for some `networks`: those that name no `dialect` are for the one given here, or the default one.
 
-    Reading raises UnknownName if that dialect is not there.
+    Reading raises UnknownName if there is no such network.
     """
 
-    def __init__(self, dialect: str | None = None) -> None:
-        self._dialect = dialect
-        self._loaded: dict[Path, Dialect] = {}
+    def __init__(self, networks: Networks, dialect: str | None = None) -> None:
+        self._networks, self._dialect = networks, dialect
+        self._loaded: dict[Path, tuple[Decoder, Dictionaries]] = {}
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises SuiteError with the problems of all of them."""
@@ -78,23 +78,28 @@ class SuiteReader:
         return suites
 
     def _format(self, document: yaml.Node) -> Format:
-        dialect = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
-        named, names = texts_at(document, "node"), tuple(dialect.dictionaries)
+        decoder, dictionaries = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
+        named, names = texts_at(document, "node"), tuple(dictionaries)
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
-        return Format(Vocabulary(dialect, texts_at(document, "variables"), saved_names(document), nodes))
+        constants, saved = texts_at(document, "variables"), saved_names(document)
+        return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
-    def _load(self, dialect: str | None) -> Dialect:
-        """Load a dialect once; one that is not there is told where the suite names it, so the reader's serves."""
+    def _load(self, dialect: str | None) -> tuple[Decoder, Dictionaries]:
+        """Load the EDS files of a network, once.
+
+        For a dialect that does not exist it is the reader's own: the suite can still be checked against that, and the
+        format reports the wrong name with its place.
+        """
         try:
-            folder = dialects.folder(dialect)
+            folder = self._networks.find(dialect)
         except UnknownName:
-            folder = dialects.folder(self._dialect)
+            folder = self._networks.find(self._dialect)
         if folder not in self._loaded:
-            self._loaded[folder] = load_dialect(folder)
+            found = outlines(folder)
+            self._loaded[folder] = Decoder(found, self._networks.catalogue), Dictionaries(found)
         return self._loaded[folder]
 
-
-def schema() -> Schema:
-    """Return the JSON Schema of a suite, with the messages and nodes of the default dialect."""
-    dialect = load_dialect(None)
-    return Format(Vocabulary(dialect, {}, frozenset(), tuple(dialect.dictionaries))).schema()
+    def schema(self) -> Schema:
+        """Return the JSON Schema of a suite, with the messages and nodes of the reader's network."""
+        decoder, dictionaries = self._load(self._dialect)
+        return Format(Vocabulary(self._networks, decoder, dictionaries, {}, frozenset(), tuple(dictionaries))).schema()

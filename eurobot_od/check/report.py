@@ -1,7 +1,4 @@
-"""Results as text: for the console, as TAP, as JUnit XML, and as JSON.
-
-Rule of this file: results in, text out; nothing is printed here, and no report says what another one hides.
-"""
+"""Results as text: for the console, as TAP, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
@@ -31,20 +28,20 @@ def step_line(step: StepResult, in_colour: bool = False) -> str:
     status = f"{step.status.value:<11}"
     if in_colour:
         status = f"\x1b[{COLOURS[step.status]}m{status}\x1b[0m"
-    section = "" if step.section is Section.STEPS else f"[{step.section.value}] "
+    section = "" if step.section is SuitePart.STEPS else f"[{step.section.value}] "
     return f"  {status} {step.started:9.3f} s {step.seconds * 1000:9.1f} ms  {section}{step.name}"
 
 
-def finding_lines(finding: Finding) -> Iterator[str]:
+def reason_lines(reason: Reason) -> Iterator[str]:
     """Yield the lines that say why a step failed: what was expected, what came, field by field, and the last frames."""
-    yield f"    {finding.what}"
-    if finding.expected:
-        yield f"      expected  {finding.expected}"
-        yield f"      came      {finding.came}"
-    yield from (f"        {difference}" for difference in finding.differences)
-    if finding.frames:
+    yield f"    {reason.what}"
+    if reason.expected:
+        yield f"      expected  {reason.expected}"
+        yield f"      came      {reason.came}"
+    yield from (f"        {mismatch}" for mismatch in reason.mismatches)
+    if reason.frames:
         yield "      last frames (> sent, < received)"
-        yield from (f"        {frame_line(frame)}" for frame in finding.frames)
+        yield from (f"        {frame_line(frame)}" for frame in reason.frames)
 
 
 def frame_line(line: Line) -> str:
@@ -57,11 +54,8 @@ def summary(results: Sequence[SuiteResult]) -> str:
     counts = {status: sum(result.count(status) for result in results) for status in Status}
     steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
     seconds = sum(result.seconds for result in results)
-    return f"{_count(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
+    suites = "1 suite" if len(results) == 1 else f"{len(results)} suites"
+    return f"{suites}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
 
 
 # TAP
@@ -87,10 +81,10 @@ def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[st
     verdict = "ok" if step.status in (Status.PASSED, Status.SKIPPED) else "not ok"
     directive = " # SKIP a step before failed" if step.status is Status.SKIPPED else ""
     yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
-    if step.finding is not None:
+    if step.reason is not None:
         yield "  ---"
         yield "  message: |"
-        yield from (f"  {line}" for line in finding_lines(step.finding))
+        yield from (f"  {line}" for line in reason_lines(step.reason))
         yield "  ..."
 
 
@@ -136,13 +130,13 @@ JUNIT_ELEMENTS = {
 
 
 def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
-    name = step.name if step.section is Section.STEPS else f"{step.section.value}: {step.name}"
+    name = step.name if step.section is SuitePart.STEPS else f"{step.section.value}: {step.name}"
     attributes = {"classname": result.file.stem, "name": name, "time": f"{step.seconds:.6f}"}
     case = ElementTree.Element("testcase", attributes | {"file": str(result.file), "line": str(step.place.line)})
     if step.status in JUNIT_ELEMENTS:
-        message = step.finding.what if step.finding else step.status.value
+        message = step.reason.what if step.reason else step.status.value
         element = ElementTree.SubElement(case, JUNIT_ELEMENTS[step.status], {"message": message})
-        element.text = "\n".join(finding_lines(step.finding)) if step.finding else None
+        element.text = "\n".join(reason_lines(step.reason)) if step.reason else None
     return case
 
 
@@ -174,17 +168,17 @@ def _step_data(step: StepResult) -> dict[str, Any]:
         "status": step.status.value.lower(),
         "started": round(step.started, 6),
         "seconds": round(step.seconds, 6),
-        "finding": None if step.finding is None else _finding_data(step.finding),
+        "finding": None if step.reason is None else _reason_data(step.reason),
     }
 
 
-def _finding_data(finding: Finding) -> dict[str, Any]:
+def _reason_data(reason: Reason) -> dict[str, Any]:
     return {
-        "what": finding.what,
-        "expected": finding.expected,
-        "came": finding.came,
-        "differences": [difference._asdict() for difference in finding.differences],
-        "frames": [_frame_data(line) for line in finding.frames],
+        "what": reason.what,
+        "expected": reason.expected,
+        "came": reason.came,
+        "differences": [each._asdict() for each in reason.mismatches],
+        "frames": [_frame_data(line) for line in reason.frames],
     }
 
 

@@ -1,4 +1,4 @@
-"""What came out of a suite, step by step; rule: values only, with everything that a report may want to say."""
+"""What came out of a suite, step by step, with everything that a report may want to say."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from enum import Enum
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.check.patterns import Difference
+from eurobot_od.check.patterns import Mismatch
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.yaml_places import Place
@@ -23,7 +23,7 @@ class Status(Enum):
     BUS_FAILED = "bus failed"
 
 
-class Section(Enum):
+class SuitePart(Enum):
     """The part of a suite that a step belongs to."""
 
     SETUP = "setup"
@@ -41,13 +41,13 @@ class Line(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Finding:
+class Reason:
     """Why a step failed: in words, thing by thing, and the frames on the bus up to then."""
 
     what: str
     expected: str = ""
     came: str = ""
-    differences: tuple[Difference, ...] = ()
+    mismatches: tuple[Mismatch, ...] = ()
     frames: tuple[Line, ...] = ()
 
 
@@ -55,13 +55,13 @@ class Finding:
 class StepResult:
     """How a step ended: `started` seconds after the suite's start, it took `seconds`."""
 
-    section: Section
+    section: SuitePart
     name: str
     place: Place
     status: Status
     started: float
     seconds: float
-    finding: Finding | None = None
+    reason: Reason | None = None
 
 
 @dataclass(frozen=True)

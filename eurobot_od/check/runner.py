@@ -1,7 +1,7 @@
 """Runs a suite on a bench: setup, steps, teardown, and a result for each step.
 
-Rule of this file: what a step does is `doing`'s; here is which steps are done, what becomes of the others, and that the
-teardown is done whatever happens.
+What a step does stands in `steps`; here is which steps are done, what becomes of the others, and that the teardown is
+done whatever happens.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Doer, Failed
 from eurobot_od.check.suite import Group, Step, Suite
-from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.check.trace import Trace
 from eurobot_od.errors import BusError, LocalError, RemoteError
 
 FRAMES_SHOWN = 8
@@ -23,7 +23,7 @@ FRAMES_SHOWN = 8
 
 
 @dataclass(frozen=True)
-class Options:
+class RunOptions:
     """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are done."""
 
     keep_going: bool = False
@@ -65,7 +65,7 @@ class Runner:
         self,
         suite: Suite,
         bench: Bench,
-        options: Options,
+        options: RunOptions,
         interrupt: Interrupt,
         show: Callable[[StepResult], None],
     ) -> None:
@@ -84,54 +84,54 @@ class Runner:
         self._doer = Doer(suite, self._bench, self._trace)
         await self._interrupt.guard(self._until_teardown())
         self._stopped = self._error is not None
-        await self._section(Section.TEARDOWN, suite.teardown, keep_going=True)
+        await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
 
     async def _until_teardown(self) -> None:
         chosen = [step for step in self._suite.steps if self._options.chosen(step.name)]
-        await self._section(Section.SETUP, self._suite.setup, keep_going=False)
-        await self._section(Section.STEPS, chosen, self._options.keep_going)
+        await self._section(SuitePart.SETUP, self._suite.setup, keep_going=False)
+        await self._section(SuitePart.STEPS, chosen, self._options.keep_going)
 
-    async def _section(self, section: Section, steps: Sequence[Step], keep_going: bool) -> None:
+    async def _section(self, section: SuitePart, steps: Sequence[Step], keep_going: bool) -> None:
         for step in steps:
             if self._stopped:
                 self._tell(StepResult(section, step.name, step.place, Status.SKIPPED, self._since_start, 0.0))
             else:
                 await self._step(section, step, keep_going, step.name)
 
-    async def _step(self, section: Section, step: Step, keep_going: bool, name: str) -> None:
+    async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> None:
         if isinstance(step.action, Group):
             await self._group(section, step, step.action, keep_going, name)
             return
         started = self._since_start
-        status, finding = Status.INTERRUPTED, None
+        status, reason = Status.INTERRUPTED, None
         try:
-            status, finding = await self._judge(step)
+            status, reason = await self._judge(step)
         finally:
             ends_all = self._error is not None or not (status is Status.PASSED or keep_going)
             self._stopped = self._stopped or ends_all
             took = self._since_start - started
-            self._tell(StepResult(section, name, step.place, status, started, took, finding))
+            self._tell(StepResult(section, name, step.place, status, started, took, reason))
 
-    async def _group(self, section: Section, step: Step, group: Group, keep_going: bool, name: str) -> None:
+    async def _group(self, section: SuitePart, step: Step, group: Group, keep_going: bool, name: str) -> None:
         for turn in range(1, step.repeat + 1):
             heading = f"{name} {turn}/{step.repeat}" if step.repeat > 1 else name
             for each in group.steps:
                 if not self._stopped:
                     await self._step(section, each, keep_going, f"{heading}: {each.name}")
 
-    async def _judge(self, step: Step) -> tuple[Status, Finding | None]:
+    async def _judge(self, step: Step) -> tuple[Status, Reason | None]:
         """Do a step as often as it says, and return how it ended."""
         try:
             for _ in range(step.repeat):
                 await self._doer.do(step.action)
         except Failed as failed:
-            return Status.FAILED, replace(failed.finding, frames=self._last_frames())
+            return Status.FAILED, replace(failed.reason, frames=self._last_frames())
         except (LocalError, RemoteError) as error:
-            return Status.FAILED, Finding(str(error), frames=self._last_frames())
+            return Status.FAILED, Reason(str(error), frames=self._last_frames())
         except BusError as error:
             self._error = error
-            return Status.BUS_FAILED, Finding(str(error), frames=self._last_frames())
+            return Status.BUS_FAILED, Reason(str(error), frames=self._last_frames())
         return Status.PASSED, None
 
     def _tell(self, result: StepResult) -> None:
@@ -143,7 +143,7 @@ class Runner:
         return self._trace.now - self._start
 
     def _last_frames(self) -> tuple[Line, ...]:
-        return tuple(map(self._line, self._trace.frames[-FRAMES_SHOWN:]))
-
-    def _line(self, seen: Seen) -> Line:
-        return Line(seen.time - self._start, seen.own, seen.frame, self._doer.words(seen.frame))
+        return tuple(
+            Line(time - self._start, own, frame, self._doer.words(frame))
+            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
+        )

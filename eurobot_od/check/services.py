@@ -1,7 +1,6 @@
 """CANopen services in suites: heartbeats, emergencies, NMT commands, SDO transfers, each of a node.
 
-Rule of this file: COB-IDs, objects, types and limits are those of the node's EDS. A service whose node is not given is
-that of the one node under test.
+A service without a node is that of the node under test, if there is one only.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
 BYTES = re.compile(r"(?:[0-9A-Fa-f]{2}\s*)*")
 
 
-class Services:
+class ServiceShapes:
     """The shapes of services, with the words of one document."""
 
     def __init__(self, words: Vocabulary) -> None:
@@ -53,7 +52,7 @@ class Services:
         if given is not None:
             return given
         if len(self._words.nodes) != 1:
-            raise LocalError("which node? Write it beside this, `node: drive`, or give the suite one node")
+            raise LocalError("which node? Write it next to this, `node: drive`, or give the suite one node")
         return self._words.dictionaries[self._words.nodes[0]]
 
     def _service(self, name: str, key: Key, make: Callable[[Any, Dictionary | None], T]) -> Shape[T]:
@@ -150,7 +149,9 @@ class Target(NamedTuple):
     def typed(self) -> ObjectType:
         """The type; raises ValueProblem without one."""
         if self.type is None:
-            raise ValueProblem(f"{self.label} is no number or text in the EDS of {self.node.name}; use 'data'")
+            raise ValueProblem(
+                f"{self.label} is neither a whole number nor a text in the EDS of {self.node.name}; use 'data'"
+            )
         return self.type
 
 

@@ -1,6 +1,6 @@
 """Shapes of YAML: a reader and the JSON Schema that says the same, put together from small ones.
 
-Rule of this file: whoever builds a reader builds its schema with it, so that editor and checker cannot disagree.
+Rule of this file: a reader is made together with its schema, so that editor and checker cannot disagree.
 """
 
 from __future__ import annotations

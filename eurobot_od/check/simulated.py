@@ -1,29 +1,32 @@
-"""Suites on a simulated bus: our nodes, simulated time, the tester in place of the nodes that are not there.
+"""Suites on a simulated bus: nodes in simulated time, and the tester in place of the nodes that are not there.
 
 Rule of this file: the same suite and the same seed give the same frames to the bit.
+
+The tester is one more node on the bus. What it sends has to win the arbitration like any other frame, so `send` ends
+when the bus has carried the frame, and that is the time from which an answer is measured. The bus runs between two
+steps of the event loop (see `simulation.loop`): what it carries is put into the trace by the loop, in its order.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Options, Runner
+from eurobot_od.check.runner import Interrupt, Runner, RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.device.nmt import NmtState, error_control
+from eurobot_od.device.node import Node
 from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.robot.check.drill import drill
-from eurobot_od.robot.match.options import MatchOptions
-from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
-from eurobot_od.robot.world import World
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
 
 POWER_UP = 0.1
-"""Seconds after which all nodes are up; then the suite begins, and the core's program."""
+"""Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""
 
 BOOT_STEP = 0.02
 """Seconds from one node's boot-up to the next one's."""
@@ -39,6 +42,17 @@ class NotSent(RemoteError):
         super().__init__(f"the bus was never free for {frame}")
 
 
+class NodeUnderTest(NamedTuple):
+    """A simulated node, and what it does by itself after each boot, from beginning to end; None: it only answers."""
+
+    node: Node
+    program: Callable[[], Coroutine[Any, Any, None]] | None = None
+
+
+MakeNodes: TypeAlias = Callable[[Mapping[str, Dictionary], int, Callable[[], float]], Sequence[NodeUnderTest]]
+"""Makes the nodes under test from their dictionaries by name, with all chance from a seed, and with a clock."""
+
+
 class Tester(Node):
     """The tester's place on the bus: it sends what it is told to, and does nothing by itself."""
 
@@ -48,10 +62,6 @@ class Tester(Node):
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         return []
-
-    def put(self, frame: Frame) -> None:
-        """Have a frame sent."""
-        self._out.append(frame)
 
 
 class SimulatedBench:
@@ -93,15 +103,15 @@ def _settle(sent: asyncio.Future[float], now: float) -> None:
 
 
 class Program:
-    """What a simulated core does after each boot: its drill."""
+    """Runs the program of a node: it begins with each boot of the node, and what is left of the last run is ended."""
 
-    def __init__(self, core: Core, network: Network) -> None:
-        self._core, self._network = core, network
-        self._boot_up = error_control(core.device.node_id, NmtState.INITIALISING)
+    def __init__(self, node: Node, program: Callable[[], Coroutine[Any, Any, None]], network: Network) -> None:
+        self._program, self._network = program, network
+        self._boot_up = error_control(node.device.node_id, NmtState.INITIALISING)
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begin, and begin anew with every boot-up message of the core."""
+        """Begin, and begin anew with every boot-up message of the node."""
         running = asyncio.get_running_loop()
         self._restart()
 
@@ -122,26 +132,25 @@ class Program:
 
     async def _play(self) -> None:
         await asyncio.sleep(POWER_UP)
-        await drill(self._core)
+        await self._program()
 
 
 def run_simulated(
     suite: Suite,
-    options: Options,
+    options: RunOptions,
     interrupt: Interrupt,
     show: Callable[[StepResult], None],
+    make_nodes: MakeNodes,
     seed: int = 1,
-    roles: Mapping[str, type[Node]] = ROLES,
 ) -> SuiteResult:
-    """Run a suite against nodes of ours, made from `roles`, with all chance from `seed`."""
+    """Run a suite against simulated nodes, with all chance from `seed`."""
     network = Network()
-    nodes = {name: roles[name](suite.dictionaries[name]) for name in suite.nodes}
-    put_into_world(nodes, seed, lambda: network.now)
-    for number, node in enumerate(nodes.values()):
+    tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
+    for number, (node, _) in enumerate(tested):
         network.attach(node, number * BOOT_STEP)
     tester = Tester(next(iter(suite.dictionaries.values())))
     network.attach(tester)
-    programs = [Program(node, network) for node in nodes.values() if isinstance(node, Core)]
+    programs = [Program(node, program, network) for node, program in tested if program is not None]
 
     async def main() -> SuiteResult:
         for program in programs:
@@ -155,14 +164,3 @@ def run_simulated(
             await asyncio.sleep(0)
 
     return loop.run(network, main())
-
-
-def put_into_world(nodes: Mapping[str, Node], seed: int, clock: Callable[[], float]) -> None:
-    """Make the world around the nodes: the drive's wheels and the navigation's beacons are in it."""
-    match, drive, navigation = MatchOptions(), nodes.get("drive"), nodes.get("navigation")
-    deviations = navigation.deviations if isinstance(navigation, Navigation) else lambda: (0.0, 0.0)
-    world = World(seed, match.team, match.enemies, match.confederates, deviations, clock)
-    if isinstance(drive, Drive):
-        drive.chassis = world
-    if isinstance(navigation, Navigation):
-        navigation.beacons = world

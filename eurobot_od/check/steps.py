@@ -1,8 +1,10 @@
 """Does one step after the other on a bench: asks, looks at what comes, and raises Failed if it is not as expected.
 
-Rule of this file: no clock and no bus but the bench's. `expect` looks at what has come since the last question, each
-frame counting once; `never` and `period` at what comes from the end of the step before. A question is a `send`
-(several in a row count as one), an `nmt`, an `sdo` or a `poll`.
+`expect` looks at what has come since the last question, and each frame counts once; `never` and `period` look at what
+comes from the end of the step before. A question is a `send` (several in a row count as one), an `nmt`, an `sdo` or a
+`poll`.
+
+Rule of this file: no clock and no bus but the bench's.
 """
 
 from __future__ import annotations
@@ -12,8 +14,8 @@ from typing import Any, ClassVar
 
 from eurobot_od import durations
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.patterns import Difference, Pattern
-from eurobot_od.check.results import Finding
+from eurobot_od.check.patterns import Mismatch, Pattern
+from eurobot_od.check.results import Reason
 from eurobot_od.check.suite import (
     Action,
     Expect,
@@ -39,11 +41,11 @@ from eurobot_od.sdo.wire import LENGTH
 
 
 class Failed(Exception):
-    """A step is red; `finding` says why."""
+    """A step is red; `reason` says why."""
 
-    def __init__(self, finding: Finding) -> None:
-        super().__init__(finding.what)
-        self.finding = finding
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason.what)
+        self.reason = reason
 
 
 class Doer:
@@ -118,7 +120,7 @@ class Doer:
             number, seen = found
             start = number + 1
             tried = left[:1] if order is Order.IN_ORDER else left
-            hit = next((each for each in tried if not self._differences(each, seen)), None)
+            hit = next((each for each in tried if not self._mismatches(each, seen)), None)
             if hit is not None:
                 self._use(number)
                 left = [] if order is Order.ANY else [each for each in left if each is not hit]
@@ -128,41 +130,41 @@ class Doer:
             else:
                 other = seen
 
-    def _differences(self, pattern: Pattern, seen: Seen) -> list[Difference]:
+    def _mismatches(self, pattern: Pattern, seen: Seen) -> list[Mismatch]:
         if pattern.cob_id != seen.frame.cob_id:
-            return [Difference("message", str(pattern), self._meaning(seen))]
-        return pattern.differences(seen.frame, self._variables)
+            return [Mismatch("message", str(pattern), self._meaning(seen))]
+        return pattern.mismatches(seen.frame, self._variables)
 
     def _meaning(self, seen: Seen) -> str:
         return self.words(seen.frame) or str(seen.frame)
 
     def _other(self, tried: Sequence[Pattern], seen: Seen) -> Failed:
         """Say that something else came than expected: as the pattern that comes nearest to it sees it."""
-        nearest = min(tried, key=lambda each: (each.cob_id != seen.frame.cob_id, len(self._differences(each, seen))))
-        differences = tuple(self._differences(nearest, seen))
+        nearest = min(tried, key=lambda each: (each.cob_id != seen.frame.cob_id, len(self._mismatches(each, seen))))
+        mismatches = tuple(self._mismatches(nearest, seen))
         text = nearest.text(self._variables)
-        return Failed(Finding(f"{nearest} is not as expected", text, self._meaning(seen), differences))
+        return Failed(Reason(f"{nearest} is not as expected", text, self._meaning(seen), mismatches))
 
     def _nothing(self, action: Expect, left: Sequence[Pattern], other: Seen | None) -> Failed:
         what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
         if other is not None:
             return self._with_last(what, left[0], other)
-        return Failed(Finding(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
+        return Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
 
     def _with_last(self, what: str, pattern: Pattern, last: Seen | None) -> Failed:
         """Say that what was wanted did not come, and what came last instead."""
         wanted = pattern.text(self._variables)
         if last is None:
-            return Failed(Finding(what, wanted, "nothing"))
-        return Failed(Finding(what, wanted, self._meaning(last), tuple(self._differences(pattern, last))))
+            return Failed(Reason(what, wanted, "nothing"))
+        return Failed(Reason(what, wanted, self._meaning(last), tuple(self._mismatches(pattern, last))))
 
     async def _never(self, action: Never) -> None:
         start, deadline = self._edge, self._deadline(action.span)
         while (found := await self._next([action.pattern], start, deadline)) is not None:
             number, seen = found
-            if not self._differences(action.pattern, seen):
+            if not self._mismatches(action.pattern, seen):
                 what = f"{action.pattern} came, though it should not"
-                raise Failed(Finding(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
+                raise Failed(Reason(what, f"never {action.pattern.text(self._variables)}", self._meaning(seen)))
             start = number + 1
         self._edge = len(self._trace)
 
@@ -177,7 +179,7 @@ class Doer:
             while (found := await self._next([action.until], start, pause)) is not None:
                 number, last = found
                 start = number + 1
-                if not self._differences(action.until, last):
+                if not self._mismatches(action.until, last):
                     self._use(number)
                     return
         raise self._with_last(f"{action.until} not as wanted after {count} x {action.sent}", action.until, last)
@@ -196,14 +198,14 @@ class Doer:
             start, last = self._edge, found[1]
 
     def _check_period(self, action: Period, number: int, last: Seen | None, seen: Seen) -> None:
-        differences = self._differences(action.pattern, seen)
+        mismatches = self._mismatches(action.pattern, seen)
         if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
             wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
-            differences.append(Difference(f"period {number}", wanted, durations.text(seen.time - last.time)))
-        if differences:
+            mismatches.append(Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time)))
+        if mismatches:
             what = f"{action.pattern} is not as expected"
             text = action.pattern.text(self._variables)
-            raise Failed(Finding(what, text, self._meaning(seen), tuple(differences)))
+            raise Failed(Reason(what, text, self._meaning(seen), tuple(mismatches)))
 
     # SDO
 
@@ -215,8 +217,8 @@ class Doer:
         value = action.decode(data)
         if action.expected is not None and not action.expected.fits(value, self._variables):
             wanted, came = action.expected.text(self._variables), action.expected.kind.text(value)
-            difference = Difference(action.label, wanted, came)
-            raise Failed(Finding(f"{action.label} is not as expected", wanted, came, (difference,)))
+            mismatch = Mismatch(action.label, wanted, came)
+            raise Failed(Reason(f"{action.label} is not as expected", wanted, came, (mismatch,)))
         if action.save is not None:
             self._variables[action.save] = value
 
@@ -240,13 +242,13 @@ class Doer:
             if error.code == action.abort:
                 return None
             came = f"abort 0x{error.code:08X}"
-            raise Failed(Finding(f"{action}: {error}", wanted or "no abort", came)) from None
+            raise Failed(Reason(f"{action}: {error}", wanted or "no abort", came)) from None
         if wanted is not None:
-            raise Failed(Finding(f"{action}: the node does not refuse", wanted, "no abort"))
+            raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))
         return data
 
     async def _run(self, transfer: Transfer, node: NodeServices) -> None:
-        """Do a transfer to its end; raises OddAnswer for an answer that is no SDO frame by its length."""
+        """Do a transfer to its end; raises OddAnswer for an answer that has not the length of an SDO frame."""
         requests = transfer.start(self._trace.now)
         while True:
             start = len(self._trace)
@@ -271,7 +273,7 @@ class Doer:
             frames = (each.frame for each in reversed(self._trace.frames) if not each.own)
             last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
             if last is None:
-                raise Failed(Finding(f"no {binding.name} has come yet"))
+                raise Failed(Reason(f"no {binding.name} has come yet"))
             self._variables[name] = getattr(self._suite.decoder.protocol.decode(*last), field)
 
     DO: ClassVar[Mapping[type, Callable[[Any, Any], Awaitable[None]]]] = {

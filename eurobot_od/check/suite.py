@@ -1,7 +1,4 @@
-"""A suite as values: what is to be done and seen, step by step.
-
-Rule of this file: values only, times in seconds; how a suite is written stands in `format`, what is done in `runner`.
-"""
+"""A suite as values: what is to be done and seen, step by step; times in seconds."""
 
 from __future__ import annotations
 

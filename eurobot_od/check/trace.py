@@ -1,7 +1,7 @@
 """What was on the bus while a suite runs: every frame with its time, and waiting for the next one.
 
-Rule of this file: frames are kept in the order in which they came and never taken away; who looks for one says from
-where on. One waits at a time.
+Frames are kept in the order in which they came and are never taken away: a reader says from which number on it looks.
+Only one step runs at a time, so there is only one to wake.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Values as suites write them: `1200`, `1200 +- 15`, `88..92`, `< 500`, `not red`, `unknown`, `"{t}"`.
 
-Rule of this file: what a value means and what is allowed is the kind's business; here is only how a received value
-may relate to a written one. Everything is checked while it is read; what a variable holds is known when it is used.
+What a value means, and which are allowed, is known by its kind (`pdo.kinds`); here is how a received value may relate
+to a written one. Everything is checked while the suite is read, except for what a variable holds.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ VARIABLE = re.compile(r"\{\s*(?P<name>[A-Za-z_][A-Za-z0-9_]*)\s*\}")
 
 
 class ValueProblem(LocalError):
-    """A written value that is none; the text says what is allowed."""
+    """A text that is not a value of its kind, or not in its range; the message says what is allowed."""
 
 
 class NotSaved(LocalError):
@@ -128,10 +128,10 @@ def _ordering(compare: Callable[[Any, Any], bool]) -> Test:
     return lambda _, value, bound: compare(value, bound)
 
 
-class Form(NamedTuple):
+class Notation(NamedTuple):
     """A way to write an expectation: what it looks like, how it is shown, and when a value fulfils it.
 
-    A form that is `ordered` is fulfilled by plain numbers in their range only, by no `unknown` and by no name.
+    A form that is `ordered` is fulfilled only by plain numbers in their range, never by `unknown` or by a name.
     """
 
     pattern: re.Pattern[str]
@@ -140,16 +140,16 @@ class Form(NamedTuple):
     ordered: bool = True
 
 
-FORMS = (
-    Form(re.compile(r"any"), "anything", lambda *_: True, ordered=False),
-    Form(re.compile(r"(.+?)\s*(?:\+-|±)\s*(.+)"), "{} +- {}", _near),
-    Form(re.compile(r"(.+?)\s*\.\.\s*(.+)"), "{} .. {}", _between),
-    Form(re.compile(r"<=\s*(.+)"), "<= {}", _ordering(operator.le)),
-    Form(re.compile(r">=\s*(.+)"), ">= {}", _ordering(operator.ge)),
-    Form(re.compile(r"<\s*(.+)"), "< {}", _ordering(operator.lt)),
-    Form(re.compile(r">\s*(.+)"), "> {}", _ordering(operator.gt)),
-    Form(re.compile(r"not\s+(?!possible)(.+)"), "not {}", lambda *a: not _equal(*a), ordered=False),
-    Form(re.compile(r"(.+)"), "{}", _equal, ordered=False),
+NOTATIONS = (
+    Notation(re.compile(r"any"), "anything", lambda *_: True, ordered=False),
+    Notation(re.compile(r"(.+?)\s*(?:\+-|±)\s*(.+)"), "{} +- {}", _near),
+    Notation(re.compile(r"(.+?)\s*\.\.\s*(.+)"), "{} .. {}", _between),
+    Notation(re.compile(r"<=\s*(.+)"), "<= {}", _ordering(operator.le)),
+    Notation(re.compile(r">=\s*(.+)"), ">= {}", _ordering(operator.ge)),
+    Notation(re.compile(r"<\s*(.+)"), "< {}", _ordering(operator.lt)),
+    Notation(re.compile(r">\s*(.+)"), "> {}", _ordering(operator.gt)),
+    Notation(re.compile(r"not\s+(?!possible)(.+)"), "not {}", lambda *a: not _equal(*a), ordered=False),
+    Notation(re.compile(r"(.+)"), "{}", _equal, ordered=False),
 )
 """The forms in the order in which they are tried; `not possible` is a value's name (see GotoFault)."""
 
@@ -157,7 +157,7 @@ FORMS = (
 class Expected(NamedTuple):
     """What a received value has to be."""
 
-    form: Form
+    form: Notation
     operands: tuple[Operand, ...]
     kind: Kind
 
@@ -175,5 +175,5 @@ class Expected(NamedTuple):
 
 def expectation(text: str, scale: Scale) -> Expected:
     """Read an expectation; raises ValueProblem, UnknownName."""
-    form, match = next((form, match) for form in FORMS if (match := form.pattern.fullmatch(text.strip() or "''")))
+    form, match = next((form, match) for form in NOTATIONS if (match := form.pattern.fullmatch(text.strip() or "''")))
     return Expected(form, tuple(map(scale.operand, match.groups())), scale.kind)

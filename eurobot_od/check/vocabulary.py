@@ -1,11 +1,11 @@
 """The words a suite may use: messages and objects of its EDS files, and its variables.
 
-Rule of this file: found before the suite is read in earnest, so that everything in it can be checked where it stands.
+They are collected before the suite itself is read, so that each of its words can be checked where it stands.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -17,10 +17,9 @@ from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import Limits
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CATALOGUE
 
 
 class Dictionaries(Mapping[str, Dictionary]):
@@ -42,34 +41,30 @@ class Dictionaries(Mapping[str, Dictionary]):
         return len(self._outlines)
 
 
-class Dialect(NamedTuple):
-    """What frames mean by a dialect's EDS files, and its dictionaries by node."""
+class Networks(NamedTuple):
+    """The networks that suites may be for, each a folder of EDS files, and the catalogue of their message types.
 
-    decoder: Decoder
-    dictionaries: Dictionaries
+    `find` returns the folder for what a suite has as its `dialect`, or that of the default network for None; it raises
+    UnknownName.
+    """
+
+    find: Callable[[str | None], Path]
+    catalogue: Catalogue = NOTHING
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """What a `dialect` has, and the names of variables: `constants` with their values, `saved` by a step.
+    """What the EDS files of a network have, and the names of variables: `constants` with values, `saved` by a step.
 
-    `nodes` are those under test.
+    `nodes` are those under test; `networks` has the others that a suite could be for.
     """
 
-    dialect: Dialect
+    networks: Networks
+    decoder: Decoder
+    dictionaries: Mapping[str, Dictionary]
     constants: Mapping[str, str]
     saved: frozenset[str]
     nodes: tuple[str, ...]
-
-    @property
-    def dictionaries(self) -> Mapping[str, Dictionary]:
-        """The EDS files by node."""
-        return self.dialect.dictionaries
-
-    @property
-    def decoder(self) -> Decoder:
-        """What frames mean by the EDS files."""
-        return self.dialect.decoder
 
     @property
     def protocol(self) -> Protocol:
@@ -79,12 +74,6 @@ class Vocabulary:
     def scale(self, kind: Kind, limits: Limits) -> Scale:
         """Return what a field's values are read by."""
         return Scale(kind, limits, self.constants, self.saved)
-
-
-def load_dialect(dialect: str | Path | None) -> Dialect:
-    """Load a dialect's EDS files; raises UnknownName, DictionaryError."""
-    outlines = dialects.outlines(dialect)
-    return Dialect(Decoder(outlines, CATALOGUE), Dictionaries(outlines))
 
 
 def texts_at(root: yaml.Node, key: str) -> dict[str, str]:

@@ -1,7 +1,4 @@
-"""Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones.
-
-Rule of this file: parse, run the suites one after the other, print; all files are read before anything is sent.
-"""
+"""Check nodes with suites of steps: against real nodes on a CAN bus, or simulated ones."""
 
 from __future__ import annotations
 
@@ -23,7 +20,6 @@ if TYPE_CHECKING:
     from eurobot_od.check.results import StepResult, SuiteResult
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
-    from eurobot_od.robot.nodes import Node
 
 FINE, RED, WRONG_INPUT, BUS_TROUBLE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -56,17 +52,18 @@ def _count(text: str) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read the suites, run them, and report."""
-    from eurobot_od.check.reader import SuiteError, SuiteReader, schema
+    from eurobot_od.check.reader import SuiteError, SuiteReader
     from eurobot_od.robot.check import shipped
 
+    reader = SuiteReader(shipped.NETWORKS, arguments.dialect)
     if arguments.schema:
-        print(json.dumps(schema(), indent=1))
+        print(json.dumps(reader.schema(), indent=1))
         return FINE
     files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
     try:
-        suites = _chosen(SuiteReader(arguments.dialect).read_files(files), arguments.tag, arguments.step)
+        suites = _chosen(reader.read_files(files), arguments.tag, arguments.step)
     except SuiteError as error:
         print(error, file=sys.stderr)
         return WRONG_INPUT
@@ -139,7 +136,7 @@ def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: 
 def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: Interrupt) -> SuiteResult:
     from eurobot_od.check import report
     from eurobot_od.check.results import SuiteResult
-    from eurobot_od.check.runner import Options
+    from eurobot_od.check.runner import RunOptions
 
     how = f"simulated, seed {seed}" if arguments.simulate else "on the bus"
     reason = _unfit(arguments, suite)
@@ -147,11 +144,14 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
         print(report.heading(suite, reason or how), flush=True)
     if reason:
         return SuiteResult(suite.file, suite.name, how, skipped=reason)
-    options = Options(arguments.keep_going, partial(_is_chosen, arguments.step))
+    options = RunOptions(arguments.keep_going, partial(_is_chosen, arguments.step))
     if arguments.simulate:
         from eurobot_od.check.simulated import run_simulated
+        from eurobot_od.robot.check.partners import nodes_under_test
+        from eurobot_od.robot.faults import faulty_roles
 
-        return run_simulated(suite, options, interrupt, partial(_show, arguments), seed, _roles(arguments.fault))
+        make_nodes = partial(nodes_under_test, roles=faulty_roles(arguments.fault))
+        return run_simulated(suite, options, interrupt, partial(_show, arguments), make_nodes, seed)
     from eurobot_od.check.live import run_live
 
     return run_live(suite, options, interrupt, partial(_show, arguments), partial(shared.open_bus, arguments))
@@ -167,18 +167,6 @@ def _unfit(arguments: argparse.Namespace, suite: Suite) -> str:
 
 def _is_chosen(texts: Sequence[str], name: str) -> bool:
     return not texts or any(text.lower() in name.lower() for text in texts)
-
-
-def _roles(faults: Sequence[str]) -> dict[str, type[Node]]:
-    """Return the classes of the simulated nodes; those that can have a fault have it."""
-    from eurobot_od.robot.faults import faulty, find
-    from eurobot_od.robot.nodes import ROLES
-
-    roles = dict(ROLES)
-    for fault in faults:
-        owner, _ = find(fault)
-        roles |= {name: faulty(role, fault) for name, role in roles.items() if issubclass(role, owner)}
-    return roles
 
 
 # Reports
@@ -209,6 +197,6 @@ def _show(arguments: argparse.Namespace, step: StepResult) -> None:
 
     if not _silent(arguments):
         print(report.step_line(step, sys.stdout.isatty()))
-        if step.finding is not None:
-            print("\n".join(report.finding_lines(step.finding)))
+        if step.reason is not None:
+            print("\n".join(report.reason_lines(step.reason)))
         sys.stdout.flush()

@@ -1,7 +1,4 @@
-"""List the faults that simulated nodes can be given, to see whether a check finds them.
-
-Rule of this file: names and sentences are the fault tables'; here they are only printed.
-"""
+"""List the faults that simulated nodes can be given, to see whether a check finds them."""
 
 from __future__ import annotations
 

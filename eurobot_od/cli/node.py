@@ -77,9 +77,10 @@ def _make(arguments: argparse.Namespace) -> Node:
 
 def _see(node: Node, live: Live) -> None:
     """Give a navigation simulated beacons: our robot stands, two enemies and a confederate are on their rounds."""
-    from eurobot_od.check.simulated import put_into_world
+    from eurobot_od.robot.assembly import assemble
+    from eurobot_od.robot.match.options import MatchOptions
 
-    put_into_world({node.name: node}, 1, live.clock)
+    assemble([node], MatchOptions(), live.clock)
 
 
 def _show(node: Node, frame: Frame, now: float) -> None:

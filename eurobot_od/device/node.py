@@ -54,7 +54,7 @@ class Node:
 
     def seconds(self, name: str) -> float:
         """Return a setting in milliseconds as seconds."""
-        return self.device.setting(name) / 1000
+        return self.setting(name) / 1000
 
     # From outside
 
@@ -116,7 +116,7 @@ class Node:
         for node_id in lost:
             self.heartbeat_lost(node_id)
         if message is not None:
-            self._handle(message)
+            self.handle(message)
         if answer is not None:
             self.answered(answer)
 
@@ -152,6 +152,11 @@ class Node:
         self._out += self.device.send(message, self.now)
         self._call()
 
+    def put(self, frame: Frame) -> None:
+        """Put a frame among those to send, whatever it means, and wake whoever runs the node."""
+        self._out.append(frame)
+        self._call()
+
     def offer(self, message: Message) -> None:
         """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
         try:
@@ -171,23 +176,34 @@ class Node:
         """Report by EMCY that an error is gone."""
         self.device.emergencies.cleared(what)
 
-    def _handle(self, message: Message) -> None:
+    # Hooks: what a faulty node does otherwise, without knowing how a healthy one works inside (`reset` is one, too)
+
+    def handle(self, message: Message) -> None:
+        """Take in a message that has come: act on it unless a value in it is out of range."""
         if message and is_flagged(message) and type(message) not in self.CATALOGUE.always:
             self.ignored += 1
         else:
             self._act(message)
 
     def _act(self, message: Message) -> None:
-        handler = self.HANDLERS.get(type(message))
-        answer = handler(self, message) if handler is not None else None
+        answer = self.answer_to(message)
         if answer is not None:
             self.offer(answer)
+
+    def answer_to(self, message: Message) -> Message | None:
+        """Do what a message says, and return the answer to it without sending it; None if there is none."""
+        handler = self.HANDLERS.get(type(message))
+        return handler(self, message) if handler is not None else None
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        """Return what really leaves of the frames to send: all of them, unless something is wrong with the node."""
+        return frames
 
     def _flush(self) -> list[Frame]:
         frames, self._out = self._out, []
         if not self.device.emergencies.quiet:
             frames += self.device.emergency_frames(self.now)
-        return frames
+        return self.outgoing(frames)
 
 
 def _nobody() -> None:

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
+from eurobot_od.errors import DictionaryError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper, Report
 
 
 class Station:
-    """One node with its own gatekeeper, sized by the node's Transmit settings; more listeners may be added to it.
+    """One node with its own gatekeeper, to which more listeners may be added.
 
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
     """
@@ -32,11 +34,9 @@ class Station:
         self.node, self.plan = node, node.device.plan
         self.gatekeeper = Gatekeeper(
             node.device.protocol,
-            table_size=node.setting("Transmit.Listener table size"),
-            mailboxes=node.setting("Transmit.Mailboxes"),
-            mailbox_wait=node.seconds("Transmit.Mailbox wait"),
             report=report,
             clock=clock,
+            **_sizes(node),
         )
         self._identifiers = node.device.identifiers
         self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
@@ -78,3 +78,15 @@ class Station:
         for frame in frames:
             lasting = frame.cob_id == self.node.device.sdo_answers
             self.gatekeeper.mailboxes.submit(frame, now, lasting)
+
+
+def _sizes(node: Node) -> dict[str, Any]:
+    """Return the sizes in a node's Transmit settings; nothing for a device that has none: the gatekeeper's own do."""
+    try:
+        return {
+            "table_size": node.setting("Transmit.Listener table size"),
+            "mailboxes": node.setting("Transmit.Mailboxes"),
+            "mailbox_wait": node.seconds("Transmit.Mailbox wait"),
+        }
+    except DictionaryError:
+        return {}

@@ -8,9 +8,11 @@ from pathlib import Path
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
+from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.check.shipped import NETWORKS
 from eurobot_od.yaml_places import Problems
 
 HEAD = "spec: 1\nname: a suite\nnode: drive\n"
@@ -25,7 +27,7 @@ def document(steps: str, head: str = HEAD) -> str:
 @cache
 def reader(dialect: str | None) -> SuiteReader:
     """Return the reader of a dialect, which loads its EDS files once."""
-    return SuiteReader(dialect)
+    return SuiteReader(NETWORKS, dialect)
 
 
 def read(text: str, dialect: str | None = None) -> tuple[list[Suite], list[str]]:
@@ -44,7 +46,7 @@ def suite(text: str) -> Suite:
 
 def results(text: str, *, keep_going: bool = True, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes."""
-    return run_simulated(suite(text), Options(keep_going), Interrupt(), lambda _: None, seed)
+    return run_simulated(suite(text), RunOptions(keep_going), Interrupt(), lambda _: None, nodes_under_test, seed)
 
 
 def run(steps: str, head: str = HEAD) -> tuple[StepResult, ...]:

@@ -12,12 +12,13 @@ import pytest
 from eurobot_od import live as runtime
 from eurobot_od.check.live import run_live
 from eurobot_od.check.results import Status, StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.errors import BusError
 from eurobot_od.robot import dialects
+from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.nodes import Drive
-from tests.check.suites import HEAD, document, suite
+from tests.check.suites import HEAD, document, results, suite
 
 CHANNELS = count()
 TALK = """
@@ -57,13 +58,13 @@ def drive(open_bus: Callable[[], can.BusABC]) -> Iterator[runtime.Live]:
 
 
 def run(text: str, open_bus: Callable[[], can.BusABC], interrupt: Interrupt | None = None) -> SuiteResult:
-    return run_live(suite(text), Options(keep_going=True), interrupt or Interrupt(), lambda _: None, open_bus)
+    return run_live(suite(text), RunOptions(keep_going=True), interrupt or Interrupt(), lambda _: None, open_bus)
 
 
 @pytest.mark.usefixtures("drive")
 def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callable[[], can.BusABC]) -> None:
     text = document(TALK)
-    simulated = run_simulated(suite(text), Options(keep_going=True), Interrupt(), lambda _: None)
+    simulated = results(text)
     live = run(text, open_bus)
     verdicts = [step.status for step in simulated.steps]
     assert verdicts == 12 * [Status.PASSED] + [Status.FAILED]
@@ -124,7 +125,7 @@ def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None
 
 def test_an_interrupt_gives_up_the_step_and_tidies_up(open_bus: Callable[[], can.BusABC]) -> None:
     interrupt = Interrupt()
-    result = run_live(suite(WAITING), Options(), interrupt, lambda _: interrupt.request(), open_bus)
+    result = run_live(suite(WAITING), RunOptions(), interrupt, lambda _: interrupt.request(), open_bus)
     assert [(step.name, step.status) for step in result.steps] == [
         ("begun", Status.PASSED),
         ("long", Status.INTERRUPTED),
@@ -148,6 +149,6 @@ def test_an_interrupt_ends_a_simulated_suite_too() -> None:
             interrupt.request()
 
     endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Stop Drive\n"
-    result = run_simulated(suite(endless), Options(), interrupt, show)
+    result = run_simulated(suite(endless), RunOptions(), interrupt, show, nodes_under_test)
     assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
     assert result.count(Status.PASSED) < 10

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.patterns import EmergencyPattern, FramePattern, HeartbeatPattern, MessagePattern
-from eurobot_od.check.reader import SuiteError, SuiteReader
+from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.frame import Frame
-from tests.check.suites import HEAD, document, read, suite
+from tests.check.suites import HEAD, document, read, reader, suite
 
 GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
 
@@ -21,7 +21,7 @@ WRONG_STEPS = {
     "no action": ("- ^{name: nothing}", "no action; a step has one of send, expect, never, poll"),
     "unknown action": ("- ^snd: Stop Drive", "unknown action 'snd'; did you mean send?"),
     "two actions": ("- {send: Stop Drive, ^wait: 1 s}", "a step has one action, and 'send' is one already"),
-    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key beside send 'within'"),
+    "key of another action": ("- {send: Stop Drive, ^within: 1 s}", "unknown key next to send 'within'"),
     "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
     "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
@@ -74,7 +74,7 @@ WRONG_STEPS = {
     "refused and read": ("- sdo: ^{read: 0x1017, expect: 3, abort: 0x06020000}", "an SDO read that is refused with"),
     "read with a value": ("- sdo: ^{read: 0x1017, value: 3}", "'value' does not belong to an SDO read"),
     "value over the type": ("- sdo: {write: 0x1017, value: ^65536}", "'65536' is not allowed; allowed: 0..65535"),
-    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is no number or text in the EDS of drive"),
+    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is neither a whole number nor a text"),
     "no bytes": ("- sdo: {write: 0x1017, data: ^12 3}", "'12 3' is not hexadecimal bytes such as 'E8 03'"),
     # counts
     "no times": ("- {wait: 1 s, repeat: ^0}", "0 is not in 1..100000"),
@@ -136,7 +136,7 @@ def test_tells_all_problems_of_all_files_at_once(tmp_path: Path) -> None:
     other.write_text("a: [")
     latin.write_bytes("spec: 1 # Zürich".encode("latin-1"))
     with pytest.raises(SuiteError) as error:
-        SuiteReader().read_files([one, other, missing, latin])
+        reader(None).read_files([one, other, missing, latin])
     places = [line.split(": ")[0] for line in str(error.value).splitlines()]
     assert places == [
         *(f"{one}:{place}" for place in ("5:11", "6:11", "7:24", "7:34")),

@@ -9,17 +9,17 @@ import pytest
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from eurobot_od.check import report
-from eurobot_od.check.patterns import Difference
-from eurobot_od.check.results import Finding, Line, Section, Status, StepResult, SuiteResult
+from eurobot_od.check.patterns import Mismatch
+from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.yaml_places import Place
 
-FINDING = Finding(
+REASON = Reason(
     "Goto State Response is not as expected",
     "Goto State Response: time 0 ms",
     "Goto State Response  time=5 ms",
-    (Difference("time", "0 ms", "5 ms"),),
+    (Mismatch("time", "0 ms", "5 ms"),),
     (
         Line(0.5, True, Frame(0x010), "Goto State Request"),
         Line(0.5002, False, Frame(0x014, b"\5\0\0"), "Goto State Response  time=5 ms"),
@@ -27,8 +27,8 @@ FINDING = Finding(
 )
 
 
-def step(name: str, status: Status, section: Section = Section.STEPS, finding: Finding | None = None) -> StepResult:
-    return StepResult(section, name, Place(7, 5), status, 0.5, 0.0012, finding)
+def step(name: str, status: Status, section: SuitePart = SuitePart.STEPS, reason: Reason | None = None) -> StepResult:
+    return StepResult(section, name, Place(7, 5), status, 0.5, 0.0012, reason)
 
 
 RED = SuiteResult(
@@ -36,8 +36,8 @@ RED = SuiteResult(
     "the drive",
     "simulated",
     (
-        step("prepared", Status.PASSED, Section.SETUP),
-        step("<it> arrives & stays # here", Status.FAILED, finding=FINDING),
+        step("prepared", Status.PASSED, SuitePart.SETUP),
+        step("<it> arrives & stays # here", Status.FAILED, reason=REASON),
         step("the rest", Status.SKIPPED),
         step("broken off", Status.INTERRUPTED),
     ),
@@ -48,7 +48,7 @@ BROKEN = SuiteResult(
     Path("core.yaml"),
     "the core",
     "on can0",
-    (step("asked", Status.BUS_FAILED, finding=Finding("the bus can0 failed: gone")),),
+    (step("asked", Status.BUS_FAILED, reason=Reason("the bus can0 failed: gone")),),
     error=BusError("the bus can0 failed: gone"),
 )
 ALL = [RED, LEFT_OUT, BROKEN]
@@ -63,8 +63,8 @@ def test_a_step_has_its_colour_on_a_terminal() -> None:
     assert report.step_line(RED.steps[1], in_colour=True).startswith("  \x1b[31mFAILED     \x1b[0m")
 
 
-def test_a_finding_tells_everything() -> None:
-    assert list(report.finding_lines(FINDING)) == [
+def test_a_reason_tells_everything() -> None:
+    assert list(report.reason_lines(REASON)) == [
         "    Goto State Response is not as expected",
         "      expected  Goto State Response: time 0 ms",
         "      came      Goto State Response  time=5 ms",
@@ -99,7 +99,7 @@ def test_another_program_reads_the_junit_report() -> None:
     assert (passed.name, passed.classname, passed.is_passed) == ("setup: prepared", "drive", True)
     assert (failed.name, failed.time) == ("<it> arrives & stays # here", pytest.approx(0.0012))
     assert [type(each) for case in (failed, skipped, interrupted) for each in case.result] == [Failure, Skipped, Error]
-    assert failed.result[0].message == FINDING.what
+    assert failed.result[0].message == REASON.what
     assert "came 5 ms" in str(failed.result[0].text)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.check.results import Finding, Section, Status
+from eurobot_od.check.results import Reason, Status, SuitePart
 from tests.check.suites import HEAD, document, results, run, verdicts
 
 START = """
@@ -154,16 +154,16 @@ def test_one_confirm_may_stand_for_two_nodes() -> None:
     assert verdicts(START + "- nmt: reset\n- heartbeat: {state: boot-up, node: navigation}", ALL) == "++++"
 
 
-def finding(steps: str) -> Finding:
+def reason(steps: str) -> Reason:
     """Return why the last step is red."""
     step = run(steps)[-1]
     assert step.status is Status.FAILED
-    assert step.finding is not None
-    return step.finding
+    assert step.reason is not None
+    return step.reason
 
 
 def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
-    found = finding(
+    found = reason(
         START
         + "- send: Kalman Position Request\n"
         + "- expect: {Kalman Position Response: {x: 10 +- 5, y: any, angle: 90..100, source: enemy 1}}"
@@ -172,7 +172,7 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
     assert found.expected == (
         "Kalman Position Response: x 10 mm +- 5 mm, y anything, angle 90 deg .. 100 deg, source enemy 1"
     )
-    assert [str(each).partition(", came")[0] for each in found.differences] == [
+    assert [str(each).partition(", came")[0] for each in found.mismatches] == [
         "x: expected 10 mm +- 5 mm",
         "angle: expected 90 deg .. 100 deg",
         "source: expected enemy 1",
@@ -203,12 +203,12 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
     ],
 )
 def test_tells_what_came_instead(steps: str, what: str, came: str) -> None:
-    found = finding(steps)
+    found = reason(steps)
     assert (found.what, found.came) == (what, came)
 
 
 def test_shows_the_last_frames_with_their_meaning() -> None:
-    found = finding("- send: Check Drive Request\n- expect: Goto Confirm\n  within: 10 ms")
+    found = reason("- send: Check Drive Request\n- expect: Goto Confirm\n  within: 10 ms")
     assert [(str(line.frame), line.own, line.meaning) for line in found.frames[-2:]] == [
         ("3C0#", True, "Check Drive Request"),
         ("400#", False, "Check Drive Response"),
@@ -261,7 +261,7 @@ def test_a_red_setup_skips_all_steps() -> None:
 
 def test_tells_sections_and_times() -> None:
     steps = results(SECTIONS).steps
-    assert [step.section for step in steps] == [Section.SETUP] + 2 * [Section.STEPS] + 2 * [Section.TEARDOWN]
+    assert [step.section for step in steps] == [SuitePart.SETUP] + 2 * [SuitePart.STEPS] + 2 * [SuitePart.TEARDOWN]
     assert steps[1].seconds == pytest.approx(0.010)
     assert steps[2].started == pytest.approx(steps[1].started + steps[1].seconds)
 

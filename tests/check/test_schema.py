@@ -11,11 +11,10 @@ import jsonschema
 import pytest
 import yaml
 
-from eurobot_od.check.reader import schema
 from eurobot_od.robot.check import shipped
-from tests.check.suites import HEAD, document, read
+from tests.check.suites import HEAD, document, read, reader
 
-VALIDATOR = jsonschema.Draft7Validator(json.loads(json.dumps(schema())))
+VALIDATOR = jsonschema.Draft7Validator(json.loads(json.dumps(reader(None).schema())))
 GUIDE = Path(__file__).parents[2] / "docs" / "checks.md"
 EXAMPLES = [text for text in re.findall(r"```yaml\n(.*?)```", GUIDE.read_text(), re.DOTALL) if "spec:" in text]
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 
 import pytest
 
-from eurobot_od.check.results import Finding
-from eurobot_od.check.runner import Interrupt, Options
+from eurobot_od.check.results import Reason
+from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.frame import Frame
+from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.faults.hooks import leaving, sdo_answer
 from eurobot_od.robot.nodes import ROLES, Drive
 from tests.check.suites import document, suite
 
 
-def finding(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Finding, list[str]]:
+def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, list[str]]:
     """Return why a step is red when the drive's answers are changed or lost, and what the tester sent."""
 
     def changed(_: object, frame: Frame) -> Iterable[Frame]:
@@ -23,10 +25,10 @@ def finding(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Finding
         return [] if data is None else [Frame(frame.cob_id, data)]
 
     broken = type("Broken", (leaving(sdo_answer, changed), Drive), {})
-    roles = {**ROLES, "drive": broken}
-    (result,) = run_simulated(suite(document(step)), Options(), Interrupt(), lambda _: None, 1, roles).steps
-    assert result.finding is not None
-    return result.finding, [str(line.frame) for line in result.finding.frames if line.own]
+    make_nodes = partial(nodes_under_test, roles={**ROLES, "drive": broken})
+    (result,) = run_simulated(suite(document(step)), RunOptions(), Interrupt(), lambda _: None, make_nodes).steps
+    assert result.reason is not None
+    return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
 
 
 NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
@@ -59,6 +61,6 @@ NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
 def test_an_answer_that_does_not_fit_is_told(
     step: str, change: Callable[[bytes], bytes | None], what: str, sent: str
 ) -> None:
-    found, frames = finding(step, change)
+    found, frames = reason(step, change)
     assert found.what.endswith(what)
     assert frames[-1] == sent

@@ -13,9 +13,8 @@ import pytest
 from junitparser import JUnitXml
 
 from eurobot_od import cli
-from eurobot_od.check.reader import schema
 from eurobot_od.robot.check import shipped
-from tests.check.suites import HEAD, document
+from tests.check.suites import HEAD, document, reader
 from tests.cli.console import run
 
 GREEN = document("- send: Check Drive Request\n- expect: Check Drive Response", HEAD + "tags: [quick, first]\n")
@@ -133,7 +132,7 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
 def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "check", "--schema")
     assert (said.status, said.err) == (0, "")
-    assert json.loads(said.out) == json.loads(json.dumps(schema()))
+    assert json.loads(said.out) == json.loads(json.dumps(reader(None).schema()))
 
 
 def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:

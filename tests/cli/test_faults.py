@@ -28,7 +28,7 @@ def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixt
     assert {
         "name": "goto-not-confirmed",
         "node": "drive",
-        "text": "drives to the place but sends no Goto Confirm",
+        "text": "sends no Goto Confirm",
         "suite": "drive",
         "step": "2.1 Goto ACK: a goto is confirmed",
     } in rows

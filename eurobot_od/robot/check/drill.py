@@ -1,7 +1,7 @@
 """The drill: what a core does when it is checked alone, with a tester in the place of the drive and the navigation.
 
-Rule of this file: a fixed programme without a world. It goes on whatever the others answer, as far as the protocol
-lets it, so that each step of a check has something to look at.
+It is a fixed programme, and goes on whatever the others answer, as far as the protocol lets it: each step of a check
+gets something to look at.
 """
 
 from __future__ import annotations

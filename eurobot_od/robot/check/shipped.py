@@ -1,10 +1,16 @@
-"""The suites that come with the package; rule: a suite is its file, and its name is the file's stem."""
+"""The suites that come with the package, by the names of their files, and the networks that suites may be for."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from eurobot_od.check.vocabulary import Networks
 from eurobot_od.errors import UnknownName
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CATALOGUE
+
+NETWORKS = Networks(dialects.folder, CATALOGUE)
+"""The dialects, and any folder of EDS files."""
 
 FOLDER = Path(__file__).parent / "suites"
 

@@ -1,17 +1,18 @@
 """Faults on demand: what can be wrong with a node, each as a class of node that does just that.
 
-Rule of this package: a fault changes the simulated node only; the node's own class knows nothing of it. Every fault
-says which step of which shipped suite finds it, and a tool proves it for all of them.
+Every fault names the step of the shipped suite that finds it; `tools/fault_matrix.py` proves it for all of them, which
+shows that the suites would find such a fault in a real node.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TypeVar
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.faults import core, device, drive, navigation
 from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 
 NodeT = TypeVar("NodeT", bound=Node)
 
@@ -51,4 +52,16 @@ def faulty(role: type[NodeT], name: str) -> type[NodeT]:
     return type(role.__name__, (fault.mixin, role), {})
 
 
-__all__ = ["FAULTS", "Caught", "Fault", "faulty", "find", "fitting", "names"]
+def faulty_roles(names: Iterable[str]) -> dict[str, type[Node]]:
+    """Return the classes of the robot's nodes, where those that can have one of some faults have it.
+
+    Raises UnknownName.
+    """
+    roles = dict(ROLES)
+    for name in names:
+        owner, _ = find(name)
+        roles |= {node: faulty(role, name) for node, role in roles.items() if issubclass(role, owner)}
+    return roles
+
+
+__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_roles", "find", "fitting", "names"]

@@ -1,31 +1,28 @@
-"""Faults of the core: startup, gotos, polling, stops; among them those of the 2014 robot.
-
-Rule of this file: a row says what is wrong, how, and which step of which suite finds it. The faulty core is the core
-with one thing changed.
-"""
+"""Faults of the core: startup, gotos, polling, stops; among them those of the 2014 robot."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
-from eurobot_od.device.flow import START, Pause, Script
+from eurobot_od.frame import Frame
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
     arriving,
+    both,
     data,
     every,
     exchanged,
     field,
     handling,
-    late,
     leaving,
     lost,
     meaning,
-    moved,
     preset,
     raw,
-    twice,
+    unawaited,
 )
+from eurobot_od.robot.faults.message_faults import MOVED, NOT_SENT, REVERSED, TWICE, message_faults, sent_late
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -35,6 +32,7 @@ from eurobot_od.robot.messages import (
     EmergencyShutdown,
     EmergencyStop,
     Enemy1PositionRequest,
+    Enemy2PositionRequest,
     GotoConfirm,
     GotoStateRequest,
     GotoStateResponse,
@@ -46,59 +44,7 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome
-
-
-class NodesNotAwaited(Core):
-    """Asks both nodes whether they are there and goes on without their answers."""
-
-    def _check_nodes(self) -> Script[dict[str, float]]:
-        yield START
-        for request in (CheckDriveRequest(), CheckNaviRequest()):
-            self.offer(request)
-            yield Pause(0.1)
-        return {}
-
-
-class NavigationUnchecked(Core):
-    """Goes on when the drive has answered."""
-
-    def _check_nodes(self) -> Script[dict[str, float]]:
-        script = super()._check_nodes()
-        now = yield next(script)
-        answer = yield script.send(now)
-        script.close()
-        return {"drive": 0.0, "navigation": 0.0} if answer else {}
-
-
-class ConfirmNotAwaited(Core):
-    """Sends the start configuration once and does not wait for the confirm (2014 robot)."""
-
-    def _configure(self, configuration: StartConfigurationSet) -> Script[float]:
-        yield START
-        self.offer(configuration)
-        self.configuration = configuration
-        self._start_polling(self.now + self.seconds("Position polling.Start delay"))
-        return 0.0
-
-
-class EveryonePolled(Core):
-    """Asks for two enemies and a confederate whoever is there."""
-
-    def _start_polling(self, start: float) -> None:
-        configured = self.configuration
-        if configured is not None:
-            self.configuration = configured._replace(enemies=2, confederates=1)
-        super()._start_polling(start)
-        self.configuration = configured
-
-
-class StopsForgotten(Core):
-    """Sends stops and goes on as if it had not."""
-
-    def _end_driving(self, outcome: Outcome) -> None:
-        if outcome is not Outcome.STOPPED:
-            super()._end_driving(outcome)
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle
 
 
 class ShutdownForgotten(Core):
@@ -110,20 +56,51 @@ class ShutdownForgotten(Core):
         self.shut_down = False
 
 
+def _poll_absent(core: Core) -> None:
+    """Ask for enemy 2, which the core's programme never has."""
+    if core.configuration is not None:
+        core.offer(Enemy2PositionRequest())
+
+
+def _ask_on(core: Core, stop: Frame) -> Iterable[Frame]:
+    """Send a stop, and go on asking for the state of the goto as if there had been none."""
+    for count in range(1, 4):
+        core.at(core.now + count * 0.1, lambda _: core.offer(GotoStateRequest()))
+    return [stop]
+
+
 def _either(_: Core, answer: CheckNaviResponse, healthy: Any) -> None:
     """Take either node's check answer for both (2014 robot)."""
     healthy(CheckDriveResponse())
     healthy(answer)
 
 
+CONFIGURATION = "2.3 Start Configuration Set: colour, numbers and diameters"
+GOTO = "2.1 Goto: place, angle, speed and barriers"
+"""Steps that find several faults: they look at every field of a message."""
+
+ASKED = "2.2 Estimated Location request"
+"""A group of steps."""
+
 FAULTS = (
-    # Startup (document 2.3, 5.1)
-    Fault(
-        "drive-not-checked",
-        "checks the navigation only",
-        leaving(CheckDriveRequest, lost),
-        Caught("core", "2.3 Node Check Request: the drive"),
+    *message_faults(
+        "core",
+        ("drive-not-checked", NOT_SENT, CheckDriveRequest, "2.3 Node Check Request: the drive"),
+        ("configuration-byte-order", REVERSED, StartConfigurationSet, CONFIGURATION),
+        ("navigation-not-polled", NOT_SENT, NaviPositionRequest, "4.2.2 Navigation: the raw position is asked for"),
+        ("position-not-polled", NOT_SENT, KalmanPositionRequest, "4.2.2 Position: the filtered position is asked for"),
+        ("enemy-not-polled", NOT_SENT, Enemy1PositionRequest, f"{ASKED}: enemy 1 is asked for"),
+        ("confederate-not-polled", NOT_SENT, ConfederatePositionRequest, f"{ASKED}: the confederate is asked for"),
+        ("goto-not-sent", NOT_SENT, GotoXY, GOTO),
+        ("goto-sent-twice", TWICE, GotoXY, "2.1 Goto ACK: 500 ms between two transmissions"),
+        ("goto-sent-reversed", REVERSED, GotoXY, GOTO),
+        ("state-not-asked", NOT_SENT, GotoStateRequest, "2.1 State Request: the drive's state is asked for"),
+        ("obstacle-not-told", NOT_SENT, EmergencyStop, "4.2.2 Obstacle: Emergency Stop for a thing, in one bit"),
+        ("stop-under-wrong-identifier", MOVED, StopDrive, "2.1 Stop: Stop Drive"),
+        ("mushroom-not-told", NOT_SENT, EmergencyShutdown, "4.2.2 Emergency mushroom: Emergency Shutdown"),
+        ("mushroom-late", sent_late(3.0), EmergencyShutdown, "4.2.2 Emergency mushroom: Emergency Shutdown"),
     ),
+    # Startup (document 2.3, 5.1)
     Fault(
         "either-check-satisfies",
         "takes either node's check answer for both (2014 robot)",
@@ -139,13 +116,16 @@ FAULTS = (
     Fault(
         "checks-not-awaited",
         "goes on with the startup without the nodes' answers",
-        NodesNotAwaited,
+        both(
+            leaving(CheckDriveRequest, unawaited(CheckDriveResponse())),
+            leaving(CheckNaviRequest, unawaited(CheckNaviResponse())),
+        ),
         Caught("core", "5.1 Startup: a node that does not answer blocks the startup"),
     ),
     Fault(
         "navigation-not-checked",
         "configures the start when the drive has answered",
-        NavigationUnchecked,
+        both(leaving(CheckNaviRequest, lost), leaving(CheckNaviRequest, unawaited(CheckNaviResponse()))),
         Caught("core", "2.3 Node Check Request: the navigation"),
     ),
     Fault(
@@ -157,7 +137,7 @@ FAULTS = (
     Fault(
         "configuration-confirm-not-awaited",
         "does not wait for the start configuration's confirm (2014 robot)",
-        ConfirmNotAwaited,
+        leaving(StartConfigurationSet, unawaited(StartConfigurationConfirm())),
         Caught("core", "2.3 Start Configuration Set: again without a confirm"),
     ),
     Fault(
@@ -167,58 +147,28 @@ FAULTS = (
         Caught("core", "2.3 Start Configuration Confirm: confirmed once is enough"),
     ),
     Fault(
-        "configuration-byte-order",
-        "sends the bytes of the start configuration the wrong way round",
-        leaving(StartConfigurationSet, data(lambda data: data[::-1])),
-        Caught("core", "2.3 Start Configuration Set: colour, numbers and diameters"),
-    ),
-    Fault(
         "configuration-diameters-mixed-up",
         "sends enemy 1's diameter as enemy 2's",
         leaving(StartConfigurationSet, exchanged("enemy_1_diameter", "enemy_2_diameter")),
-        Caught("core", "2.3 Start Configuration Set: colour, numbers and diameters"),
+        Caught("core", CONFIGURATION),
     ),
     Fault(
         "configuration-diameter-in-millimetres",
         "sends the enemies' diameters in millimetres, as far as they fit",
         leaving(StartConfigurationSet, raw(enemy_1_diameter=lambda d: d * 10, enemy_2_diameter=lambda d: d * 10)),
-        Caught("core", "2.3 Start Configuration Set: colour, numbers and diameters"),
+        Caught("core", CONFIGURATION),
     ),
     Fault(
         "configuration-colour-wrong",
         "sends yellow for red",
         leaving(StartConfigurationSet, raw(team_colour=lambda colour: 1 - colour)),
-        Caught("core", "2.3 Start Configuration Set: colour, numbers and diameters"),
+        Caught("core", CONFIGURATION),
     ),
     # Position polling (document 2.2, 4.2.2, 5.2)
     Fault(
-        "navigation-not-polled",
-        "sends no Navi Position Request",
-        leaving(NaviPositionRequest, lost),
-        Caught("core", "4.2.2 Navigation: the raw position is asked for"),
-    ),
-    Fault(
-        "position-not-polled",
-        "sends no Kalman Position Request",
-        leaving(KalmanPositionRequest, lost),
-        Caught("core", "4.2.2 Position: the filtered position is asked for"),
-    ),
-    Fault(
-        "enemy-not-polled",
-        "sends no Enemy 1 Position Request",
-        leaving(Enemy1PositionRequest, lost),
-        Caught("core", "2.2 Estimated Location request: enemy 1 is asked for"),
-    ),
-    Fault(
-        "confederate-not-polled",
-        "sends no Confederate Position Request",
-        leaving(ConfederatePositionRequest, lost),
-        Caught("core", "2.2 Estimated Location request: the confederate is asked for"),
-    ),
-    Fault(
         "absent-enemy-polled",
         "asks for an enemy that the start configuration does not have",
-        EveryonePolled,
+        every(0.6, _poll_absent),
         Caught("core", "2.3 Start Configuration Set: nobody asks for an enemy that is not there"),
     ),
     Fault(
@@ -235,40 +185,28 @@ FAULTS = (
     ),
     # Goto (document 2.1)
     Fault(
-        "goto-not-sent",
-        "sends no Goto XY",
-        leaving(GotoXY, lost),
-        Caught("core", "2.1 Goto: place, angle, speed and barriers"),
-    ),
-    Fault(
-        "goto-sent-reversed",
-        "sends the bytes of Goto XY the wrong way round",
-        leaving(GotoXY, data(lambda data: data[::-1])),
-        Caught("core", "2.1 Goto: place, angle, speed and barriers"),
-    ),
-    Fault(
         "goto-sent-swapped",
         "sends x as y and y as x",
         leaving(GotoXY, exchanged("x", "y")),
-        Caught("core", "2.1 Goto: place, angle, speed and barriers"),
+        Caught("core", GOTO),
     ),
     Fault(
         "goto-sent-clockwise",
         "sends the angle of a goto clockwise",
         leaving(GotoXY, field("angle", lambda angle: -angle)),
-        Caught("core", "2.1 Goto: place, angle, speed and barriers"),
+        Caught("core", GOTO),
     ),
     Fault(
         "goto-speed-as-byte",
         "sends a speed of 255 for 100 percent",
         leaving(GotoXY, raw(speed=lambda speed: speed * 255 // 100)),
-        Caught("core", "2.1 Goto: place, angle, speed and barriers"),
+        Caught("core", GOTO),
     ),
     Fault(
         "goto-barriers-one-off",
         "numbers the barriers from 0 instead of 1",
         leaving(GotoXY, field("barriers", lambda flags: Barriers(flags << 2 & 0xFFFF))),
-        Caught("core", "2.1 Goto: place, angle, speed and barriers"),
+        Caught("core", GOTO),
     ),
     Fault(
         "goto-sent-once",
@@ -283,12 +221,6 @@ FAULTS = (
         Caught("core", "2.1 Goto ACK: a goto is sent six times at most"),
     ),
     Fault(
-        "goto-sent-twice",
-        "sends every goto two times",
-        leaving(GotoXY, twice),
-        Caught("core", "2.1 Goto ACK: 500 ms between two transmissions"),
-    ),
-    Fault(
         "goto-impatient",
         "waits 50 ms for a goto's confirm",
         preset("Goto handshake.Confirm wait", 50),
@@ -299,12 +231,6 @@ FAULTS = (
         "sends a goto again although it is confirmed",
         arriving(GotoConfirm, lost),
         Caught("core", "2.1 Goto ACK: a confirmed goto is not sent again"),
-    ),
-    Fault(
-        "state-not-asked",
-        "sends no Goto State Request",
-        leaving(GotoStateRequest, lost),
-        Caught("core", "2.1 State Request: the drive's state is asked for"),
     ),
     Fault(
         "state-asked-too-often",
@@ -338,12 +264,6 @@ FAULTS = (
     ),
     # Stops (document 2.1, 4.2.2)
     Fault(
-        "obstacle-not-told",
-        "sends no Emergency Stop",
-        leaving(EmergencyStop, lost),
-        Caught("core", "4.2.2 Obstacle: Emergency Stop for a thing, in one bit"),
-    ),
-    Fault(
         "obstacle-reason-wrong",
         "says that every obstacle is a thing",
         leaving(EmergencyStop, field("obstacle", lambda _: Obstacle.OBJECT)),
@@ -356,28 +276,10 @@ FAULTS = (
         Caught("core", "4.2.2 Obstacle: Emergency Stop for a thing, in one bit"),
     ),
     Fault(
-        "stop-under-wrong-identifier",
-        "sends Stop Drive under an identifier that nobody listens to",
-        leaving(StopDrive, moved(1)),
-        Caught("core", "2.1 Stop: Stop Drive"),
-    ),
-    Fault(
         "state-asked-after-stop",
         "goes on asking for the state of a goto that was stopped",
-        StopsForgotten,
+        leaving(EmergencyStop, _ask_on),
         Caught("core", "2.1 Stop: the goto's state is not asked for any more"),
-    ),
-    Fault(
-        "mushroom-not-told",
-        "sends no Emergency Shutdown",
-        leaving(EmergencyShutdown, lost),
-        Caught("core", "4.2.2 Emergency mushroom: Emergency Shutdown"),
-    ),
-    Fault(
-        "mushroom-late",
-        "sends Emergency Shutdown three seconds after the mushroom was hit",
-        late(EmergencyShutdown, 3.0),
-        Caught("core", "4.2.2 Emergency mushroom: Emergency Shutdown"),
     ),
     Fault(
         "goto-after-shutdown",

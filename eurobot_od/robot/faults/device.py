@@ -1,8 +1,4 @@
-"""Faults that any node can have: network management, heartbeat, emergencies, SDO, frames of a wrong length.
-
-Rule of this file: a row says what is wrong, how, and which step of which suite finds it; a fault that needs state is a
-class above the table.
-"""
+"""Faults that any node can have: network management, heartbeat, emergencies, SDO, frames of a wrong length."""
 
 from __future__ import annotations
 
@@ -15,16 +11,18 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
-    Change,
     arriving,
     data,
     emcy,
     every,
     heartbeat,
+    kept,
     leaving,
     lost,
     moved,
     nmt,
+    numbered,
+    only,
     sdo_answer,
     sdo_request,
     twice,
@@ -33,30 +31,8 @@ from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiat
 
 BOOT_UP = NmtState.INITIALISING
 
-
-class HeartbeatStops(Node):
-    """Sends two heartbeats and then no more."""
-
-    _sent = 0
-
-    def _flush(self) -> list[Frame]:
-        frames = super()._flush()
-        beats = [frame for frame in frames if frame.cob_id == heartbeat(self) and frame.data[0] != BOOT_UP]
-        self._sent += len(beats)
-        return [frame for frame in frames if frame not in beats] if self._sent > 2 else frames
-
-
-class EveryOtherHeartbeat(Node):
-    """Sends only every other heartbeat."""
-
-    _count = 0
-
-    def _flush(self) -> list[Frame]:
-        return [frame for frame in super()._flush() if frame.cob_id != heartbeat(self) or self._odd(frame)]
-
-    def _odd(self, frame: Frame) -> bool:
-        self._count += frame.data[0] != BOOT_UP
-        return frame.data[0] == BOOT_UP or self._count % 2 == 1
+BOOTED = 1
+"""The number of the boot-up message among the heartbeats; the first heartbeat is the next one."""
 
 
 class AlwaysOperational(Node):
@@ -100,15 +76,6 @@ class Padded(Node):
         return super().receive(Frame(frame.cob_id, frame.data.ljust(lengths.get(frame.cob_id, 0), b"\x01")), now)
 
 
-def without(command: NmtCommand) -> Change:
-    """Do not hear one NMT command."""
-    return lambda _, frame: [] if frame.data[:1] == bytes([command]) else [frame]
-
-
-def _without_boot_up(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [frame] if frame.data[0] != BOOT_UP else []
-
-
 def _always_well(node: Node, frame: Frame) -> Iterable[Frame]:
     return [frame if frame.data[0] == BOOT_UP else error_control(node.device.node_id, NmtState.OPERATIONAL)]
 
@@ -117,18 +84,10 @@ def _to_us(node: Node, frame: Frame) -> Iterable[Frame]:
     return [Frame(frame.cob_id, frame.data[:1] + bytes([node.device.node_id]))]
 
 
-def _never_cleared(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [] if frame.data[:2] == ErrorCode.NO_ERROR.to_bytes(2, "little") else [frame]
-
-
 def _general_abort(_: Node, frame: Frame) -> Iterable[Frame]:
     if frame.data[0] != ABORT:
         return [frame]
     return [Frame(frame.cob_id, aborted(Initiate.of(frame.data).address, AbortCode.GENERAL))]
-
-
-def _silent_abort(_: Node, frame: Frame) -> Iterable[Frame]:
-    return [frame] if frame.data[0] != ABORT else []
 
 
 def _babble(node: Node) -> None:
@@ -140,31 +99,31 @@ FAULTS = (
     Fault(
         "boot-up-missing",
         "sends no boot-up message",
-        leaving(heartbeat, _without_boot_up),
+        leaving(heartbeat, only(lambda data: data[0] != BOOT_UP)),
         Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
     ),
     Fault(
         "reset-ignored",
         "goes on when it is told to reset",
-        arriving(nmt, without(NmtCommand.RESET_NODE)),
+        arriving(nmt, only(lambda data: data[:1] != bytes([NmtCommand.RESET_NODE]))),
         Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
     ),
     Fault(
         "heartbeat-missing",
         "sends no heartbeat",
-        leaving(heartbeat, lambda _, frame: [frame] if frame.data[0] == BOOT_UP else []),
+        leaving(heartbeat, only(lambda data: data[0] == BOOT_UP)),
         Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says"),
     ),
     Fault(
         "heartbeat-stops",
         "sends two heartbeats and then no more",
-        HeartbeatStops,
+        numbered(heartbeat, lambda number: kept if number <= BOOTED + 2 else lost),
         Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
     ),
     Fault(
         "heartbeat-every-other",
         "sends only every other heartbeat",
-        EveryOtherHeartbeat,
+        numbered(heartbeat, lambda number: kept if number == BOOTED or number % 2 == 0 else lost),
         Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
     ),
     Fault(
@@ -188,7 +147,7 @@ FAULTS = (
     Fault(
         "nmt-stop-ignored",
         "does not hear the NMT command Stop",
-        arriving(nmt, without(NmtCommand.STOP)),
+        arriving(nmt, only(lambda data: data[:1] != bytes([NmtCommand.STOP]))),
         Caught("canopen", "7.2.8.3.2 Heartbeat: STOPPED"),
     ),
     Fault(
@@ -230,7 +189,7 @@ FAULTS = (
     Fault(
         "emcy-not-cleared",
         "does not say that an error is gone",
-        leaving(emcy, _never_cleared),
+        leaving(emcy, only(lambda data: data[:2] != ErrorCode.NO_ERROR.to_bytes(2, "little"))),
         Caught("canopen", "7.2.7 EMCY: the error is gone"),
     ),
     Fault(
@@ -266,7 +225,7 @@ FAULTS = (
     Fault(
         "sdo-abort-silent",
         "does not answer a request that it refuses",
-        leaving(sdo_answer, _silent_abort),
+        leaving(sdo_answer, only(lambda data: data[0] != ABORT)),
         Caught("canopen", "7.2.4.3.17 SDO: an object that is not there"),
     ),
     Fault(

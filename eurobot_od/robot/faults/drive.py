@@ -1,14 +1,10 @@
-"""Faults of the drive: gotos, stops, positions, start configuration.
-
-Rule of this file: a row says what is wrong, how, and which step of which suite finds it; a fault that needs state is a
-class above the table. The faulty drive is the drive with one thing changed.
-"""
+"""Faults of the drive: gotos, stops, positions, start configuration."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults.fault import Caught, Fault
 from eurobot_od.robot.faults.hooks import (
     arriving,
@@ -16,17 +12,28 @@ from eurobot_od.robot.faults.hooks import (
     every,
     exchanged,
     field,
-    foreign,
+    frozen,
     handling,
-    late,
+    kept,
     leaving,
     lost,
     meaning,
-    moved,
+    numbered,
     only,
     preset,
     raw,
-    twice,
+)
+from eurobot_od.robot.faults.message_faults import (
+    DRIVES_ON,
+    MOVED,
+    NOT_ANSWERED,
+    NOT_SENT,
+    READ_REVERSED,
+    REVERSED,
+    TWICE,
+    message_faults,
+    replaced_by,
+    sent_late,
 )
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -54,92 +61,54 @@ WITHOUT_BARRIERS = 6
 JUMP = 7000
 """By how many ms a time jumps."""
 
-
-class ConfirmedOnArrival(Drive):
-    """Confirms a goto when it has arrived."""
-
-    def _step(self, now: float) -> None:
-        super()._step(now)
-        if not self.moving and self.goto is not None:
-            self.offer(GotoConfirm())
-
-    def _handle(self, message: Message) -> None:
-        if isinstance(message, GotoXY):
-            self._accept(message)
-        else:
-            super()._handle(message)
+GLANCE = 0.01
+"""Seconds from one look whether the drive stands to the next."""
 
 
-class StoppedOnArrival(Drive):
-    """Heeds a stop when it has arrived."""
+LOCATION = "2.2 Estimated Location response"
+NODE_CHECK = "2.3 Node Check Response"
+"""Groups of steps."""
 
-    def reset(self) -> None:
-        super().reset()
-        self._waiting: list[StopDrive] = []
-
-    def _handle(self, message: Message) -> None:
-        if isinstance(message, StopDrive) and self.moving:
-            self._waiting.append(message)
-        else:
-            super()._handle(message)
-
-    def _step(self, now: float) -> None:
-        super()._step(now)
-        while self._waiting and not self.moving:
-            super()._handle(self._waiting.pop())
+STATE_UNKNOWN = "2.1 State Response: time unknown without a goto"
+POSITION_UNKNOWN = f"{LOCATION}: unknown before the start configuration"
+DRIVE_THERE = f"{NODE_CHECK}: the drive is there"
+CONFIRMED = "2.3 Start Configuration Confirm: the drive confirms"
+"""Steps that find several faults: the first ones that look at an answer at all."""
 
 
-class GotosQueued(Drive):
-    """Begins a new goto when the one before has arrived."""
-
-    def reset(self) -> None:
-        super().reset()
-        self._waiting: list[GotoXY] = []
-
-    def _handle(self, message: Message) -> None:
-        if isinstance(message, GotoXY) and self.moving:
-            self._waiting.append(message)
-            self.offer(GotoConfirm())
-        else:
-            super()._handle(message)
-
-    def _step(self, now: float) -> None:
-        super()._step(now)
-        if self._waiting and not self.moving:
-            self._accept(self._waiting.pop(0))
+def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
+    """Do something as soon as the drive does not move."""
+    if drive.moving:
+        drive.at(drive.now + GLANCE, lambda _: _once_standing(drive, action))
+    else:
+        action()
 
 
-class TimeJumps(Drive):
-    """Adds some seconds to every other remaining time."""
-
-    _even = True
-
-    def remaining(self) -> int | GotoFault | None:
-        """Return the remaining time, every other one too long."""
-        time = super().remaining()
-        if isinstance(time, GotoFault) or not time:
-            return time
-        self._even = not self._even
-        return time + JUMP if self._even else time
+def _begin(drive: Drive, goto: GotoXY) -> None:
+    """Begin a goto without confirming it."""
+    drive.answer_to(goto)
 
 
-class PositionFrozen(Drive):
-    """Goes on saying the first position since the start configuration."""
+def _confirmed_on_arrival(drive: Drive, goto: GotoXY, _: Any) -> None:
+    _begin(drive, goto)
+    _once_standing(drive, lambda: drive.offer(GotoConfirm()))
 
-    _first: KalmanPositionResponse | None = None
 
-    def _handle(self, message: Message) -> None:
-        if isinstance(message, StartConfigurationSet):
-            self._first = None
-        super()._handle(message)
-
-    def _position(self) -> KalmanPositionResponse:
-        self._first = self._first or super()._position()
-        return self._first
+def _queued(drive: Drive, goto: GotoXY, healthy: Any) -> None:
+    """Confirm a goto at once, and begin it when the one before has ended."""
+    if drive.moving:
+        drive.offer(GotoConfirm())
+        _once_standing(drive, lambda: _begin(drive, goto))
+    else:
+        healthy(goto)
 
 
 def _under_way(time: object) -> bool:
     return isinstance(time, int) and not isinstance(time, GotoFault) and time > 0
+
+
+def _later(time: Any) -> Any:
+    return time + JUMP if _under_way(time) else time
 
 
 def _while_driving(drive: Drive, goto: GotoXY, healthy: Any) -> None:
@@ -155,11 +124,7 @@ def _resumed(drive: Drive, stop: StopDrive, healthy: Any) -> None:
     goto = drive.goto
     healthy(stop)
     if goto is not None:
-        drive.at(drive.now + 2, lambda _: _driven(drive, goto))
-
-
-def _driven(drive: Drive, goto: GotoXY) -> None:
-    drive._accept(goto)
+        drive.at(drive.now + 2, lambda _: _begin(drive, goto))
 
 
 def _not_held(drive: Drive, shutdown: EmergencyShutdown, healthy: Any) -> None:
@@ -167,14 +132,10 @@ def _not_held(drive: Drive, shutdown: EmergencyShutdown, healthy: Any) -> None:
     drive.safe = False
 
 
-def _kept(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
+def _held_for_ever(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
     safe = drive.safe
     healthy(configuration)
     drive.safe = safe
-
-
-def _unapplied(drive: Drive, _: StartConfigurationSet, __: Any) -> None:
-    drive.offer(StartConfigurationConfirm())
 
 
 def _only_first(drive: Drive, configuration: StartConfigurationSet, healthy: Any) -> None:
@@ -182,11 +143,6 @@ def _only_first(drive: Drive, configuration: StartConfigurationSet, healthy: Any
         healthy(configuration)
     else:
         drive.offer(StartConfigurationConfirm())
-
-
-def _not_before_configured(drive: Drive, request: CheckDriveRequest, healthy: Any) -> None:
-    if drive.configuration is not None:
-        healthy(request)
 
 
 def _in_centimetres(position: KalmanPositionResponse) -> KalmanPositionResponse:
@@ -205,35 +161,37 @@ def _without(flags: Barriers, passage: Passage, instead: Passage) -> Barriers:
 
 
 FAULTS = (
+    *message_faults(
+        "drive",
+        ("goto-not-confirmed", NOT_SENT, GotoConfirm, "2.1 Goto ACK: a goto is confirmed"),
+        ("goto-confirmed-late", sent_late(0.6), GotoConfirm, "2.1 Goto ACK: a goto is confirmed"),
+        ("goto-confirmed-twice", TWICE, GotoConfirm, "2.1 Goto ACK: one confirm for one goto"),
+        ("goto-confirmed-under-wrong-identifier", MOVED, GotoConfirm, "2.1 Goto ACK: a goto is confirmed"),
+        ("goto-byte-order", READ_REVERSED, GotoXY, "2.1 Goto ACK: a goto is confirmed"),
+        ("stop-ignored", DRIVES_ON, StopDrive, "2.1 Stop: the goto is dropped"),
+        ("state-not-answered", NOT_ANSWERED, GotoStateRequest, STATE_UNKNOWN),
+        ("state-answered-late", sent_late(0.3), GotoStateResponse, "2.1 State Response: follows directly"),
+        ("state-answered-twice", TWICE, GotoStateResponse, "2.1 State Response: one answer for one request"),
+        ("time-byte-order", REVERSED, GotoStateResponse, STATE_UNKNOWN),
+        ("position-not-answered", NOT_ANSWERED, KalmanPositionRequest, POSITION_UNKNOWN),
+        ("position-answered-late", sent_late(0.3), KalmanPositionResponse, f"{LOCATION}: follows directly"),
+        ("position-answered-twice", TWICE, KalmanPositionResponse, f"{LOCATION}: one answer for one request"),
+        ("position-byte-order", REVERSED, KalmanPositionResponse, POSITION_UNKNOWN),
+        ("drive-check-not-answered", NOT_ANSWERED, CheckDriveRequest, DRIVE_THERE),
+        ("drive-check-answered-for-navigation", replaced_by(CheckNaviResponse()), CheckDriveResponse, DRIVE_THERE),
+        ("drive-check-answered-twice", TWICE, CheckDriveResponse, f"{NODE_CHECK}: one answer for one request"),
+        ("drive-configuration-not-confirmed", NOT_SENT, StartConfigurationConfirm, CONFIRMED),
+    ),
+    *message_faults(
+        "emergency",
+        ("emergency-stop-ignored", DRIVES_ON, EmergencyStop, "4.2.2 Obstacle: the goto is dropped at once"),
+        ("shutdown-ignored", DRIVES_ON, EmergencyShutdown, "4.2.2 Emergency mushroom: the goto is dropped"),
+    ),
     # Goto (document 2.1)
-    Fault(
-        "goto-not-confirmed",
-        "drives to the place but sends no Goto Confirm",
-        leaving(GotoConfirm, lost),
-        Caught("drive", "2.1 Goto ACK: a goto is confirmed"),
-    ),
-    Fault(
-        "goto-confirmed-late",
-        "sends Goto Confirm 600 ms after the goto, when the core has sent it again",
-        late(GotoConfirm, 0.6),
-        Caught("drive", "2.1 Goto ACK: a goto is confirmed"),
-    ),
     Fault(
         "goto-confirmed-on-arrival",
         "takes Goto Confirm for the arrival",
-        ConfirmedOnArrival,
-        Caught("drive", "2.1 Goto ACK: a goto is confirmed"),
-    ),
-    Fault(
-        "goto-confirmed-twice",
-        "sends Goto Confirm two times for one goto",
-        leaving(GotoConfirm, twice),
-        Caught("drive", "2.1 Goto ACK: one confirm for one goto"),
-    ),
-    Fault(
-        "goto-confirmed-under-wrong-identifier",
-        "sends Goto Confirm one identifier too high",
-        leaving(GotoConfirm, moved(1)),
+        handling(GotoXY, _confirmed_on_arrival),
         Caught("drive", "2.1 Goto ACK: a goto is confirmed"),
     ),
     Fault(
@@ -251,7 +209,7 @@ FAULTS = (
     Fault(
         "goto-queued",
         "drives to the first goto's place before it takes the second one",
-        GotosQueued,
+        handling(GotoXY, _queued),
         Caught("drive", "2.1 Goto: the goto before is dropped"),
     ),
     Fault(
@@ -259,12 +217,6 @@ FAULTS = (
         "takes x for y and y for x",
         arriving(GotoXY, meaning(lambda goto: goto._replace(x=min(goto.y, 3000), y=min(goto.x, 2000)))),
         Caught("drive", "2.1 Goto: the place is reached"),
-    ),
-    Fault(
-        "goto-byte-order",
-        "reads the bytes of Goto XY the wrong way round",
-        arriving(GotoXY, data(lambda data: data[::-1])),
-        Caught("drive", "2.1 Goto ACK: a goto is confirmed"),
     ),
     Fault(
         "goto-x-one-bit-off",
@@ -292,7 +244,7 @@ FAULTS = (
     ),
     Fault(
         "goto-30-mm-too-far",
-        "drives to a place 30 mm beside the one it is told",
+        "drives to a place 30 mm off the one it is told",
         arriving(GotoXY, raw(x=lambda x: x + 30)),
         Caught("drive", "2.1 Goto: the place is reached"),
     ),
@@ -370,15 +322,9 @@ FAULTS = (
     ),
     # Stops (document 2.1, 4.2.2)
     Fault(
-        "stop-ignored",
-        "drives on after Stop Drive",
-        arriving(StopDrive, lost),
-        Caught("drive", "2.1 Stop: the goto is dropped"),
-    ),
-    Fault(
         "stop-on-arrival",
         "heeds Stop Drive only when it has arrived",
-        StoppedOnArrival,
+        handling(StopDrive, lambda drive, stop, healthy: _once_standing(drive, lambda: healthy(stop))),
         Caught("drive", "2.1 Stop: the goto is dropped"),
     ),
     Fault(
@@ -392,12 +338,6 @@ FAULTS = (
         "takes ten times as long to stop as it should",
         preset("Motion.Braking", 60),
         Caught("drive", "2.1 Stop: the robot stands after a second"),
-    ),
-    Fault(
-        "emergency-stop-ignored",
-        "drives on after Emergency Stop",
-        arriving(EmergencyStop, lost),
-        Caught("emergency", "4.2.2 Obstacle: the goto is dropped at once"),
     ),
     Fault(
         "emergency-stop-late",
@@ -424,12 +364,6 @@ FAULTS = (
         Caught("canopen", "2.1 Extended Stop: the reason is kept"),
     ),
     Fault(
-        "shutdown-ignored",
-        "drives on after Emergency Shutdown",
-        arriving(EmergencyShutdown, lost),
-        Caught("emergency", "4.2.2 Emergency mushroom: the goto is dropped"),
-    ),
-    Fault(
         "shutdown-not-held",
         "accepts the next goto after an Emergency Shutdown",
         handling(EmergencyShutdown, _not_held),
@@ -438,7 +372,7 @@ FAULTS = (
     Fault(
         "shutdown-held-for-ever",
         "stays in its safe state after a new start configuration",
-        handling(StartConfigurationSet, _kept),
+        handling(StartConfigurationSet, _held_for_ever),
         Caught("emergency", "4.2.2 Emergency mushroom: a new start configuration ends it"),
     ),
     Fault(
@@ -449,24 +383,6 @@ FAULTS = (
     ),
     # State (document 2.1, Table 1)
     Fault(
-        "state-not-answered",
-        "answers no Goto State Request",
-        arriving(GotoStateRequest, lost),
-        Caught("drive", "2.1 State Response: time unknown without a goto"),
-    ),
-    Fault(
-        "state-answered-late",
-        "takes 300 ms to answer a Goto State Request",
-        late(GotoStateResponse, 0.3),
-        Caught("drive", "2.1 State Response: follows directly"),
-    ),
-    Fault(
-        "state-answered-twice",
-        "sends Goto State Response two times for one request",
-        leaving(GotoStateResponse, twice),
-        Caught("drive", "2.1 State Response: one answer for one request"),
-    ),
-    Fault(
         "state-unasked",
         "sends Goto State Response by itself every 50 ms",
         every(0.05, lambda drive: drive.offer(GotoStateResponse(drive.remaining()))),
@@ -476,25 +392,19 @@ FAULTS = (
         "state-short",
         "sends a remaining time of 16 bits instead of 24",
         leaving(GotoStateResponse, data(lambda data: data[:2])),
-        Caught("drive", "2.1 State Response: time unknown without a goto"),
+        Caught("drive", STATE_UNKNOWN),
     ),
     Fault(
         "state-long",
         "sends a remaining time of 32 bits instead of 24",
         leaving(GotoStateResponse, data(lambda data: data + b"\x01")),
-        Caught("drive", "2.1 State Response: time unknown without a goto"),
-    ),
-    Fault(
-        "time-byte-order",
-        "sends the remaining time the wrong way round",
-        leaving(GotoStateResponse, data(lambda data: data[::-1])),
-        Caught("drive", "2.1 State Response: time unknown without a goto"),
+        Caught("drive", STATE_UNKNOWN),
     ),
     Fault(
         "time-unknown-as-zero",
         "says 0 where the remaining time is unknown",
         leaving(GotoStateResponse, meaning(lambda state: GotoStateResponse(state.time or 0))),
-        Caught("drive", "2.1 State Response: time unknown without a goto"),
+        Caught("drive", STATE_UNKNOWN),
     ),
     Fault(
         "time-in-hundredths",
@@ -513,7 +423,7 @@ FAULTS = (
     Fault(
         "time-jumps",
         "says a remaining time that goes up and down",
-        TimeJumps,
+        numbered(GotoStateResponse, lambda number: kept if number % 2 else field("time", _later)),
         Caught("drive", "2.1 State Response: the time goes on falling"),
     ),
     Fault(
@@ -536,24 +446,6 @@ FAULTS = (
     ),
     # Filtered position (document 2.2, 4.2.2)
     Fault(
-        "position-not-answered",
-        "answers no Kalman Position Request",
-        arriving(KalmanPositionRequest, lost),
-        Caught("drive", "2.2 Estimated Location response: unknown before the start configuration"),
-    ),
-    Fault(
-        "position-answered-twice",
-        "sends Kalman Position Response two times for one request",
-        leaving(KalmanPositionResponse, twice),
-        Caught("drive", "2.2 Estimated Location response: one answer for one request"),
-    ),
-    Fault(
-        "position-answered-late",
-        "takes 300 ms to answer a Kalman Position Request",
-        late(KalmanPositionResponse, 0.3),
-        Caught("drive", "2.2 Estimated Location response: follows directly"),
-    ),
-    Fault(
         "position-swapped",
         "sends x as y and y as x",
         leaving(KalmanPositionResponse, exchanged("x", "y")),
@@ -564,12 +456,6 @@ FAULTS = (
         "sends its position in centimetres",
         leaving(KalmanPositionResponse, meaning(_in_centimetres)),
         Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
-    ),
-    Fault(
-        "position-byte-order",
-        "sends the bytes of its position the wrong way round",
-        leaving(KalmanPositionResponse, data(lambda data: data[::-1])),
-        Caught("drive", "2.2 Estimated Location response: unknown before the start configuration"),
     ),
     Fault(
         "position-y-one-bit-off",
@@ -587,18 +473,18 @@ FAULTS = (
         "position-source-wrong",
         "says that its position comes from the confederate",
         leaving(KalmanPositionResponse, field("source", lambda _: Source.CONFEDERATE)),
-        Caught("drive", "2.2 Estimated Location response: the source is our robot itself"),
+        Caught("drive", f"{LOCATION}: the source is our robot itself"),
     ),
     Fault(
         "position-unknown-as-zero",
         "says 0, 0 before it knows where it is",
         leaving(KalmanPositionResponse, meaning(lambda p: p if p.x is not None else p._replace(x=0, y=0, angle=0))),
-        Caught("drive", "2.2 Estimated Location response: unknown before the start configuration"),
+        Caught("drive", POSITION_UNKNOWN),
     ),
     Fault(
         "position-frozen",
         "goes on saying the first position since the start configuration",
-        PositionFrozen,
+        frozen(KalmanPositionResponse, StartConfigurationSet),
         Caught("drive", "2.1 Goto: the place is reached"),
     ),
     Fault(
@@ -615,39 +501,15 @@ FAULTS = (
     ),
     # Node check and start configuration (document 2.3)
     Fault(
-        "drive-check-not-answered",
-        "answers no Check Drive Request",
-        arriving(CheckDriveRequest, lost),
-        Caught("drive", "2.3 Node Check Response: the drive is there"),
-    ),
-    Fault(
-        "drive-check-answered-for-navigation",
-        "answers Check Drive Request with Check Navi Response",
-        leaving(CheckDriveResponse, foreign(CheckNaviResponse())),
-        Caught("drive", "2.3 Node Check Response: the drive is there"),
-    ),
-    Fault(
-        "drive-check-answered-twice",
-        "sends Check Drive Response two times for one request",
-        leaving(CheckDriveResponse, twice),
-        Caught("drive", "2.3 Node Check Response: one answer for one request"),
-    ),
-    Fault(
         "check-needs-configuration",
         "answers node checks only after the start configuration, so that the startup blocks",
-        handling(CheckDriveRequest, _not_before_configured),
-        Caught("drive", "2.3 Node Check Response: the drive is there"),
-    ),
-    Fault(
-        "drive-configuration-not-confirmed",
-        "takes the start configuration and does not confirm it",
-        leaving(StartConfigurationConfirm, lost),
-        Caught("drive", "2.3 Start Configuration Confirm: the drive confirms"),
+        handling(CheckDriveRequest, lambda drive, request, healthy: healthy(request) if drive.configuration else None),
+        Caught("drive", DRIVE_THERE),
     ),
     Fault(
         "drive-configuration-not-applied",
         "confirms the start configuration and forgets it",
-        handling(StartConfigurationSet, _unapplied),
+        handling(StartConfigurationSet, lambda drive, *_: drive.offer(StartConfigurationConfirm())),
         Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
     ),
     Fault(

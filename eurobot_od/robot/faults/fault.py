@@ -1,7 +1,4 @@
-"""What a fault is: a name, a sentence, the class that makes it, and the step of a check that finds it.
-
-Rule of this file: values only.
-"""
+"""What a fault is: a name, a sentence, the class that makes it, and the step of a check that finds it."""
 
 from __future__ import annotations
 

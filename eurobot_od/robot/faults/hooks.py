@@ -1,13 +1,14 @@
 """What faults are made of: classes put in front of a node's class that change what goes in, what comes out, or when.
 
-Rule of this file: each function returns a class between a node's class and `Node`; the node's own class is as it is,
-and knows nothing of faults. Several of them can stand in front of one node.
+Each hook returns a class to be put between a node's class and `Node`, where it overrides what `Node` offers to
+everybody: `handle`, `outgoing`, `reset`, `setting`, `receive`. The node's own class is as it is and knows nothing of
+faults. Several hooks can stand in front of one node: what arrives passes the first of them first, what leaves the last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -24,13 +25,13 @@ from eurobot_od.robot.protocol import EurobotProtocol
 Mixin: TypeAlias = type[Node]
 """A class that goes in front of a node's class."""
 
-Change: TypeAlias = Callable[[Node, Frame], Iterable[Frame]]
+FrameChange: TypeAlias = Callable[[Any, Frame], Iterable[Frame]]
 """What becomes of a frame: nothing, itself, another one, several."""
 
-Service: TypeAlias = Callable[[Node], int]
+ServiceCobId: TypeAlias = Callable[[Node], int]
 """The COB-ID of a CANopen service of a node."""
 
-Which: TypeAlias = type[Message] | Service
+Which: TypeAlias = type[Message] | ServiceCobId
 """Which frames: those of a message, or those of a service."""
 
 React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
@@ -72,30 +73,53 @@ def _cob_id(node: Node, which: Which) -> int:
 # Hooks
 
 
-def leaving(which: Which, change: Change) -> Mixin:
+def leaving(which: Which, change: FrameChange) -> Mixin:
     """Have `change` applied to frames that leave the node."""
 
     class Leaving(Node):
-        def _flush(self) -> list[Frame]:
-            cob_id = _cob_id(self, which)
-            return [
-                left
-                for frame in super()._flush()
-                for left in (change(self, frame) if frame.cob_id == cob_id else [frame])
-            ]
+        def outgoing(self, frames: list[Frame]) -> list[Frame]:
+            return _changed(super().outgoing(frames), _cob_id(self, which), lambda frame: change(self, frame))
 
     return Leaving
 
 
-def arriving(which: Which, change: Change) -> Mixin:
-    """Have `change` applied to frames before the node gets them."""
+def numbered(which: Which, change: Callable[[int], FrameChange]) -> Mixin:
+    """Have frames that leave the node changed by their number, from 1 on with each start or reset of the node."""
 
-    class Arriving(Node):
-        def receive(self, frame: Frame, now: float) -> list[Frame]:
-            arrived = change(self, frame) if frame.cob_id == _cob_id(self, which) else [frame]
-            return [answer for each in arrived for answer in super(Arriving, self).receive(each, now)]
+    class Numbered(Node):
+        def reset(self) -> None:
+            super().reset()
+            self._number = 0
 
-    return Arriving
+        def outgoing(self, frames: list[Frame]) -> list[Frame]:
+            return _changed(super().outgoing(frames), _cob_id(self, which), self._next)
+
+        def _next(self, frame: Frame) -> Iterable[Frame]:
+            self._number += 1
+            return change(self._number)(self, frame)
+
+    return Numbered
+
+
+def frozen(which: type[Message], anew: type[Message]) -> Mixin:
+    """Have the first frame leave the node again and again, until a message comes with which all begins anew."""
+
+    class Frozen(Node):
+        _first: Frame | None = None
+
+        def handle(self, message: Message) -> None:
+            if isinstance(message, anew):
+                self._first = None
+            super().handle(message)
+
+        def outgoing(self, frames: list[Frame]) -> list[Frame]:
+            return _changed(super().outgoing(frames), _cob_id(self, which), self._again)
+
+        def _again(self, frame: Frame) -> Iterable[Frame]:
+            self._first = self._first or frame
+            return [self._first]
+
+    return Frozen
 
 
 def late(which: Which, seconds: float) -> Mixin:
@@ -106,29 +130,38 @@ def late(which: Which, seconds: float) -> Mixin:
             super().reset()
             self._due: list[Frame] = []
 
-        def _flush(self) -> list[Frame]:
-            frames, cob_id = super()._flush(), _cob_id(self, which)
-            for frame in frames:
-                if frame.cob_id == cob_id:
-                    self.at(self.now + seconds, partial(self._release, frame))
+        def outgoing(self, frames: list[Frame]) -> list[Frame]:
+            in_time = _changed(super().outgoing(frames), _cob_id(self, which), self._hold)
             due, self._due = self._due, []
-            return [frame for frame in frames if frame.cob_id != cob_id] + due
+            return in_time + due
 
-        def _release(self, frame: Frame, _now: float) -> None:
-            self._due.append(frame)
+        def _hold(self, frame: Frame) -> Iterable[Frame]:
+            self.at(self.now + seconds, lambda _: self._due.append(frame))
+            return ()
 
     return Late
+
+
+def arriving(which: Which, change: FrameChange) -> Mixin:
+    """Have `change` applied to frames before the node gets them."""
+
+    class Arriving(Node):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            arrived = change(self, frame) if frame.cob_id == _cob_id(self, which) else [frame]
+            return [answer for each in arrived for answer in super(Arriving, self).receive(each, now)]
+
+    return Arriving
 
 
 def handling(message_type: type[Message], react: React) -> Mixin:
     """Have `react` do what the node should do with a message."""
 
     class Handling(Node):
-        def _handle(self, message: Message) -> None:
+        def handle(self, message: Message) -> None:
             if isinstance(message, message_type):
-                react(self, message, super()._handle)
+                react(self, message, super().handle)
             else:
-                super()._handle(message)
+                super().handle(message)
 
     return Handling
 
@@ -139,9 +172,6 @@ def preset(setting: str, value: int) -> Mixin:
     class Preset(Node):
         def setting(self, name: str) -> int:
             return value if name == setting else super().setting(name)
-
-        def seconds(self, name: str) -> float:
-            return self.setting(name) / 1000
 
     return Preset
 
@@ -161,7 +191,22 @@ def every(seconds: float, action: Callable[[Any], object]) -> Mixin:
     return Every
 
 
+def both(one: Mixin, other: Mixin) -> Mixin:
+    """Have two things wrong at once."""
+    return type("Both", (one, other), {})
+
+
+def _changed(frames: Iterable[Frame], cob_id: int, change: Callable[[Frame], Iterable[Frame]]) -> list[Frame]:
+    """Return the frames with what becomes of those that have a COB-ID."""
+    return [left for frame in frames for left in (change(frame) if frame.cob_id == cob_id else [frame])]
+
+
 # Changes
+
+
+def kept(_node: Node, frame: Frame) -> Iterable[Frame]:
+    """It comes as it is."""
+    return (frame,)
 
 
 def lost(_node: Node, _frame: Frame) -> Iterable[Frame]:
@@ -174,22 +219,32 @@ def twice(_node: Node, frame: Frame) -> Iterable[Frame]:
     return frame, frame
 
 
-def only(wanted: Callable[[bytes], bool]) -> Change:
+def only(wanted: Callable[[bytes], bool]) -> FrameChange:
     """Lose the frames whose data bytes are not as wanted."""
     return lambda _, frame: [frame] if wanted(frame.data) else []
 
 
-def data(change: Callable[[bytes], bytes]) -> Change:
+def data(change: Callable[[bytes], bytes]) -> FrameChange:
     """Change a frame's data bytes."""
     return lambda _, frame: [Frame(frame.cob_id, change(frame.data))]
 
 
-def moved(offset: int) -> Change:
-    """Send a frame under a COB-ID that is `offset` beside its own."""
+def moved(offset: int) -> FrameChange:
+    """Send a frame under a COB-ID that is `offset` higher."""
     return lambda _, frame: [Frame(frame.cob_id + offset, frame.data)]
 
 
-def foreign(message: Message) -> Change:
+def unawaited(answer: Message) -> FrameChange:
+    """Have the node believe at once that a request is answered, whether or not an answer comes."""
+
+    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
+        node.soon(lambda _: node.handle(answer))
+        return [frame]
+
+    return changed
+
+
+def foreign(message: Message) -> FrameChange:
     """Send a message of another node in a frame's place."""
 
     def changed(node: Node, _frame: Frame) -> Iterable[Frame]:
@@ -203,7 +258,7 @@ def _whole_protocol(folder: Path) -> Protocol:
     return EurobotProtocol.load(folder)
 
 
-def meaning(change: Callable[[Any], Message]) -> Change:
+def meaning(change: Callable[[Any], Message]) -> FrameChange:
     """Change what a frame says: `change` gets its message and returns another one."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
@@ -216,7 +271,7 @@ def meaning(change: Callable[[Any], Message]) -> Change:
     return changed
 
 
-def field(name: str, change: Callable[[Any], Any]) -> Change:
+def field(name: str, change: Callable[[Any], Any]) -> FrameChange:
     """Change one field of a message unless it is unknown."""
 
     def changed(message: Any) -> Message:
@@ -227,7 +282,7 @@ def field(name: str, change: Callable[[Any], Any]) -> Change:
     return meaning(changed)
 
 
-def exchanged(one: str, other: str) -> Change:
+def exchanged(one: str, other: str) -> FrameChange:
     """Exchange the raw values of two fields; what grows too wide is cut."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
@@ -236,7 +291,7 @@ def exchanged(one: str, other: str) -> Change:
     return changed
 
 
-def raw(**changes: Callable[[int], int]) -> Change:
+def raw(**changes: Callable[[int], int]) -> FrameChange:
     """Change raw values of a message's fields, whatever they mean; what grows too wide is cut."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:

@@ -1,12 +1,7 @@
-"""Faults of the navigation: positions, node check, start configuration.
-
-Rule of this file: a row says what is wrong, how, and which step of which suite finds it. The faulty navigation is the
-navigation with one thing changed.
-"""
+"""Faults of the navigation: positions, node check, start configuration."""
 
 from __future__ import annotations
 
-import random
 from typing import Any
 
 from eurobot_od.robot.faults.fault import Caught, Fault
@@ -15,14 +10,20 @@ from eurobot_od.robot.faults.hooks import (
     data,
     exchanged,
     field,
-    foreign,
+    frozen,
     handling,
-    late,
     leaving,
-    lost,
     meaning,
     raw,
-    twice,
+)
+from eurobot_od.robot.faults.message_faults import (
+    NOT_ANSWERED,
+    NOT_SENT,
+    REVERSED,
+    TWICE,
+    message_faults,
+    replaced_by,
+    sent_late,
 )
 from eurobot_od.robot.messages import (
     CheckDriveResponse,
@@ -35,7 +36,6 @@ from eurobot_od.robot.messages import (
     Enemy2PositionResponse,
     NaviPositionRequest,
     NaviPositionResponse,
-    PositionResponse,
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
@@ -46,95 +46,59 @@ SCATTER = 150
 """How far a bad beacon is off, mm."""
 
 
-class Scattered(Navigation):
-    """Measures every position anew and badly."""
+LOCATION = "2.2 Estimated Location response"
+NODE_CHECK = "2.3 Node Check Response"
+"""Groups of steps."""
 
-    def _position(self, response: type[PositionResponse], whom: Source) -> PositionResponse:
-        position = super()._position(response, whom)
-        if position.x is None:
-            return position
-        chance = random.Random(f"{self.now} {whom}")
-        return position._replace(x=position.x + chance.choice((-SCATTER, SCATTER)))
-
-
-class LastSeen(Navigation):
-    """Goes on saying the first place that it saw."""
-
-    _seen: PositionResponse | None = None
-
-    def _position(self, response: type[PositionResponse], whom: Source) -> PositionResponse:
-        if whom is not Source.INTERNAL:
-            return super()._position(response, whom)
-        self._seen = self._seen or super()._position(response, whom)
-        return self._seen
+OUR_PLACE = f"{LOCATION}: our robot's place"
+NAVIGATION_THERE = f"{NODE_CHECK}: the navigation is there"
+CONFIRMED = "2.3 Start Configuration Confirm: the navigation confirms"
+"""Steps that find several faults: the first ones that look at an answer at all."""
 
 
-class SeesThings(Navigation):
-    """Finds robots that the start configuration does not have."""
-
-    def _present(self, whom: Source) -> bool:
-        return True
-
-
-def _unapplied(navigation: Navigation, _: StartConfigurationSet, __: Any) -> None:
-    navigation.offer(StartConfigurationConfirm())
-
-
-def _mute_in_safe_state(navigation: Navigation, request: CheckNaviRequest, healthy: Any) -> None:
-    if not navigation.safe:
-        healthy(request)
+def _scattered(position: NaviPositionResponse) -> NaviPositionResponse:
+    """Move a place to either side, by the noise in its last bit."""
+    if position.x is None:
+        return position
+    return position._replace(x=position.x + (SCATTER if position.x % 2 else -SCATTER))
 
 
 def _under_enemy_2(navigation: Navigation, *_: object) -> None:
-    navigation.offer(navigation._position(Enemy2PositionResponse, Source.ENEMY_1))
-
-
-def _zero(position: Any) -> Any:
-    return position if position.x is not None else position._replace(x=0, y=0, angle=0)
+    answer: Any = navigation.answer_to(Enemy1PositionRequest())
+    navigation.offer(Enemy2PositionResponse(*answer))
 
 
 FAULTS = (
-    Fault(
-        "navi-not-answered",
-        "answers no Navi Position Request",
-        arriving(NaviPositionRequest, lost),
-        Caught("navigation", "2.2 Estimated Location response: our robot's place"),
-    ),
-    Fault(
-        "navi-answered-late",
-        "takes 300 ms to answer a Navi Position Request",
-        late(NaviPositionResponse, 0.3),
-        Caught("navigation", "2.2 Estimated Location response: follows directly"),
-    ),
-    Fault(
-        "navi-answered-twice",
-        "sends Navi Position Response two times for one request",
-        leaving(NaviPositionResponse, twice),
-        Caught("navigation", "2.2 Estimated Location response: one answer for one request"),
+    *message_faults(
+        "navigation",
+        ("navi-not-answered", NOT_ANSWERED, NaviPositionRequest, OUR_PLACE),
+        ("navi-answered-late", sent_late(0.3), NaviPositionResponse, f"{LOCATION}: follows directly"),
+        ("navi-answered-twice", TWICE, NaviPositionResponse, f"{LOCATION}: one answer for one request"),
+        ("navi-byte-order", REVERSED, NaviPositionResponse, OUR_PLACE),
+        ("enemy-not-answered", NOT_ANSWERED, Enemy2PositionRequest, f"{LOCATION}: enemy 2"),
+        ("confederate-not-answered", NOT_ANSWERED, ConfederatePositionRequest, f"{LOCATION}: the confederate"),
+        ("navi-check-not-answered", NOT_ANSWERED, CheckNaviRequest, NAVIGATION_THERE),
+        ("navi-check-answered-for-drive", replaced_by(CheckDriveResponse()), CheckNaviResponse, NAVIGATION_THERE),
+        ("navi-check-answered-twice", TWICE, CheckNaviResponse, f"{NODE_CHECK}: one answer for one request"),
+        ("navi-configuration-not-confirmed", NOT_SENT, StartConfigurationConfirm, CONFIRMED),
     ),
     Fault(
         "navi-swapped",
         "sends x as y and y as x",
         leaving(NaviPositionResponse, exchanged("x", "y")),
-        Caught("navigation", "2.2 Estimated Location response: our robot's place"),
+        Caught("navigation", OUR_PLACE),
     ),
     Fault(
         "navi-in-centimetres",
         "sends our robot's place in centimetres",
         leaving(NaviPositionResponse, raw(x=lambda x: x // 10, y=lambda y: y // 10)),
-        Caught("navigation", "2.2 Estimated Location response: our robot's place"),
-    ),
-    Fault(
-        "navi-byte-order",
-        "sends the bytes of our robot's place the wrong way round",
-        leaving(NaviPositionResponse, data(lambda data: data[::-1])),
-        Caught("navigation", "2.2 Estimated Location response: our robot's place"),
+        Caught("navigation", OUR_PLACE),
     ),
     Fault(
         "navi-short",
         "sends our robot's place without the byte with the source",
         leaving(NaviPositionResponse, data(lambda data: data[:4])),
-        Caught("navigation", "2.2 Estimated Location response: our robot's place"),
+        Caught("navigation", OUR_PLACE),
     ),
     Fault(
         "navi-angle-clockwise",
@@ -151,13 +115,13 @@ FAULTS = (
     Fault(
         "navi-scattered",
         "measures our robot's place 150 mm off, here or there",
-        Scattered,
-        Caught("navigation", "2.2 Estimated Location response: our robot's place"),
+        leaving(NaviPositionResponse, meaning(_scattered)),
+        Caught("navigation", OUR_PLACE),
     ),
     Fault(
         "navi-frozen",
         "goes on saying the first place that it saw",
-        LastSeen,
+        frozen(NaviPositionResponse, StartConfigurationSet),
         Caught("flows", "4.2.2 Navigation: the navigation follows our robot"),
     ),
     Fault(
@@ -170,30 +134,18 @@ FAULTS = (
         "enemies-mixed-up",
         "answers for enemy 1 under the identifier of enemy 2",
         handling(Enemy1PositionRequest, _under_enemy_2),
-        Caught("navigation", "2.2 Estimated Location response: enemy 1"),
-    ),
-    Fault(
-        "enemy-not-answered",
-        "answers no Enemy 2 Position Request",
-        arriving(Enemy2PositionRequest, lost),
-        Caught("navigation", "2.2 Estimated Location response: enemy 2"),
-    ),
-    Fault(
-        "confederate-not-answered",
-        "answers no Confederate Position Request",
-        arriving(ConfederatePositionRequest, lost),
-        Caught("navigation", "2.2 Estimated Location response: the confederate"),
+        Caught("navigation", f"{LOCATION}: enemy 1"),
     ),
     Fault(
         "enemy-unknown-as-zero",
         "says 0, 0 for an enemy that is not there",
-        leaving(Enemy2PositionResponse, meaning(_zero)),
+        leaving(Enemy2PositionResponse, meaning(lambda p: p if p.x is not None else p._replace(x=0, y=0, angle=0))),
         Caught("navigation", "Table 2: an enemy that is not there is unknown"),
     ),
     Fault(
         "enemy-invented",
         "finds an enemy that the start configuration does not have",
-        SeesThings,
+        arriving(StartConfigurationSet, raw(enemies=lambda _: 2, confederates=lambda _: 1)),
         Caught("navigation", "Table 2: an enemy that is not there is unknown"),
     ),
     Fault(
@@ -203,39 +155,15 @@ FAULTS = (
         Caught("navigation", "Table 2: an angle that is not measured is unknown"),
     ),
     Fault(
-        "navi-check-not-answered",
-        "answers no Check Navi Request",
-        arriving(CheckNaviRequest, lost),
-        Caught("navigation", "2.3 Node Check Response: the navigation is there"),
-    ),
-    Fault(
-        "navi-check-answered-for-drive",
-        "answers Check Navi Request with Check Drive Response",
-        leaving(CheckNaviResponse, foreign(CheckDriveResponse())),
-        Caught("navigation", "2.3 Node Check Response: the navigation is there"),
-    ),
-    Fault(
-        "navi-check-answered-twice",
-        "sends Check Navi Response two times for one request",
-        leaving(CheckNaviResponse, twice),
-        Caught("navigation", "2.3 Node Check Response: one answer for one request"),
-    ),
-    Fault(
-        "navi-configuration-not-confirmed",
-        "takes the start configuration and does not confirm it",
-        leaving(StartConfigurationConfirm, lost),
-        Caught("navigation", "2.3 Start Configuration Confirm: the navigation confirms"),
-    ),
-    Fault(
         "navi-configuration-not-applied",
         "confirms the start configuration and forgets it",
-        handling(StartConfigurationSet, _unapplied),
+        handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
         Caught("navigation", "Table 2: an enemy that is not there is unknown"),
     ),
     Fault(
         "navi-mute-after-shutdown",
         "answers no node check after an Emergency Shutdown",
-        handling(CheckNaviRequest, _mute_in_safe_state),
+        handling(CheckNaviRequest, lambda node, request, healthy: None if node.safe else healthy(request)),
         Caught("navigation", "4.2.2 Emergency mushroom: the navigation still answers node checks"),
     ),
 )

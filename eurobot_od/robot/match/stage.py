@@ -17,6 +17,7 @@ from eurobot_od.gatekeeper import Report
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
+from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.match.player import Player
 from eurobot_od.robot.match.summary import FrameCounter, Summary
@@ -75,17 +76,15 @@ class Cast(NamedTuple):
         return self.core, self.drive, self.navigation
 
 
-def assemble(options: MatchOptions, clock: Callable[[], float], files: EdsFiles | None = None) -> Cast:
-    """Make the nodes, and the world that gives the drive its wheels and the navigation its eyes.
+def cast_for(options: MatchOptions, clock: Callable[[], float], files: EdsFiles | None = None) -> Cast:
+    """Make the nodes and put them into their world.
 
     Without `files` the EDS files are read. Raises UnknownName, DictionaryError.
     """
     files = files or EdsFiles.read(options.dialect)
     core, drive = Core(files.dictionaries["core"]), Drive(files.dictionaries["drive"])
     navigation = Navigation(files.dictionaries["navigation"])
-    world = World(options.seed, options.team, options.enemies, options.confederates, navigation.deviations, clock)
-    drive.chassis, navigation.beacons = world, world
-    return Cast(core, drive, navigation, world, files)
+    return Cast(core, drive, navigation, assemble((core, drive, navigation), options, clock), files)
 
 
 class Performance:
@@ -102,7 +101,7 @@ class Performance:
         watch: Watcher,
         files: EdsFiles | None = None,
     ) -> None:
-        self.cast = assemble(options, clock, files)
+        self.cast = cast_for(options, clock, files)
         self._counter, self._timeline = FrameCounter(self.cast.files.protocol), Timeline(clock, show)
         self._player = Player(self.cast.core, self.cast.world, options, self._timeline, clock)
         self._watch = watch
@@ -137,7 +136,7 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: M
     The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
     """
     network = Network()
-    cast = assemble(options, lambda: network.now)
+    cast = cast_for(options, lambda: network.now)
     _switch_on(cast, network)
     network.run(POWER_UP)
     return loop.run(network, strategy(cast.core))

@@ -220,7 +220,7 @@ class Core(RobotNode):
 
     def _put(self, request: Message | Frame) -> None:
         if isinstance(request, Frame):
-            self._out.append(request)  # an SDO request: not a message, and the device has no TPDO for it
+            self.put(request)  # an SDO request: not a message, and the device has no TPDO for it
         else:
             self.offer(request)
 

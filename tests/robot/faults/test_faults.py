@@ -70,12 +70,12 @@ LEAVING = [
 
 
 @pytest.mark.parametrize(("change", "left"), LEAVING)
-def test_a_change_is_applied_to_what_leaves(change: hooks.Change, left: list[Frame]) -> None:
+def test_a_change_is_applied_to_what_leaves(change: hooks.FrameChange, left: list[Frame]) -> None:
     assert answers(drive(hooks.leaving(CheckDriveResponse, change)), CheckDriveRequest()) == left
 
 
 @pytest.mark.parametrize(("change", "_left"), LEAVING)
-def test_a_change_leaves_other_messages_alone(change: hooks.Change, _left: list[Frame]) -> None:
+def test_a_change_leaves_other_messages_alone(change: hooks.FrameChange, _left: list[Frame]) -> None:
     node = drive(hooks.leaving(CheckDriveResponse, change))
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(PLACE)]
 
@@ -92,20 +92,20 @@ def test_a_change_leaves_other_messages_alone(change: hooks.Change, _left: list[
         (hooks.field("x", lambda _: 4000), PLACE),
     ],
 )
-def test_a_change_of_the_meaning(change: hooks.Change, said: KalmanPositionResponse) -> None:
+def test_a_change_of_the_meaning(change: hooks.FrameChange, said: KalmanPositionResponse) -> None:
     node = drive(hooks.leaving(KalmanPositionResponse, change))
     assert answers(node, KalmanPositionRequest()) == [PROTOCOL.encode(said)]
 
 
 @pytest.mark.parametrize("change", [hooks.field("x", lambda x: x // 2), hooks.raw(x=lambda x: x // 2)])
-def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.Change) -> None:
+def test_a_frame_that_cannot_be_read_arrives_as_it_is(change: hooks.FrameChange) -> None:
     node = drive(hooks.arriving(GotoXY, change))
     short = Frame(PROTOCOL.cob_id(GotoXY), b"\x01\x02")
     assert [frame.cob_id for frame in node.receive(short, 0.0)] == [hooks.emcy(node)]
 
 
 @pytest.mark.parametrize(("change", "count"), [(hooks.lost, 0), (hooks.twice, 2)])
-def test_a_change_is_applied_to_what_arrives(change: hooks.Change, count: int) -> None:
+def test_a_change_is_applied_to_what_arrives(change: hooks.FrameChange, count: int) -> None:
     assert answers(drive(hooks.arriving(CheckDriveRequest, change)), CheckDriveRequest()) == [CHECKED] * count
 
 
@@ -135,6 +135,44 @@ def test_a_preset_setting_takes_the_place_of_the_dictionarys() -> None:
 def test_an_action_is_done_again_and_again() -> None:
     node = drive(hooks.every(0.1, lambda node: node.offer(GotoConfirm())))
     assert answers(node, until=0.35) == [PROTOCOL.encode(GotoConfirm())] * 3
+
+
+@pytest.mark.parametrize(("count", "left"), [(1, 1), (2, 2), (3, 2)])
+def test_frames_are_changed_by_their_number(count: int, left: int) -> None:
+    node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number <= 2 else hooks.lost))
+    assert answers(node, *[CheckDriveRequest()] * count) == [CHECKED] * left
+
+
+def test_numbers_begin_anew_with_a_reset() -> None:
+    node = drive(hooks.numbered(CheckDriveResponse, lambda number: hooks.kept if number == 1 else hooks.lost))
+    assert answers(node, CheckDriveRequest(), CheckDriveRequest()) == [CHECKED]
+    node.receive(Frame(NMT_COB_ID, bytes([NmtCommand.RESET_NODE, 0])), 0.0)
+    assert answers(node, CheckDriveRequest()) == [CHECKED]
+
+
+def test_a_frozen_message_says_the_first_thing_until_all_begins_anew() -> None:
+    node = drive(hooks.frozen(KalmanPositionResponse, StartConfigurationSet))
+    yellow = START._replace(team_colour=TeamColour.YELLOW)
+    asked = KalmanPositionRequest()
+    first = answers(node, asked)
+    answers(node, GOTO, until=1.0)
+    assert answers(node, asked) == first == [PROTOCOL.encode(PLACE)]
+    assert answers(node, yellow, asked)[1:] == [PROTOCOL.encode(PLACE._replace(x=2800, angle=180))]
+
+
+def test_an_answer_that_is_not_awaited_is_heard_at_once() -> None:
+    heard: list[Message] = []
+    listening = hooks.handling(GotoConfirm, lambda _, message, __: heard.append(message))
+    node = drive(listening, hooks.leaving(CheckDriveResponse, hooks.unawaited(GotoConfirm())))
+    assert answers(node, CheckDriveRequest()) == [CHECKED]
+    assert heard == [GotoConfirm()]
+
+
+def test_both_of_two_things_are_wrong() -> None:
+    node = drive(
+        hooks.both(hooks.leaving(GotoStateResponse, hooks.lost), hooks.leaving(CheckDriveResponse, hooks.twice))
+    )
+    assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
 
 
 def test_hooks_add_up() -> None:

@@ -75,7 +75,7 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     def clock() -> float:
         return time.monotonic() - begin
 
-    cast = stage.assemble(SHORT, clock)
+    cast = stage.cast_for(SHORT, clock)
     seen: list[Frame] = []
     player = Player(cast.core, cast.world, SHORT, Timeline(clock, lambda _: None), clock)
     with ExitStack() as stack:

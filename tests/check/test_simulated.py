@@ -1,0 +1,50 @@
+"""Suites run against simulated nodes made from anybody's EDS files, the same way with each run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.results import Status
+from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.simulated import NodeUnderTest, run_simulated
+from eurobot_od.check.vocabulary import Networks
+from eurobot_od.device.node import Node
+from eurobot_od.od.dictionary import Dictionary
+from tests.check.suites import document, results
+
+SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
+FILES = ("clean", "crlf_io_module", "editor_with_comments", "generated", "old")
+HEAD = "spec: 1\nname: somebody's device\n"
+STEPS = """
+- nmt: reset
+- heartbeat: boot-up
+- sdo: {read: 0x1000, save: type}
+- sdo: {read: '0x1000:0', expect: "{type}"}
+- sdo: {read: 0x5FFF, abort: 0x06020000}
+"""
+
+
+def plain_nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: object) -> list[NodeUnderTest]:
+    return [NodeUnderTest(Node(each)) for each in dictionaries.values()]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None:
+    eds = (SAMPLES / f"{name}.eds").read_text() + "[DeviceComissioning]\nNodeID=5\n"
+    (tmp_path / "device.eds").write_text(eds)
+    file = tmp_path / "suite.yaml"
+    file.write_text(document(STEPS, HEAD))
+    (suite,) = SuiteReader(Networks(lambda _: tmp_path)).read_files([file])
+    result = run_simulated(suite, RunOptions(), Interrupt(), lambda _: None, plain_nodes)
+    assert [step.status for step in result.steps] == 5 * [Status.PASSED]
+
+
+def test_the_same_seed_gives_the_same_frames() -> None:
+    one, other = (results(document("- send: Kalman Position Request\n- expect: Goto Confirm")) for _ in range(2))
+    assert one.steps == other.steps
+    assert one.steps[1].reason is not None
+    assert len(one.steps[1].reason.frames) > 1

@@ -1,0 +1,34 @@
+"""The robot's nodes under test: in one world, and a core that drives by itself."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.robot import dialects, faults
+from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.nodes import Core, Drive, Navigation
+
+DICTIONARIES = {each.name: each for each in dialects.load_all()}
+
+
+def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
+    core, drive, navigation = nodes_under_test(DICTIONARIES, 1, lambda: 0.0)
+    assert isinstance(core.node, Core)
+    assert isinstance(drive.node, Drive)
+    assert isinstance(navigation.node, Navigation)
+    assert len({id(drive.node.chassis), id(navigation.node.beacons)}) == 1
+    assert [each.program is None for each in (core, drive, navigation)] == [False, True, True]
+
+
+def test_the_nodes_that_can_have_a_fault_have_it() -> None:
+    roles = faults.faulty_roles(["goto-not-confirmed"])
+    nodes = [each.node for each in nodes_under_test(DICTIONARIES, 1, lambda: 0.0, roles)]
+    assert [type(node) for node in nodes] == [Core, roles["drive"], Navigation]
+    assert issubclass(roles["drive"], Drive)
+    assert roles["drive"] is not Drive
+
+
+def test_a_node_that_the_robot_does_not_have_is_refused() -> None:
+    with pytest.raises(UnknownName, match="unknown simulated node 'lift'; known: core, drive, navigation"):
+        nodes_under_test({"lift": DICTIONARIES["drive"]}, 1, lambda: 0.0)
