@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_dialect(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
     from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -37,7 +37,6 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n".join(picture(chosen[0])))
     else:
         print("\n".join(table(chosen)))
-    return 0
 
 
 def as_data(binding: Binding) -> dict[str, Any]:
