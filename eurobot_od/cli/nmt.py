@@ -1,6 +1,6 @@
 """Send an NMT command to a CANopen node, or to all, and see by the heartbeat what it did.
 
-Rule of this file: an NMT command has no answer; what is printed is what the node's heartbeat or boot-up said.
+An NMT command has no answer: what is printed is what the node's heartbeat or boot-up said.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """What the commands for any CANopen node share: the node, its EDS, the bus, and how objects are listed.
 
-Rule of this file: each option is described here once; a node is named by its node-ID or by its name in the dialect.
+A node is named by its node-ID, or by its name in the dialect.
 """
 
 from __future__ import annotations

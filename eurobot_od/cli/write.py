@@ -1,6 +1,6 @@
 """Write one object of a CANopen node, by number or by the EDS's name.
 
-Rule of this file: a value that the EDS does not allow is refused here; without an EDS the object's length is asked.
+A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
 """
 
 from __future__ import annotations
