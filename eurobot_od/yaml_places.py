@@ -8,7 +8,7 @@ collected, so one run shows them all.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import yaml
@@ -155,8 +155,9 @@ def mapping(value: Reader[T]) -> Reader[dict[Text, T]]:
     return read
 
 
-def record(make: Callable[..., T], needed: Collection[str], readers: Mapping[str, Reader[Any]]) -> Reader[T]:
-    """Make a reader of a mapping with the keys that have `readers`: all `needed` ones, perhaps others, no unknown."""
+def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mapping[str, Reader[Any]]) -> Reader[T]:
+    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others."""
+    readers = {**needed, **may}
 
     def read(node: yaml.Node, problems: Problems) -> T:
         pairs = pairs_of(node, problems)

@@ -31,7 +31,7 @@ class Pair(NamedTuple):
 
 
 A_OR_B = matching("a|b", "a or b")
-PAIR = record(Pair, ["one"], {"one": number, "two": any_text})
+PAIR = record(Pair, {"one": number}, {"two": any_text})
 
 VALID = [
     (number, "12", 12),

@@ -130,9 +130,9 @@ def mapping(key: Shape[Any], value: Shape[T]) -> Shape[dict[Text, T]]:
 
 def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
     """Make a shape of a mapping with fixed keys, given to `make` by their names."""
-    needed = [key for key, each in keys.items() if each.needed]
-    readers = {key: each.shape.read for key, each in keys.items()}
-    return Shape(yaml_places.record(make, needed, readers), object_schema(keys))
+    needed = {name: key.shape.read for name, key in keys.items() if key.needed}
+    may = {name: key.shape.read for name, key in keys.items() if not key.needed}
+    return Shape(yaml_places.record(make, needed, may), object_schema(keys))
 
 
 def object_schema(keys: Keys) -> Schema:

@@ -217,31 +217,24 @@ def reader_of(kind: Any) -> Reader[Any]:
     if origin is tuple:
         return yaml_places.listing(reader_of(inner[0]), None if inner[-1] is ... else len(inner))
     readers = {name: reader_of(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
-    needed = [each.name for each in fields(kind) if each.default is MISSING and each.default_factory is MISSING]
-    return yaml_places.record(kind, needed, readers)
+    left_out = [each.name for each in fields(kind) if (each.default, each.default_factory) != (MISSING, MISSING)]
+    may = {name: readers.pop(name) for name in left_out}
+    return yaml_places.record(kind, readers, may)
 
 
 # The rules between its parts
 
 
-def unknown_nodes(table: Table) -> Iterator[Problem]:
-    """Check that senders, receivers, listeners and watched nodes are nodes."""
+def unknown_names(table: Table) -> Iterator[Problem]:
+    """Check that the nodes and objects that are named are there, and the fields whose width a dialect changes."""
     for message in table.messages.values():
         yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
+        yield from unknown("object", [message.object] if message.object else [], table.objects)
     for node in table.nodes.values():
         yield from unknown("node", node.watches, table.nodes)
-
-
-def unknown_objects(table: Table) -> Iterator[Problem]:
-    """Check that messages and dialects name objects that are there."""
-    yield from unknown("object", [each.object for each in table.messages.values() if each.object], table.objects)
-    for each in table.dialects.values():
-        yield from unknown("object", [*each.fields, *each.widths, *each.most_significant_first], table.objects)
-
-
-def unknown_fields(table: Table) -> Iterator[Problem]:
-    """Check that dialects change the width of fields that are there."""
     for dialect in table.dialects.values():
+        named = [*dialect.fields, *dialect.widths, *dialect.most_significant_first]
+        yield from unknown("object", named, table.objects)
         for name, each in table.objects_in(dialect).items():
             yield from unknown("field", dialect.widths.get(name, {}), each.fields)
 
@@ -350,9 +343,7 @@ def messages_too_long(table: Table) -> Iterator[Problem]:
 
 
 CHECKS = (
-    unknown_nodes,
-    unknown_objects,
-    unknown_fields,
+    unknown_names,
     repeated_values,
     numbers_out_of_range,
     bit_rates_that_no_node_has,
