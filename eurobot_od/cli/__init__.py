@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Sequence
 from enum import IntEnum
+from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -67,26 +68,15 @@ STATUS_OF = {
 """The exit status of an error is that of the first class that it is of."""
 
 
-class Help(argparse.HelpFormatter):
-    """Help as wide as the terminal; argparse would import `shutil` and three compression libraries for that."""
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong with a command line in one line; its help is as wide as the terminal."""
 
-    def __init__(self, prog: str) -> None:
-        try:
+    def __init__(self, prog: str, kind: type[argparse.HelpFormatter] = argparse.HelpFormatter, **options: Any) -> None:
+        try:  # or else argparse asks `shutil`, which imports three compression libraries
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal
             width = 80
-        super().__init__(prog, width=width - 2)
-
-
-class Verbatim(Help, argparse.RawDescriptionHelpFormatter):
-    """Help with its description and epilog as they are."""
-
-
-class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line."""
-
-    def __init__(self, prog: str, **options: Any) -> None:
-        super().__init__(prog, **{"formatter_class": Help} | options)
+        super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
 
     def error(self, message: str) -> NoReturn:
         """Exit; raises SystemExit."""
@@ -136,7 +126,7 @@ def _overview() -> argparse.ArgumentParser:
         "eurobot-od",
         description="The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.",
         epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
-        formatter_class=Verbatim,
+        kind=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
     return parser

@@ -91,8 +91,6 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
 
     Raises LocalError for a name or a value that cannot be.
     """
-    if not (arguments.where or arguments.message or arguments.node):
-        return None
     from eurobot_od.logs.filters import by_name, by_node, by_value
 
     wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in arguments.where or ()]
@@ -100,7 +98,7 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
         wanted.append(by_name(arguments.message, decoder.protocol))
     if arguments.node:
         wanted.append(by_node(arguments.node, [each.name for each in decoder.outlines]))
-    return lambda meaning: all(each(meaning) for each in wanted)
+    return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
 
 
 # Progress

@@ -154,39 +154,28 @@ def _show(in_colour: bool, event: MatchEvent) -> None:
 def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
     from eurobot_od.robot.match.seeds import cores, play_many
+    from eurobot_od.robot.match.statistics import report
 
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
     jobs = arguments.jobs or min(cores(), MOST_JOBS)
+    played = []
     with closing(play_many(options, arguments.seeds, jobs)) as matches:
-        wrong = (_print_objects if arguments.json else _print_tally)(matches, len(arguments.seeds))
-    return ExitStatus.FOUND if wrong else ExitStatus.FINE
+        for match in _watched(matches, len(arguments.seeds), arguments.json and sys.stdout.isatty()):
+            played.append(match)
+            if arguments.json:
+                print(json.dumps(match.as_data()))
+    if not arguments.json:
+        print(*report(played), sep="\n")
+    return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
 
 
-def _print_objects(matches: Iterable[PlayedMatch], number: int) -> bool:
-    """Print each match when it is its turn; tell whether something went wrong in one."""
-    bad = False
-    for match in matches if sys.stdout.isatty() else _watched(matches, number):
-        print(json.dumps(match.as_data()))
-        bad |= bool(match.wrong)
-    return bad
-
-
-def _print_tally(matches: Iterable[PlayedMatch], number: int) -> bool:
-    """Print what all matches came to; tell whether something went wrong in one."""
-    from eurobot_od.robot.match.statistics import report
-
-    played = list(_watched(matches, number))
-    print(*report(played), sep="\n")
-    return any(match.wrong for match in played)
-
-
-def _watched(matches: Iterable[PlayedMatch], number: int) -> Iterator[PlayedMatch]:
-    """Show on a terminal how many matches are played."""
+def _watched(matches: Iterable[PlayedMatch], number: int, lines_tell: bool) -> Iterator[PlayedMatch]:
+    """Show on a terminal how many matches are played, unless the lines that are printed there tell it."""
     from eurobot_od.cli.decode import bar
 
-    if not sys.stderr.isatty():
+    if lines_tell or not sys.stderr.isatty():
         yield from matches
         return
     try:
