@@ -56,13 +56,11 @@ def node_id(arguments: argparse.Namespace) -> int:
     return int(text)
 
 
-@contextmanager
-def master(arguments: argparse.Namespace) -> Iterator[Master]:
-    """Open the bus for as long as the context lasts; raises BusError."""
+def master(arguments: argparse.Namespace) -> Master:
+    """Open the bus; the context closes it. Raises BusError."""
     from eurobot_od.client.master import Master
 
-    with Master(shared.open_bus(arguments), arguments.timeout) as opened:
-        yield opened
+    return Master(shared.open_bus(arguments), arguments.timeout)
 
 
 @contextmanager

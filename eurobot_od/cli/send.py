@@ -9,17 +9,17 @@ import argparse
 import time
 from collections.abc import Sequence
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, FieldError, LocalError, UnknownName
-from eurobot_od.frame import Frame
 
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.frame import Frame
     from eurobot_od.pdo.binding import Binding
     from eurobot_od.pdo.message import Message
     from eurobot_od.pdo.protocol import Protocol
@@ -57,8 +57,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     if answer is None:
         print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
         return ExitStatus.FOUND
-    words = _words(protocol, expected.decode(answer.frame.data))
-    print(f"received  {answer.frame}  {words}  after {answer.took * 1000:.1f} ms")
+    came, took = answer
+    print(f"received  {came}  {_words(protocol, expected.decode(came.data))}  after {took * 1000:.1f} ms")
     return ExitStatus.FINE
 
 
@@ -102,15 +102,11 @@ def transmit(bus: can.BusABC, frame: Frame) -> None:
         raise BusError("the bus did not take the frame")
 
 
-class Answer(NamedTuple):
-    """The frame that came, and how many seconds after the question."""
+def exchange(bus: can.BusABC, question: Frame, cob_id: int, within: float) -> tuple[Frame, float] | None:
+    """Send a frame and wait for one with a COB-ID; return it and the seconds it took, None if it takes longer.
 
-    frame: Frame
-    took: float
-
-
-def exchange(bus: can.BusABC, question: Frame, cob_id: int, within: float) -> Answer | None:
-    """Send a frame and wait for one with a COB-ID, `within` seconds; None if none comes. Raises BusError."""
+    Raises BusError.
+    """
     from eurobot_od.live import Watch
 
     came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
@@ -129,4 +125,4 @@ def exchange(bus: can.BusABC, question: Frame, cob_id: int, within: float) -> An
     if isinstance(answer, BusError):
         raise answer
     arrived, frame = answer
-    return Answer(frame, arrived - started)
+    return frame, arrived - started

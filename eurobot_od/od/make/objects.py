@@ -13,7 +13,7 @@ Where the standard leaves room, this is the form that every tool accepts that wa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -164,32 +164,21 @@ def clients(table: Table, node: NodeRow) -> list[DictionaryObject]:
 # PDOs
 
 
-class PdoRow(NamedTuple):
-    """One PDO of a node: its message, its COB-ID with the control bits, its mapping entries."""
-
-    name: str
-    cob_id: int
-    mapping: tuple[int, ...]
-
-
-def pdo_records(direction: PdoDirection, pdos: Iterable[PdoRow], entries: int) -> Iterator[DictionaryObject]:
-    """Give each PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
-    for index, pdo in enumerate(pdos, start=direction.value):
-        yield record(
-            index,
-            pdo.name,
-            SubObject("COB-ID used by PDO", U32, "rw", pdo.cob_id),
-            SubObject("Transmission type", U8, "rw", EVENT_DRIVEN),
-            SubObject("Inhibit time", U16, "rw", 0),
-            SubObject("Compatibility entry", U8, "rw", 0),
-            SubObject("Event timer", U16, "rw", 0),
-        )
-        count = SubObject("Number of mapped objects in PDO", U8, "rw", len(pdo.mapping), 0, entries)
-        targets = [*pdo.mapping, *[0] * (entries - len(pdo.mapping))]
-        mapped = (SubObject(f"Application object {n}", U32, "rw", each) for n, each in enumerate(targets, start=1))
-        yield DictionaryObject(
-            index + values.MAPPING_OFFSET, f"{pdo.name} mapping", ObjectCode.RECORD, (count, *mapped)
-        )
+def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entries: int) -> Iterator[DictionaryObject]:
+    """Give a PDO's communication record, and its mapping record padded to `entries` (7.5.2.35 to 7.5.2.38)."""
+    yield record(
+        index,
+        name,
+        SubObject("COB-ID used by PDO", U32, "rw", cob_id),
+        SubObject("Transmission type", U8, "rw", EVENT_DRIVEN),
+        SubObject("Inhibit time", U16, "rw", 0),
+        SubObject("Compatibility entry", U8, "rw", 0),
+        SubObject("Event timer", U16, "rw", 0),
+    )
+    count = SubObject("Number of mapped objects in PDO", U8, "rw", len(mapping), 0, entries)
+    targets = enumerate([*mapping, *[0] * (entries - len(mapping))], start=1)
+    mapped = (SubObject(f"Application object {n}", U32, "rw", target) for n, target in targets)
+    yield DictionaryObject(index + values.MAPPING_OFFSET, f"{name} mapping", ObjectCode.RECORD, (count, *mapped))
 
 
 def sent(table: Table, name: Text) -> dict[Text, MessageRow]:
@@ -209,14 +198,16 @@ def pdos(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterator[D
     default of the very PDO that has it (TPDO1 0x180, RPDO1 0x200, ...) for that default, and adds the node-ID.
     """
     entries = max([LEAST_ENTRIES, *(len(each.targets) for each in data.values())])
-    targets = {key: data[each.object].targets if each.object else () for key, each in table.messages.items()}
-    receiving = (
-        PdoRow(key, each.identifier | (values.NOT_VALID if name in each.listeners else 0), targets[key])
-        for key, each in received(table, name).items()
-    )
-    sending = (PdoRow(key, each.identifier | values.NO_RTR, targets[key]) for key, each in sent(table, name).items())
-    yield from pdo_records(PdoDirection.RPDO, receiving, entries)
-    yield from pdo_records(PdoDirection.TPDO, sending, entries)
+    for direction, messages in ((PdoDirection.RPDO, received(table, name)), (PdoDirection.TPDO, sent(table, name))):
+        for index, (key, each) in enumerate(messages.items(), start=direction.value):
+            if direction is PdoDirection.TPDO:
+                control = values.NO_RTR  # nothing is asked for by remote frames
+            else:
+                control = (
+                    values.NOT_VALID if name in each.listeners else 0
+                )  # a listener's is off until a master wants it
+            targets = data[each.object].targets if each.object else ()
+            yield from pdo_records(index, key, each.identifier | control, targets, entries)
 
 
 # Data and settings
