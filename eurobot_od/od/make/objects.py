@@ -203,9 +203,7 @@ def pdos(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterator[D
             if direction is PdoDirection.TPDO:
                 control = values.NO_RTR  # nothing is asked for by remote frames
             else:
-                control = (
-                    values.NOT_VALID if name in each.listeners else 0
-                )  # a listener's is off until a master wants it
+                control = values.NOT_VALID if name in each.listeners else 0  # off until a master wants it
             targets = data[each.object].targets if each.object else ()
             yield from pdo_records(index, key, each.identifier | control, targets, entries)
 
