@@ -15,7 +15,8 @@ import yaml
 
 T = TypeVar("T")
 NUMBER = re.compile(r"0|[1-9][0-9]*|0x[0-9A-Fa-f]+")
-TAG = "tag:yaml.org,2002:"
+STRING = "tag:yaml.org,2002:str"
+"""The tag of what YAML itself takes for a text."""
 
 
 class Place(NamedTuple):
@@ -93,7 +94,7 @@ def number(node: yaml.Node, problems: Problems) -> Number:
 
 def any_text(node: yaml.Node, problems: Problems) -> Text:
     """Read a text; one that YAML takes for something else (`off`, `12:30`, `1.0`) has to be in quotes."""
-    if not isinstance(node, yaml.ScalarNode) or node.tag != TAG + "str":
+    if not isinstance(node, yaml.ScalarNode) or node.tag != STRING:
         hint = ", which needs quotes to be one" if isinstance(node, yaml.ScalarNode) else ""
         refuse(node, problems, f"expected a text, found {shown(node)}{hint}")
     return Text(node.value, place_of(node.start_mark))
@@ -116,7 +117,7 @@ def scalar(node: yaml.Node, problems: Problems) -> Text:
 
 def number_or_text(node: yaml.Node, problems: Problems) -> Number | Text:
     """Read a number, or else a text."""
-    return text(node, problems) if node.tag == TAG + "str" else number(node, problems)
+    return text(node, problems) if node.tag == STRING else number(node, problems)
 
 
 def matching(pattern: str, what: str) -> Reader[Text]:
@@ -129,11 +130,6 @@ def matching(pattern: str, what: str) -> Reader[Text]:
         return value
 
     return read
-
-
-def choice(*allowed: str) -> Reader[Text]:
-    """Make a reader of one of the `allowed` texts."""
-    return matching("|".join(map(re.escape, allowed)), f"one of {', '.join(allowed)}")
 
 
 def listing(item: Reader[T], length: int | None = None) -> Reader[tuple[T, ...]]:
@@ -167,8 +163,8 @@ def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mappi
         pairs = pairs_of(node, problems)
         wrong = [Problem(key.place, f"unknown key '{key}'") for key in pairs if key not in readers]
         wrong += [Problem(place_of(node.start_mark), f"key '{key}' is missing") for key in needed if key not in pairs]
-        known = {key: each for key, each in pairs.items() if key in readers}
         problems += wrong
+        known = {key: each for key, each in pairs.items() if key in readers}
         values = read_all(((readers[key], each) for key, each in known.items()), problems)
         if wrong:
             raise ReadError
@@ -213,37 +209,31 @@ def read_yaml(source: str, reader: Reader[T], problems: Problems) -> T:
 
 def compose(source: str, problems: Problems) -> yaml.Node:
     """Parse the one document of `source` into nodes; text that is not YAML is one problem."""
-    node = _parsed(lambda: yaml.compose(source, Loader=yaml.SafeLoader), source, problems)
-    if node is None:
-        problems.append(Problem(START, "the file is empty"))
-        raise ReadError
-    return node
+    return _parsed(yaml.compose, source, problems)
 
 
 def compose_all(source: str, problems: Problems) -> list[yaml.Node]:
     """Parse all documents of `source`; text that is not YAML is one problem."""
-    nodes = _parsed(lambda: list(yaml.compose_all(source, Loader=yaml.SafeLoader)), source, problems)
-    if not nodes:
-        problems.append(Problem(START, "the file is empty"))
-        raise ReadError
-    return nodes
+    return _parsed(lambda *arguments: list(yaml.compose_all(*arguments)), source, problems)
 
 
-def _parsed(parse: Callable[[], T], source: str, problems: Problems) -> T:
-    """Call the parser and turn its errors into a problem."""
+def _parsed(parse: Callable[[str, type[yaml.SafeLoader]], T | None], source: str, problems: Problems) -> T:
+    """Call the parser; what it raises, and a text without a document, become a problem."""
     try:
-        return parse()
+        parsed = parse(source, yaml.SafeLoader)
     except yaml.reader.ReaderError as error:
         lines = source[: error.position].split("\n")
-        problems.append(Problem(Place(len(lines), len(lines[-1]) + 1), error.reason))
-        raise ReadError from error
+        problem = Problem(Place(len(lines), len(lines[-1]) + 1), error.reason)
     except yaml.MarkedYAMLError as error:
-        place = place_of(error.problem_mark) if error.problem_mark else START
-        problems.append(Problem(place, str(error.problem)))
-        raise ReadError from error
-    except RecursionError as error:
-        problems.append(Problem(START, "the file is nested too deeply"))
-        raise ReadError from error
+        problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, str(error.problem))
+    except RecursionError:
+        problem = Problem(START, "the file is nested too deeply")
+    else:
+        if parsed:
+            return parsed
+        problem = Problem(START, "the file is empty")
+    problems.append(problem)
+    raise ReadError
 
 
 def refuse_aliases(root: yaml.Node, problems: Problems) -> None:

@@ -11,11 +11,11 @@ from eurobot_od.yaml_places import (
     Problems,
     ReadError,
     any_text,
-    choice,
     compose,
     compose_all,
     listing,
     mapping,
+    matching,
     number,
     read_yaml,
     record,
@@ -30,6 +30,7 @@ class Pair(NamedTuple):
     two: str = ""
 
 
+A_OR_B = matching("a|b", "a or b")
 PAIR = record(Pair, {"one": number}, {"two": any_text})
 
 VALID = [
@@ -39,7 +40,7 @@ VALID = [
     (any_text, "Zürich", "Zürich"),
     (scalar, "010", "010"),  # as written
     (scalar, "off", "off"),
-    (choice("a", "b"), "b", "b"),
+    (A_OR_B, "b", "b"),
     (listing(number), "[1, 2]", (1, 2)),
     (listing(number, 2), "[1, 2]", (1, 2)),
     (mapping(number), "{a: 1, b: 2}", {"a": 1, "b": 2}),
@@ -53,7 +54,7 @@ INVALID = [
     (text, "Zürich", "1:1: expected printable ASCII characters, found 'Zürich'"),
     (any_text, "off", "1:1: expected a text, found 'off', which needs quotes to be one"),
     (scalar, "[]", "1:1: expected a single value, found a list"),
-    (choice("a", "b"), "c", "1:1: expected one of a, b, found 'c'"),
+    (A_OR_B, "c", "1:1: expected a or b, found 'c'"),
     (listing(number, 2), "[1]", "1:1: expected a list of 2, found 1"),
     (mapping(number), "a: 1\nb: x\n", "2:4: expected a whole number, decimal or 0x hexadecimal, found 'x'"),
     (mapping(number), "a: 1\na: 2\n", "2:1: key 'a' is given twice"),

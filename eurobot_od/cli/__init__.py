@@ -1,8 +1,8 @@
 """The command `eurobot-od`: finds the module of a sub-command, runs it, and turns errors into one line.
 
-Rule of this package: one module a command, with `add_arguments(parser)` and `run(arguments) -> exit status`; it parses,
-calls a plain function of a lower layer, and prints. A module is imported when its command is called and not before.
-Exit status 0 fine, 1 findings or failed checks, 2 wrong usage or input, 3 bus or file trouble, 130 interrupted.
+Rule of this package: one module a command, with `add_arguments(parser)` and `run(arguments)`, which parses, calls a
+plain function of a lower layer, prints, and returns an `ExitStatus`, or None if it cannot be but fine. A module is
+imported when its command is called and not before.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from enum import IntEnum
+from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -43,42 +45,42 @@ COMMANDS = {
     "nmt": "start, stop or reset a CANopen node",
 }
 
-EXIT_STATUS: tuple[tuple[type[BaseException], int], ...] = (
-    (RemoteError, 1),
-    (BusError, 3),
-    (EurobotError, 2),
-    (OSError, 3),
-)
-"""The first entry that fits an error gives the exit status."""
+
+class ExitStatus(IntEnum):
+    """What a command tells the shell."""
+
+    FINE = 0
+    FOUND = 1
+    """Findings, differences, failed checks, a node that refused or did not answer."""
+    WRONG_INPUT = 2
+    """Of the command line, or of a file."""
+    TROUBLE = 3
+    """With the bus or the file system."""
+    INTERRUPTED = 130
 
 
-class Help(argparse.HelpFormatter):
-    """Help as wide as the terminal; argparse would import `shutil` and three compression libraries for that."""
-
-    def __init__(self, prog: str) -> None:
-        super().__init__(prog, width=_terminal_width() - 2)
-
-
-class Verbatim(Help, argparse.RawDescriptionHelpFormatter):
-    """Help with its description and epilog as they are."""
-
-
-def _terminal_width() -> int:
-    try:
-        return int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
-    except (ValueError, OSError):  # no number; no terminal
-        return 80
+STATUS_OF = {
+    RemoteError: ExitStatus.FOUND,
+    BusError: ExitStatus.TROUBLE,
+    EurobotError: ExitStatus.WRONG_INPUT,
+    OSError: ExitStatus.TROUBLE,
+}
+"""The exit status of an error is that of the first class that it is of."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line."""
+    """Says what is wrong with a command line in one line; its help is as wide as the terminal."""
 
-    def __init__(self, prog: str, **options: Any) -> None:
-        super().__init__(prog, **{"formatter_class": Help} | options)
+    def __init__(self, prog: str, kind: type[argparse.HelpFormatter] = argparse.HelpFormatter, **options: Any) -> None:
+        try:  # or else argparse asks `shutil`, which imports three compression libraries
+            width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
+        except (ValueError, OSError):  # no number; no terminal
+            width = 80
+        super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
 
     def error(self, message: str) -> NoReturn:
-        """Exit with status 2."""
-        self.exit(2, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+        """Exit; raises SystemExit."""
+        self.exit(ExitStatus.WRONG_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -87,27 +89,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(words)
     except KeyboardInterrupt:
-        return 130
+        return ExitStatus.INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left; nothing more to say
-        return 0
+        return ExitStatus.FINE
     except (EurobotError, OSError) as error:
-        print(f"eurobot-od: {_in_words(error)}", file=sys.stderr)
-        return next(status for kind, status in EXIT_STATUS if isinstance(error, kind))
-
-
-def _in_words(error: EurobotError | OSError) -> str:
-    """Return an error as one line; one of the file system begins with the file, as ours do."""
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
-    return str(error)
+        what = str(error)
+        if isinstance(error, OSError) and error.filename is not None:
+            what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own
+        print(f"eurobot-od: {what}", file=sys.stderr)
+        return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
 
 
 def _run(words: list[str]) -> int:
     command = words[0] if words and words[0] in COMMANDS else None
     if command is None:
         _overview().parse_args(words or ["--help"])
-        return 2
+        return ExitStatus.WRONG_INPUT
     gc.disable()  # what is imported stays: looking for garbage in it would take a quick command a millisecond
     try:
         module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
@@ -116,9 +114,9 @@ def _run(words: list[str]) -> int:
         arguments = parser.parse_args(words[1:])
     finally:
         gc.enable()
-    status: int = module.run(arguments)
-    sys.stdout.flush()
-    return status
+    status: int | None = module.run(arguments)
+    sys.stdout.flush()  # here, where a reader that has left is no error
+    return status or ExitStatus.FINE
 
 
 def _overview() -> argparse.ArgumentParser:
@@ -128,7 +126,7 @@ def _overview() -> argparse.ArgumentParser:
         "eurobot-od",
         description="The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.",
         epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
-        formatter_class=Verbatim,
+        kind=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
     return parser

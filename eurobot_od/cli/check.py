@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.robot import dialects
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
     from eurobot_od.check.results import StepResult, SuiteResult
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
-
-FINE, RED, WRONG_INPUT, BUS_TROUBLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +49,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Read the suites, run them, and report."""
     from eurobot_od.check.reader import SuiteError, SuiteReader
     from eurobot_od.robot.check import shipped
@@ -58,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     reader = SuiteReader(shipped.NETWORKS, arguments.dialect)
     if arguments.schema:
         print(json.dumps(reader.schema(), indent=1))
-        return FINE
+        return ExitStatus.FINE
     files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
@@ -66,10 +65,13 @@ def run(arguments: argparse.Namespace) -> int:
         suites = _chosen(reader.read_files(files), arguments.tag, arguments.step)
     except SuiteError as error:
         print(error, file=sys.stderr)
-        return WRONG_INPUT
+        return ExitStatus.WRONG_INPUT
     if arguments.list:
-        print("\n".join(_list_line(suite) for suite in suites))
-        return FINE
+        for suite in suites:
+            where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
+            tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
+            print(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
+        return ExitStatus.FINE
     return _check(arguments, suites)
 
 
@@ -88,13 +90,7 @@ def _chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) 
     return chosen
 
 
-def _list_line(suite: Suite) -> str:
-    where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
-    tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
-    return f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}"
-
-
-def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> int:
+def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus:
     from eurobot_od.check.runner import Interrupt
 
     interrupt = Interrupt()
@@ -102,8 +98,10 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> int:
         results = list(_results(arguments, suites, interrupt))
     _report(arguments, results)
     if interrupt.requested:
-        return INTERRUPTED
-    return BUS_TROUBLE if any(result.error for result in results) else int(any(result.failed for result in results))
+        return ExitStatus.INTERRUPTED
+    if any(result.error for result in results):
+        return ExitStatus.TROUBLE
+    return ExitStatus.FOUND if any(result.failed for result in results) else ExitStatus.FINE
 
 
 @contextmanager
@@ -139,7 +137,10 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     from eurobot_od.check.runner import RunOptions
 
     how = f"simulated, seed {seed}" if arguments.simulate else "on the bus"
-    reason = _unfit(arguments, suite)
+    fits = None in (suite.dialect, arguments.dialect) or (
+        dialects.folder(suite.dialect) == dialects.folder(arguments.dialect)
+    )
+    reason = "" if fits else f"skipped: it is for the dialect {suite.dialect}"
     if not _silent(arguments):
         print(report.heading(suite, reason or how), flush=True)
     if reason:
@@ -155,14 +156,6 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     from eurobot_od.check.live import run_live
 
     return run_live(suite, options, interrupt, partial(_show, arguments), partial(shared.open_bus, arguments))
-
-
-def _unfit(arguments: argparse.Namespace, suite: Suite) -> str:
-    """Say why a suite is not for the dialect of the command line; nothing if it is."""
-    if suite.dialect is None or arguments.dialect is None:
-        return ""
-    same = dialects.folder(suite.dialect) == dialects.folder(arguments.dialect)
-    return "" if same else f"skipped: it is for the dialect {suite.dialect}"
 
 
 def _is_chosen(texts: Sequence[str], name: str) -> bool:

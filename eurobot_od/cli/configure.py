@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import remote
+from eurobot_od.cli import ExitStatus, remote
 
 if TYPE_CHECKING:
     from eurobot_od.client.configure import ChangePlan
@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--dry-run", action="store_true", help="print what differs and write nothing")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Configure the node; with --dry-run 1 if it differs from the file."""
     from eurobot_od.client.configure import apply, check_file, difference
     from eurobot_od.client.description import from_file
@@ -37,12 +37,12 @@ def run(arguments: argparse.Namespace) -> int:
         plan = difference(node, description)
         print(summary(plan, node.node_id))
         if arguments.dry_run or not plan.changes:
-            return 1 if plan.changes else 0
+            return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
         node.state(HEARTBEAT_WAIT)
         outcome = apply(node, plan, datetime.now())
     kept = "stored, verified after a reset" if outcome.stored else "not stored: the node has no 0x1010"
     print(f"node {node.node_id} configured: {outcome.changed} objects written and read back, {kept}")
-    return 0
+    return ExitStatus.FINE
 
 
 def summary(plan: ChangePlan, node_id: int) -> str:

@@ -6,25 +6,18 @@ Lines go to standard output, progress and the report to standard error.
 from __future__ import annotations
 
 import argparse
-import io
 import os
-import stat
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, BinaryIO
 
-from eurobot_od.cli import options
+from eurobot_od.cli import ExitStatus, options
+from eurobot_od.cli.logs import add_log, form_of, opened
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.logs.output import Output
-
-STANDARD_INPUT = "-"
-CHUNK = 1 << 16
-"""Bytes read from a pipe at once."""
 
 PROGRESS_FROM = 8 << 20
 PROGRESS_STEP = 1 << 20
@@ -45,18 +38,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_dialect(parser)
 
 
-def add_log(parser: argparse.ArgumentParser) -> None:
-    """Add the logs to read and their format."""
-    from eurobot_od.logs.formats import FORMATS, STANDARD_INPUT
-
-    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; left out or -: standard input")
-    parser.add_argument(
-        "--format",
-        choices=FORMATS,
-        help=f"format of the logs; left out: by suffix, for standard input {STANDARD_INPUT}",
-    )
-
-
 def add_filters(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which frames are wanted."""
     group = parser.add_argument_group("filters", "an entry has to pass all kinds of them that are given")
@@ -75,7 +56,7 @@ def add_filters(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Decode all logs; report what is wrong in them."""
     from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
@@ -91,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
             sys.stdout.writelines(_watched(decoding.lines(file, log, form_of(log, arguments.format)), file))
     sys.stdout.flush()
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
-    return 1 if arguments.strict and decoding.damage.total else 0
+    return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
 
 
 def _output(arguments: argparse.Namespace, decoder: Decoder) -> Output:
@@ -110,8 +91,6 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
 
     Raises LocalError for a name or a value that cannot be.
     """
-    if not (arguments.where or arguments.message or arguments.node):
-        return None
     from eurobot_od.logs.filters import by_name, by_node, by_value
 
     wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in arguments.where or ()]
@@ -119,65 +98,19 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
         wanted.append(by_name(arguments.message, decoder.protocol))
     if arguments.node:
         wanted.append(by_node(arguments.node, [each.name for each in decoder.outlines]))
-    return lambda meaning: all(each(meaning) for each in wanted)
-
-
-# Input
-
-
-def form_of(log: str, form: str | None) -> str | None:
-    """Return the format of a log: what was asked for, standard input's, or None for that of its suffix."""
-    from eurobot_od.logs import formats
-
-    return form or (formats.STANDARD_INPUT if log == STANDARD_INPUT else None)
-
-
-@contextmanager
-def opened(log: str) -> Iterator[io.BufferedReader]:
-    """Open a log; standard input gives its lines as they come."""
-    if log == STANDARD_INPUT:
-        yield _standard_input()
-    else:
-        with Path(log).open("rb") as file:
-            yield file
-
-
-def _standard_input() -> io.BufferedReader:
-    """Return standard input; from a pipe, what was decoded is shown before the next lines are waited for."""
-    file: io.BufferedReader = sys.stdin.buffer  # type: ignore[assignment]  # as it is, unless a program replaces it
-    if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        return file
-    return io.BufferedReader(Pipe(file.fileno(), sys.stdout.flush), CHUNK)
-
-
-class Pipe(io.RawIOBase):
-    """The reading end of a pipe or a terminal; `before_waiting` is called before each read."""
-
-    def __init__(self, descriptor: int, before_waiting: Callable[[], object]) -> None:
-        self._descriptor, self._before_waiting = descriptor, before_waiting
-
-    def readable(self) -> bool:
-        return True
-
-    def readinto(self, buffer: Any) -> int:
-        self._before_waiting()
-        data = os.read(self._descriptor, len(buffer))
-        buffer[: len(data)] = data
-        return len(data)
+    return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
 
 
 # Progress
 
 
-def _watched(lines: Iterable[str], file: BinaryIO) -> Iterable[str]:
+def _watched(lines: Iterable[str], file: BinaryIO) -> Iterator[str]:
     """Show on a terminal how far a long log is read."""
-    if not sys.stderr.isatty() or sys.stdout.isatty() or not file.seekable():
-        return lines
-    size = os.fstat(file.fileno()).st_size
-    return _with_progress(lines, file, size) if size >= PROGRESS_FROM else lines
-
-
-def _with_progress(lines: Iterable[str], file: BinaryIO, size: int) -> Iterator[str]:
+    shown = sys.stderr.isatty() and not sys.stdout.isatty() and file.seekable()
+    size = os.fstat(file.fileno()).st_size if shown else 0
+    if size < PROGRESS_FROM:
+        yield from lines
+        return
     written = 0
     for line in lines:
         if written % PROGRESS_STEP < len(line):

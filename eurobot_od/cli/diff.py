@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
 
+from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.lint.diff import Difference, compare, compare_live, place, read_device, readable
 from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od.values import NODE_IDS
-
-SAME, DIFFERENT = 0, 1
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -28,7 +26,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     shared.add_bus(parser)
 
 
-def run(arguments: Namespace) -> int:
+def run(arguments: Namespace) -> ExitStatus:
     """Compare, print, and return the exit status."""
     if arguments.node is not None and arguments.node not in NODE_IDS:
         raise LocalError(f"node-ID {arguments.node} is not in 1..127")
@@ -37,8 +35,14 @@ def run(arguments: Namespace) -> int:
         found = compare(left, read_device(arguments.right), arguments.node, arguments.names)
     else:
         found = _compare_live(left, arguments)
-    _print(found, arguments.json)
-    return DIFFERENT if found else SAME
+    if arguments.json:
+        import json
+
+        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
+        print()
+    else:
+        sys.stdout.writelines(f"{each}\n" for each in found)
+    return ExitStatus.FOUND if found else ExitStatus.FINE
 
 
 def _compare_live(device: LintedDevice, arguments: Namespace) -> list[Difference]:
@@ -50,13 +54,3 @@ def _compare_live(device: LintedDevice, arguments: Namespace) -> list[Difference
 
     with Master(shared.open_bus(arguments)) as master:
         return compare_live(device, read_bytes(master.node(node_id), readable(device)), node_id)
-
-
-def _print(found: Sequence[Difference], as_json: bool) -> None:
-    if as_json:
-        import json
-
-        json.dump([{**each._asdict(), "where": place(each.where)} for each in found], sys.stdout, indent=1)
-        print()
-    else:
-        sys.stdout.writelines(f"{each}\n" for each in found)

@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_eds(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Print the objects; an object that the node refuses is listed with its reason."""
     from eurobot_od.client.reading import read_all, readable
 
@@ -22,4 +22,3 @@ def run(arguments: argparse.Namespace) -> int:
         dictionary = remote.needed_description(arguments, node).dictionary
         readings = list(read_all(node, readable(dictionary)))
     remote.print_readings(readings, arguments.json)
-    return 0

@@ -6,7 +6,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.cli import remote
+from eurobot_od.cli import ExitStatus, remote
 
 if TYPE_CHECKING:
     from eurobot_od.client.history import History, RememberedError
@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print as JSON")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Print the history; 1 if there is an error now."""
     from eurobot_od.client.history import clear, history
 
@@ -28,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
             clear(node)
         found = history(node)
     print(json.dumps(as_data(found), indent=2) if arguments.json else text(found, node.node_id))
-    return 1 if found.register else 0
+    return ExitStatus.FOUND if found.register else ExitStatus.FINE
 
 
 def as_data(found: History) -> dict[str, Any]:

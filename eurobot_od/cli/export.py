@@ -24,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         one.set_defaults(run=module.run)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Run the form that was asked for."""
-    status: int = arguments.run(arguments)
-    return status
+    arguments.run(arguments)

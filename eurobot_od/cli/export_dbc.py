@@ -1,7 +1,4 @@
-"""Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers.
-
-Rule of this file: parse, call `export.dbc`, write.
-"""
+"""Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers."""
 
 from __future__ import annotations
 
@@ -18,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_dialect(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the file."""
     from eurobot_od.pdo.dbc import dbc_text
     from eurobot_od.robot.protocol import EurobotProtocol
@@ -28,4 +25,3 @@ def run(arguments: argparse.Namespace) -> int:
         sys.stdout.write(text)
     else:
         arguments.output.write_text(text, encoding="ascii")
-    return 0

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from eurobot_od.cli import remote
+from eurobot_od.cli import ExitStatus, remote
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_eds(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the file; 1 if the node refuses objects of its EDS, which are left out."""
     from eurobot_od.client.master import label
     from eurobot_od.client.reading import dcf_text
@@ -31,4 +31,4 @@ def run(arguments: argparse.Namespace) -> int:
         print(text, end="")
     for thing, _, reason in refused:
         print(f"left out {label(thing.address, thing.name)}: {reason}", file=sys.stderr)
-    return 1 if refused else 0
+    return ExitStatus.FOUND if refused else ExitStatus.FINE

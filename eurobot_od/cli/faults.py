@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from eurobot_od.robot.faults import Fault
-    from eurobot_od.robot.nodes import Node
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,36 +17,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print them as JSON, with the step that finds each")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Print the faults."""
     from eurobot_od.robot import faults
     from eurobot_od.robot.nodes import ROLES
 
     role = ROLES[arguments.node] if arguments.node else None
-    chosen = {owner: rows for owner, rows in faults.FAULTS.items() if role is None or issubclass(role, owner)}
+    # those of the base class any node can have
+    chosen = {
+        "any node" if owner.__name__ == "Node" else owner.__name__.lower(): rows
+        for owner, rows in faults.FAULTS.items()
+        if role is None or issubclass(role, owner)
+    }
     print(json.dumps(as_data(chosen), indent=2) if arguments.json else as_text(chosen))
-    return 0
 
 
-def as_data(faults: Mapping[type[Node], Iterable[Fault]]) -> list[dict[str, str]]:
-    """Return the faults as plain data."""
+def as_data(faults: Mapping[str, Iterable[Fault]]) -> list[dict[str, str]]:
+    """Return the faults, given by their nodes, as plain data."""
     return [
-        {"name": fault.name, "node": _owner(owner), "text": fault.text, **fault.caught_by._asdict()}
+        {"name": fault.name, "node": owner, "text": fault.text, **fault.caught_by._asdict()}
         for owner, rows in faults.items()
         for fault in rows
     ]
 
 
-def as_text(faults: Mapping[type[Node], Iterable[Fault]]) -> str:
+def as_text(faults: Mapping[str, Iterable[Fault]]) -> str:
     """Return the faults as paragraphs, one for each node."""
     width = max(len(fault.name) for rows in faults.values() for fault in rows)
     paragraphs = (
-        "\n".join([f"{_owner(owner)}:", *(f"  {fault.name:{width}}  {fault.text}" for fault in rows)])
+        "\n".join([f"{owner}:", *(f"  {fault.name:{width}}  {fault.text}" for fault in rows)])
         for owner, rows in faults.items()
     )
     return "\n\n".join(paragraphs)
-
-
-def _owner(owner: type[Node]) -> str:
-    """Name the node that has the faults; those of the base class any node can have."""
-    return "any node" if owner.__name__ == "Node" else owner.__name__.lower()

@@ -10,12 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options
-from eurobot_od.cli.decode import add_log, form_of, opened
+from eurobot_od.cli.logs import add_log, entries
 from eurobot_od.errors import RemoteError
 
 if TYPE_CHECKING:
-    from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.pdo.message import Message
 
 
@@ -27,33 +25,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_dialect(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Draw the match; say what was wrong in the log."""
+    from eurobot_od.logs.entries import REMEMBERED
     from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.robot.picture.files import form, save
     from eurobot_od.robot.picture.recording import record
-    from eurobot_od.robot.protocol import decoder as robot_decoder
+    from eurobot_od.robot.protocol import decoder
 
-    form(arguments.output)
-    decoder, damage = robot_decoder(arguments.dialect), DamageCounts()
-    recording = record(
-        event for log in arguments.logs for event in _messages(log, form_of(log, arguments.format), decoder, damage)
-    )
-    sys.stderr.writelines(f"{line}\n" for line in damage.report())
-    if not recording.path and not recording.gotos:
-        raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
-    save(recording, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
-    return 0
+    form(arguments.output)  # complains of a suffix before the logs are read
+    decode, damage = lru_cache(REMEMBERED)(decoder(arguments.dialect)), DamageCounts()
 
-
-def _messages(log: str, form: str | None, decoder: Decoder, damage: DamageCounts) -> Iterator[tuple[float, Message]]:
-    from eurobot_od.logs import formats
-    from eurobot_od.logs.entries import REMEMBERED
-
-    decode = lru_cache(REMEMBERED)(decoder)
-    with opened(log) as file:
-        for line, time, _, raw in formats.read(file, form):
+    def messages() -> Iterator[tuple[float, Message]]:
+        for log, (line, time, _, raw) in entries(arguments.logs, arguments.format):
             meaning = decode(raw)
             damage.add(log, line, meaning.defects)
             if meaning.message is not None:
                 yield time, meaning.message
+
+    recording = record(messages())
+    sys.stderr.writelines(f"{line}\n" for line in damage.report())
+    if not recording.path and not recording.gotos:
+        raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
+    save(recording, arguments.output, arguments.title or Path(arguments.logs[0]).stem)

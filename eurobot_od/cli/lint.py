@@ -1,7 +1,6 @@
 """Check EDS and DCF files, one by one or as a network.
 
-Rule of this file: it parses, calls the checker and prints. Exit status 0 nothing found, 1 something found (errors; with
---strict warnings too), 2 a file that cannot be read or wrong usage.
+Exit status 0 nothing found, 1 something found (errors; with --strict warnings too), 2 a file that cannot be read.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import ExitStatus
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count
 from eurobot_od.lint.model import load
@@ -20,9 +20,6 @@ from eurobot_od.od.document import read_bytes
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import Network
-
-FINE, FOUND, UNREADABLE = 0, 1, 2
-YAML_ENDS = (".yaml", ".yml")
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -40,21 +37,26 @@ def _codes(text: str) -> tuple[str, ...]:
     return tuple(each.strip().upper() for each in text.split(",") if each.strip())
 
 
-def run(arguments: Namespace) -> int:
+def run(arguments: Namespace) -> ExitStatus:
     """Check, print, and return the exit status."""
     if arguments.explain:
         print(explanation(arguments.explain.upper()))
-        return FINE
+        return ExitStatus.FINE
     if not arguments.files:
         raise LocalError("no files to check")
     gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
     try:
-        return _run_network(arguments) if arguments.network else _run_files(arguments)
+        if not arguments.network:
+            return _run_files(arguments)
+        from eurobot_od.lint.network import lint_network, overview
+
+        network = read_network(arguments.files)
+        return _report(arguments, lint_network(network), overview(network))
     finally:
         gc.enable()
 
 
-def _run_files(arguments: Namespace) -> int:
+def _run_files(arguments: Namespace) -> ExitStatus:
     findings: list[Finding] = []
     unreadable: list[DictionaryError] = []
     for file in arguments.files:
@@ -65,35 +67,21 @@ def _run_files(arguments: Namespace) -> int:
     status = _report(arguments, findings, [])
     for each in unreadable:
         print(f"eurobot-od: {each}", file=sys.stderr)
-    return UNREADABLE if unreadable else status
-
-
-def _run_network(arguments: Namespace) -> int:
-    from eurobot_od.lint.network import lint_network, overview
-
-    network = read_network(arguments.files)
-    return _report(arguments, lint_network(network), overview(network))
+    return ExitStatus.WRONG_INPUT if unreadable else status
 
 
 def read_network(files: Sequence[str]) -> Network:
     """Read a network: one YAML file that names the nodes, or their EDS and DCF files; raises DictionaryError."""
     from eurobot_od.lint.network import Member, Network, nodes_of
-
-    if len(files) == 1 and files[0].lower().endswith(YAML_ENDS):
-        return _read_network_file(files[0])
-    devices = [(file, load(read_bytes(file), file)) for file in files]
-    return Network(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
-
-
-def _read_network_file(file: str) -> Network:
-    from eurobot_od.lint.network import Member, Network, nodes_of
     from eurobot_od.od.network import read_network_file
 
-    said = read_network_file(read_bytes(file).decode("utf-8", "replace"), file)
-    members = [
-        Member(name, path, load(read_bytes(path), path), said.node_ids.get(name)) for name, path in said.files.items()
-    ]
-    return Network(nodes_of(members), said.shared, said.order, said.bit_rate)
+    if len(files) == 1 and files[0].lower().endswith((".yaml", ".yml")):
+        said = read_network_file(read_bytes(files[0]).decode("utf-8", "replace"), files[0])
+        named = [(name, file, load(read_bytes(file), file)) for name, file in said.files.items()]
+        nodes = nodes_of([Member(name, file, device, said.node_ids.get(name)) for name, file, device in named])
+        return Network(nodes, said.shared, said.order, said.bit_rate)
+    devices = [(file, load(read_bytes(file), file)) for file in files]
+    return Network(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
 
 
 def explanation(code: str) -> str:
@@ -107,32 +95,33 @@ def explanation(code: str) -> str:
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 
-def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> int:
+def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
     wanted = chosen(findings, arguments.select, arguments.ignore)
     if arguments.json:
         _print_json(wanted, identifiers)
     else:
-        _print_text(wanted, identifiers)
+        for identifier, name, producers, consumers in identifiers:
+            print(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
+        sys.stdout.writelines(f"{each}\n" for each in wanted)
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
-    return FOUND if errors or (arguments.strict and warnings) else FINE
-
-
-def _print_text(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
-    for identifier, name, producers, consumers in identifiers:
-        print(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
-    sys.stdout.writelines(f"{each}\n" for each in findings)
+    return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
 
 
 def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
     import json
 
-    rows = [_row(*each) for each in identifiers]
-    found = [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings]
-    counts = {each.name.lower(): count(findings, each) for each in Severity}
-    json.dump({"findings": found, "counts": counts, **({"identifiers": rows} if rows else {})}, sys.stdout, indent=1)
+    data: dict[str, object] = {
+        "findings": [{**each._asdict(), "severity": each.severity.name.lower()} for each in findings],
+        "counts": {each.name.lower(): count(findings, each) for each in Severity},
+    }
+    if identifiers:
+        data["identifiers"] = [
+            {"identifier": identifier, "name": name, "producers": _names(producers), "consumers": _names(consumers)}
+            for identifier, name, producers, consumers in identifiers
+        ]
+    json.dump(data, sys.stdout, indent=1)
     print()
 
 
-def _row(identifier: str, name: str, producers: str, consumers: str) -> dict[str, object]:
-    ends = {"producers": producers.split(", "), "consumers": consumers.split(", ")}
-    return {"identifier": identifier, "name": name, **{end: list(filter(None, names)) for end, names in ends.items()}}
+def _names(joined: str) -> list[str]:
+    return joined.split(", ") if joined else []

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-FINE, DIFFERENT, WRONG_INPUT = 0, 1, 2
+from eurobot_od.cli import ExitStatus
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--check", action="store_true", help="write nothing; say which files differ, exit 1 if any do")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the files, or compare them."""
     from eurobot_od.od.make.files import differences, make_files, write_files
     from eurobot_od.od.make.table import TableError, read_table
@@ -26,10 +26,10 @@ def run(arguments: argparse.Namespace) -> int:
         texts = make_files(read_table(source, arguments.table))
     except TableError as error:
         print(error, file=sys.stderr)
-        return WRONG_INPUT
+        return ExitStatus.WRONG_INPUT
     if not arguments.check:
         write_files(texts, arguments.output)
-        return FINE
+        return ExitStatus.FINE
     found = differences(texts, arguments.output)
     print("\n".join(found) or f"{arguments.output}: {len(texts)} files are what the table says")
-    return DIFFERENT if found else FINE
+    return ExitStatus.FOUND if found else ExitStatus.FINE

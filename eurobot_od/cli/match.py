@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.recorder import recording
 from eurobot_od.errors import LocalError
@@ -19,10 +20,8 @@ from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
-    from eurobot_od.robot.match import MatchEvent, MatchOptions, Summary
+    from eurobot_od.robot.match import MatchEvent, MatchOptions
     from eurobot_od.robot.match.played import PlayedMatch
-    from eurobot_od.robot.match.stage import ShowEvent, Watcher
-    from eurobot_od.robot.world import World
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -80,7 +79,7 @@ def _jobs(text: str) -> int:
     return jobs
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Play one match, or one for each of many seeds."""
     from eurobot_od.robot.match import MatchOptions
 
@@ -93,14 +92,19 @@ def run(arguments: argparse.Namespace) -> int:
         emergency_at=arguments.emergency_at,
         dialect=arguments.dialect,
     )
-    return _run_one(arguments, options) if arguments.seeds is None else _run_many(arguments, options)
+    if arguments.seeds is not None:
+        return _run_many(arguments, options)
+    _run_one(arguments, options)
+    return None
 
 
 # One match
 
 
-def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> int:
+def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> None:
     """Play, print the timeline as it happens and the summary at the end."""
+    from eurobot_od.robot.match import stage
+
     if arguments.jobs is not None:
         raise LocalError("--jobs goes with --seeds only")
     if arguments.field is not None:
@@ -117,33 +121,22 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> int:
                 frames.append((time, frame))
 
         show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
-        summary, world = _play(arguments, options, show, watch)
+        if arguments.speed == "fast":
+            summary, world = stage.play_simulated(options, show, watch)
+        else:
+            summary, world = stage.play_live(options, show, watch, partial(shared.open_bus, arguments))
     if arguments.field is not None:
-        _draw(arguments, frames, world, f"Match, seed {options.seed}")
+        from eurobot_od.robot.picture.files import save
+        from eurobot_od.robot.picture.recording import record_frames
+        from eurobot_od.robot.protocol import decoder
+
+        picture = record_frames(frames, decoder(arguments.dialect), world.path)
+        save(picture, arguments.field, f"Match, seed {options.seed}")
     if arguments.json:
         timeline = [event.as_data() for event in events]
         print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
     else:
         print(f"\n{summary}")
-    return 0
-
-
-def _play(
-    arguments: argparse.Namespace, options: MatchOptions, show: ShowEvent, watch: Watcher
-) -> tuple[Summary, World]:
-    from eurobot_od.robot.match import stage
-
-    if arguments.speed == "fast":
-        return stage.play_simulated(options, show, watch)
-    return stage.play_live(options, show, watch, partial(shared.open_bus, arguments))
-
-
-def _draw(arguments: argparse.Namespace, frames: list[tuple[float, Frame]], world: World, title: str) -> None:
-    from eurobot_od.robot.picture.files import save
-    from eurobot_od.robot.picture.recording import record_frames
-    from eurobot_od.robot.protocol import decoder
-
-    save(record_frames(frames, decoder(arguments.dialect), world.path), arguments.field, title)
 
 
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
@@ -158,44 +151,33 @@ def _show(in_colour: bool, event: MatchEvent) -> None:
 # Many seeds
 
 
-def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> int:
+def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
     from eurobot_od.robot.match.seeds import cores, play_many
+    from eurobot_od.robot.match.statistics import report
 
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
     jobs = arguments.jobs or min(cores(), MOST_JOBS)
+    played = []
     with closing(play_many(options, arguments.seeds, jobs)) as matches:
-        return 1 if (_print_objects if arguments.json else _print_tally)(matches, len(arguments.seeds)) else 0
+        for match in _watched(matches, len(arguments.seeds), arguments.json and sys.stdout.isatty()):
+            played.append(match)
+            if arguments.json:
+                print(json.dumps(match.as_data()))
+    if not arguments.json:
+        print(*report(played), sep="\n")
+    return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
 
 
-def _print_objects(matches: Iterable[PlayedMatch], number: int) -> bool:
-    """Print each match when it is its turn; tell whether something went wrong in one."""
-    bad = False
-    for match in matches if sys.stdout.isatty() else _watched(matches, number):
-        print(json.dumps(match.as_data()))
-        bad |= bool(match.wrong)
-    return bad
-
-
-def _print_tally(matches: Iterable[PlayedMatch], number: int) -> bool:
-    """Print what all matches came to; tell whether something went wrong in one."""
-    from eurobot_od.robot.match.statistics import report
-
-    played = list(_watched(matches, number))
-    print(*report(played), sep="\n")
-    return any(match.wrong for match in played)
-
-
-def _watched(matches: Iterable[PlayedMatch], number: int) -> Iterable[PlayedMatch]:
-    return _with_progress(matches, number) if sys.stderr.isatty() else matches
-
-
-def _with_progress(matches: Iterable[PlayedMatch], number: int) -> Iterator[PlayedMatch]:
-    """Show how many matches are played."""
+def _watched(matches: Iterable[PlayedMatch], number: int, lines_tell: bool) -> Iterator[PlayedMatch]:
+    """Show on a terminal how many matches are played, unless the lines that are printed there tell it."""
     from eurobot_od.cli.decode import bar
 
+    if lines_tell or not sys.stderr.isatty():
+        yield from matches
+        return
     try:
         for count, match in enumerate(matches):
             sys.stderr.write(f"\r{bar(count / number)}")

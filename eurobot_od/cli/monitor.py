@@ -8,19 +8,19 @@ from __future__ import annotations
 import argparse
 import shutil
 import sys
-from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.cli import options
-from eurobot_od.cli.decode import form_of, opened
 from eurobot_od.cli.keyboard import keys
+from eurobot_od.cli.logs import entries
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Meaning
     from eurobot_od.monitor.controls import Controls
-    from eurobot_od.monitor.sources import BusSource, LogSource, Timed
+    from eurobot_od.monitor.sources import BusSource, LogSource
     from eurobot_od.monitor.traffic import Traffic
 
     Source: TypeAlias = BusSource | LogSource
@@ -53,7 +53,7 @@ def _speed(text: str) -> float:
     return speed
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Watch until the logs end or the watcher has enough; print the table once more."""
     from eurobot_od import live as runtime
     from eurobot_od.monitor.cells import plain_table
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:
-        source = stack.enter_context(_source(arguments))
+        source = stack.enter_context(closing(_source(arguments)))
         monitor = Monitor(traffic, controls, source)
         took, refresh = stack.enter_context((on_screen if rich else _lines)(monitor))
         with suppress(KeyboardInterrupt):  # the usual way to end it
@@ -73,7 +73,6 @@ def run(arguments: argparse.Namespace) -> int:
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
     sys.stderr.writelines(f"{line}\n" for line in traffic.damage.report())
-    return 0
 
 
 class Monitor(NamedTuple):
@@ -106,21 +105,13 @@ class Monitor(NamedTuple):
 # Where frames come from
 
 
-def _source(arguments: argparse.Namespace) -> AbstractContextManager[Source]:
+def _source(arguments: argparse.Namespace) -> Source:
     from eurobot_od.monitor.sources import BusSource, LogSource
 
     if not arguments.logs:
-        return closing(BusSource(options.open_bus(arguments)))
-    return closing(LogSource(_entries(arguments.logs, arguments.format), arguments.speed))
-
-
-def _entries(logs: list[str], form: str | None) -> Generator[Timed, None, None]:
-    from eurobot_od.logs import formats
-
-    for log in logs:
-        with opened(log) as file:
-            for _, time, _, raw in formats.read(file, form_of(log, form)):
-                yield time, raw
+        return BusSource(options.open_bus(arguments))
+    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments.format))
+    return LogSource(timed, arguments.speed)
 
 
 # What is shown

@@ -15,7 +15,6 @@ from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
-    from eurobot_od.live import Live
     from eurobot_od.robot.nodes import Core, Node
 
 
@@ -39,8 +38,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_bus(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the node."""
+def run(arguments: argparse.Namespace) -> None:
+    """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError."""
     from eurobot_od import live as runtime
     from eurobot_od.robot.nodes import Core
 
@@ -50,13 +49,19 @@ def run(arguments: argparse.Namespace) -> int:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, with the bus closed
     if arguments.beacons:
-        _see(node, live)
+        from eurobot_od.robot.assembly import assemble
+        from eurobot_od.robot.match.options import MatchOptions
+
+        assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
         if isinstance(node, Core):
             _lead(node, arguments)
-        _wait(live, arguments.duration)
-    return 0
+        end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
+        while live.failure is None and live.clock() < end:
+            time.sleep(0.1)
+        if live.failure is not None:
+            raise live.failure
 
 
 def _make(arguments: argparse.Namespace) -> Node:
@@ -73,14 +78,6 @@ def _make(arguments: argparse.Namespace) -> Node:
         role = faults.faulty(role, arguments.fault)
     dictionary = dialects.load(arguments.node, arguments.dialect, arguments.node_id)
     return role(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None)
-
-
-def _see(node: Node, live: Live) -> None:
-    """Give a navigation simulated beacons: our robot stands, two enemies and a confederate are on their rounds."""
-    from eurobot_od.robot.assembly import assemble
-    from eurobot_od.robot.match.options import MatchOptions
-
-    assemble([node], MatchOptions(), live.clock)
 
 
 def _show(node: Node, frame: Frame, now: float) -> None:
@@ -108,12 +105,3 @@ def _lead(core: Core, arguments: argparse.Namespace) -> None:
         from eurobot_od.robot.check.drill import drill
 
         asyncio.run(drill(core))
-
-
-def _wait(live: Live, duration: float | None) -> None:
-    """Wait for the end of the time, an interrupt, or the bus's failure; raises BusError."""
-    end = None if duration is None else live.clock() + duration
-    while live.failure is None and (end is None or live.clock() < end):
-        time.sleep(0.1)
-    if live.failure is not None:
-        raise live.failure

@@ -1,4 +1,4 @@
-"""Command-line options that several commands share; rule: each is described here once."""
+"""Command-line options that several commands share."""
 
 from __future__ import annotations
 

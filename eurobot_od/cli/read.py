@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from eurobot_od.cli import remote
+from eurobot_od.cli import ExitStatus, remote
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_eds(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Print the objects; 1 if the node refuses one."""
     from eurobot_od.client.objects import find
     from eurobot_od.client.reading import read_all
@@ -28,4 +28,4 @@ def run(arguments: argparse.Namespace) -> int:
         things = [thing for text in arguments.objects for thing in find(text, dictionary)]
         readings = list(read_all(node, things))
     remote.print_readings(readings, arguments.json)
-    return 1 if any(each.refusal for each in readings) else 0
+    return ExitStatus.FOUND if any(each.refusal for each in readings) else ExitStatus.FINE

@@ -1,6 +1,6 @@
 """What the commands for any CANopen node share: the node, its EDS, the bus, and how objects are listed.
 
-Rule of this file: each option is described here once; a node is named by its node-ID or by its name in the dialect.
+A node is named by its node-ID, or by its name in the dialect.
 """
 
 from __future__ import annotations
@@ -56,13 +56,11 @@ def node_id(arguments: argparse.Namespace) -> int:
     return int(text)
 
 
-@contextmanager
-def master(arguments: argparse.Namespace) -> Iterator[Master]:
-    """Open the bus for as long as the context lasts; raises BusError."""
+def master(arguments: argparse.Namespace) -> Master:
+    """Open the bus; the context closes it. Raises BusError."""
     from eurobot_od.client.master import Master
 
-    with Master(shared.open_bus(arguments), arguments.timeout) as opened:
-        yield opened
+    return Master(shared.open_bus(arguments), arguments.timeout)
 
 
 @contextmanager

@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reset", action="store_true", help="reset the node, so that it takes effect")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Restore all default parameters."""
     from eurobot_od.client.configure import restore
 
@@ -23,4 +23,3 @@ def run(arguments: argparse.Namespace) -> int:
             node.reset()
     when = "has" if arguments.reset else "will have, from its next reset on,"
     print(f"node {node.node_id} {when} the defaults of all parameters")
-    return 0

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
-from eurobot_od.cli import remote
+from eurobot_od.cli import ExitStatus, remote
 from eurobot_od.device.nmt import STATE_NAMES
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_bus(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """List the nodes; 1 if there is none."""
     from eurobot_od.client.scan import scan
 
@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(json.dumps([as_data(each) for each in found], indent=2))
     else:
         print(remote.columns(rows(found)) if found else "no node answers")
-    return 0 if found else 1
+    return ExitStatus.FINE if found else ExitStatus.FOUND
 
 
 def as_data(found: Found) -> dict[str, Any]:

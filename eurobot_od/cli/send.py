@@ -6,10 +6,13 @@ Rule of this file: the whole command line is checked against the EDS files befor
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Sequence
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
+from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, FieldError, LocalError, UnknownName
 
@@ -17,16 +20,12 @@ if TYPE_CHECKING:
     import can
 
     from eurobot_od.frame import Frame
-    from eurobot_od.gatekeeper import Received
-    from eurobot_od.live import Live
     from eurobot_od.pdo.binding import Binding
     from eurobot_od.pdo.message import Message
     from eurobot_od.pdo.protocol import Protocol
 
 PATIENCE = 1.0
 """Seconds that the driver has to take a frame."""
-
-NOT_TAKEN = "the bus did not take the frame"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_bus(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message; 1 if the expected answer does not come in time."""
     from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -50,7 +49,17 @@ def run(arguments: argparse.Namespace) -> int:
     expected = protocol.binding(arguments.expect) if arguments.expect else None
     bus = shared.open_bus(arguments)
     print(f"sent      {frame}  {_words(protocol, message)}")
-    return _exchange(bus, protocol, message, expected, within) if expected else _only_send(bus, frame)
+    if expected is None:
+        with bus:
+            transmit(bus, frame)
+        return ExitStatus.FINE
+    answer = exchange(bus, frame, expected.cob_id, within)
+    if answer is None:
+        print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
+        return ExitStatus.FOUND
+    came, took = answer
+    print(f"received  {came}  {_words(protocol, expected.decode(came.data))}  after {took * 1000:.1f} ms")
+    return ExitStatus.FINE
 
 
 def parse(binding: Binding, fields: Sequence[str]) -> Message:
@@ -85,40 +94,35 @@ def _words(protocol: Protocol, message: Message) -> str:
     return f"{protocol.name(type(message))}  {describe(message)}".rstrip()
 
 
-def _only_send(bus: can.BusABC, frame: Frame) -> int:
+def transmit(bus: can.BusABC, frame: Frame) -> None:
+    """Give a frame to the driver; raises BusError."""
     from eurobot_od.live import Driver
 
-    with bus:
-        if not Driver(bus).send(frame, PATIENCE):
-            raise BusError(NOT_TAKEN)
-    return 0
+    if not Driver(bus).send(frame, PATIENCE):
+        raise BusError("the bus did not take the frame")
 
 
-def _exchange(bus: can.BusABC, protocol: Protocol, message: Message, expected: Binding, within: float) -> int:
-    from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
-    from eurobot_od.live import Live
+def exchange(bus: can.BusABC, question: Frame, cob_id: int, within: float) -> tuple[Frame, float] | None:
+    """Send a frame and wait for one with a COB-ID; return it and the seconds it took, None if it takes longer.
 
-    gatekeeper = Gatekeeper(protocol)
-    answers: MessageQueue[Frame] = MessageQueue("answers", 0, print)
-    gatekeeper.add_frames(lambda: (expected.cob_id,), answers.put)
-    with Live(bus, gatekeeper) as live:
-        started = live.clock()
-        live.send(message)
-        status = _tell(live, protocol, answers.get(within), started, expected, within)
-    if gatekeeper.mailboxes.statistics().completed == 0:
-        raise BusError(NOT_TAKEN)
-    return status
+    Raises BusError.
+    """
+    from eurobot_od.live import Watch
 
+    came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
 
-def _tell(
-    live: Live, protocol: Protocol, answer: Received[Frame] | None, started: float, expected: Binding, within: float
-) -> int:
-    if live.failure:
-        raise live.failure
-    if answer is None:
-        print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
-        return 1
-    took = (answer.timestamp - started) * 1000
-    message = expected.decode(answer.message.data)
-    print(f"received  {answer.message}  {_words(protocol, message)}  after {took:.1f} ms")
-    return 0
+    def seen(now: float, frame: Frame) -> None:
+        if frame.cob_id == cob_id:
+            came.put((now, frame))
+
+    with Watch(bus, seen, time.perf_counter, failed=came.put):  # it listens before the question is out
+        started = time.perf_counter()
+        transmit(bus, question)
+        try:
+            answer = came.get(timeout=within)
+        except Empty:
+            return None
+    if isinstance(answer, BusError):
+        raise answer
+    arrived, frame = answer
+    return frame, arrived - started

@@ -1,6 +1,6 @@
 """Show the messages as the EDS files map them, or one message's bits as a picture.
 
-Rule of this file: what is printed comes from the loaded EDS files and the message types, from nothing else.
+What is printed comes from the loaded EDS files and the message types, from nothing else.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import json
 import textwrap
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from string import ascii_letters
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_dialect(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
     from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -37,7 +37,6 @@ def run(arguments: argparse.Namespace) -> int:
         print("\n".join(picture(chosen[0])))
     else:
         print("\n".join(table(chosen)))
-    return 0
 
 
 def as_data(binding: Binding) -> dict[str, Any]:
@@ -49,8 +48,7 @@ def as_data(binding: Binding) -> dict[str, Any]:
             "allowed": binding.kinds[field].allowed(binding.limits[field]),
             "frame_bits": binding.layout.places(field),
         }
-        for field in binding.kinds
-        if field in binding.layout.fields
+        for field in mapped(binding)
     }
     return {
         "name": binding.name,
@@ -62,12 +60,17 @@ def as_data(binding: Binding) -> dict[str, Any]:
     }
 
 
+def mapped(binding: Binding) -> list[str]:
+    """Return the fields that the loaded EDS files map, in the order of the message type."""
+    return [field for field in binding.kinds if field in binding.limits]
+
+
 def table(bindings: Iterable[Binding]) -> Iterator[str]:
     """Yield the lines of the table of all messages, most urgent first."""
     yield f"{'COB-ID':<7} {'message':<30} {'from':<18} {'to':<18} {'bytes':>5}  fields (bits)"
     for each in bindings:
         senders, receivers = ", ".join(each.senders), ", ".join(each.receivers)
-        fields = ", ".join(f"{name} {each.layout.widths[name]}" for name in each.kinds if name in each.layout.fields)
+        fields = ", ".join(f"{name} {each.layout.widths[name]}" for name in mapped(each))
         line = f"0x{each.cob_id:03X}   {each.name:<30} {senders:<18} {receivers:<18} {each.layout.length:>5}  {fields}"
         yield line.rstrip()
 
@@ -77,65 +80,55 @@ def table(bindings: Iterable[Binding]) -> Iterator[str]:
 
 def picture(binding: Binding) -> Iterator[str]:
     """Yield the lines that describe one message: who, which bits where, and what each field means."""
-    text = " ".join((binding.type.__doc__ or "").split())
+    layout, symbols = binding.layout, _symbols(mapped(binding))
+    cells = {
+        place: f"{symbol}{bit}" for field, symbol in symbols.items() for bit, place in enumerate(layout.places(field))
+    }
     yield f"{binding.name}  COB-ID 0x{binding.cob_id:03X}  {_lengths(binding)}"
     yield f"{', '.join(binding.senders)} -> {', '.join(binding.receivers)}"
-    yield from textwrap.wrap(text, 100)
-    if binding.layout.length:
+    yield from textwrap.wrap(" ".join((binding.type.__doc__ or "").split()), 100)
+    if layout.length:
         yield ""
-        yield from _bytes(binding)
+        yield from _bytes(layout.length, cells)
         yield ""
-        yield from _legend(binding)
+    for field, symbol in symbols.items():
+        width, allowed = layout.widths[field], binding.kinds[field].allowed(binding.limits[field])
+        bits = f"{symbol}{width - 1}..{symbol}0" if width > 1 else f"{symbol}0"
+        yield f"{bits:<9} {field:<17} {width:>2} bit  {allowed}"
+    if len(cells) < 8 * layout.length:
+        yield ".".ljust(9) + " unused"
 
 
 def _lengths(binding: Binding) -> str:
+    """Say how many bytes a frame has, and how many without the fields that may be left out."""
     if binding.layout.length == 0:
         return "no data"
-    shorter = "".join(f", {length} without {_names(binding.optional)}" for length in binding.lengths[:-1])
-    return f"{binding.layout.length} byte{'s' * (binding.layout.length > 1)}{shorter}"
+    text = f"{binding.layout.length} byte{'s' * (binding.layout.length > 1)}"
+    if len(binding.lengths) == 1:
+        return text
+    *others, last = binding.optional
+    return f"{text}, {binding.lengths[0]} without {' and '.join(filter(None, [', '.join(others), last]))}"
 
 
-def _names(fields: list[str]) -> str:
-    return " and ".join([", ".join(fields[:-1]), fields[-1]] if len(fields) > 1 else fields)
-
-
-def _symbols(binding: Binding) -> dict[str, str]:
+def _symbols(fields: Iterable[str]) -> dict[str, str]:
     """Give each field a letter of its own, if possible its first."""
     taken: dict[str, str] = {}
-    for field in binding.kinds:
-        if field in binding.layout.fields:
-            letters = [letter for letter in field if letter.isalpha()]
-            candidates = [letters[0].upper(), *letters, *ascii_letters]
-            taken[field] = next(letter for letter in candidates if letter not in taken.values())
+    for field in fields:
+        letters = [letter for letter in field if letter.isalpha()]
+        candidates = [letters[0].upper(), *letters, *ascii_letters]
+        taken[field] = next(letter for letter in candidates if letter not in taken.values())
     return taken
 
 
-def _bytes(binding: Binding) -> Iterator[str]:
-    """Draw the frame as it is sent: a line a byte, bit 7 first; each cell is a field's letter and value bit."""
-    cells = _cells(binding)
+def _bytes(length: int, cells: Mapping[int, str]) -> Iterator[str]:
+    """Draw the frame as it is sent: a line a byte, bit 7 first.
+
+    A cell is a field's letter and the bit of its value; cells go by 8 times the byte plus the bit in it.
+    """
     edge = "        +" + "------+" * 8
     yield " " * 9 + "  ".join(f"bit {bit}" for bit in range(7, -1, -1))
     yield edge
-    for byte in range(binding.layout.length):
+    for byte in range(length):
         row = (f" {cells.get(8 * byte + bit, '.'):<5}" for bit in range(7, -1, -1))
         yield f"byte {byte}  |" + "|".join(row) + "|"
         yield edge
-
-
-def _cells(binding: Binding) -> dict[int, str]:
-    """Return what to write into each bit of the frame, by its number: 8 times the byte plus the bit in it."""
-    return {
-        place: f"{symbol}{bit}"
-        for field, symbol in _symbols(binding).items()
-        for bit, place in enumerate(binding.layout.places(field))
-    }
-
-
-def _legend(binding: Binding) -> Iterator[str]:
-    for field, symbol in _symbols(binding).items():
-        width = binding.layout.widths[field]
-        allowed = binding.kinds[field].allowed(binding.limits[field])
-        bits = f"{symbol}{width - 1}..{symbol}0" if width > 1 else f"{symbol}0"
-        yield f"{bits:<9} {field:<17} {width:>2} bit  {allowed}"
-    if len(_cells(binding)) < 8 * binding.layout.length:
-        yield ".".ljust(9) + " unused"

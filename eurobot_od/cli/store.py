@@ -12,11 +12,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_node(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Store all parameters."""
     from eurobot_od.client.configure import store
 
     with remote.node(arguments) as node:
         store(node)
     print(f"node {node.node_id} has stored all parameters")
-    return 0

@@ -1,18 +1,13 @@
 """Write one object of a CANopen node, by number or by the EDS's name.
 
-Rule of this file: a value that the EDS does not allow is refused here; without an EDS the object's length is asked.
+A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
 """
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
 from eurobot_od.cli import remote
-
-if TYPE_CHECKING:
-    from eurobot_od.client.master import RemoteNode
-    from eurobot_od.client.objects import NamedObject
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,22 +18,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_eds(parser)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: argparse.Namespace) -> None:
     """Write the object."""
     from eurobot_od.client.master import label
-    from eurobot_od.client.objects import find_one, parse, written
+    from eurobot_od.client.objects import encode, find_one, parse, written
 
     with remote.node(arguments) as node:
         found = remote.description(arguments, node)
         thing = find_one(arguments.object, found.dictionary if found else None)
         value = parse(thing, arguments.value)
-        node.download(thing.address, _bytes(node, thing, arguments.value), thing.name)
+        size = len(node.upload(thing.address)) if thing.variable is None else 0
+        node.download(thing.address, encode(thing, value, size), thing.name)
     print(f"node {node.node_id}: {label(thing.address, thing.name)} = {written(thing, value)}")
-    return 0
-
-
-def _bytes(node: RemoteNode, thing: NamedObject, text: str) -> bytes:
-    from eurobot_od.client.objects import encode, parse
-
-    size = len(node.upload(thing.address)) if thing.variable is None else 0
-    return encode(thing, parse(thing, text), size)

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 import can
 import pytest
 
+from eurobot_od.cli.send import exchange
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
@@ -130,6 +133,26 @@ def test_on_an_empty_bus_nothing_comes(capsys: pytest.CaptureFixture[str], wire:
     assert said.status == 1
     assert said.out.splitlines()[1] == "expected  Check Drive Response: nothing came within 50 ms"
     assert heard(wire) == "3C0#"
+
+
+def test_an_exchange_gives_the_answer_and_the_time_it_took(wire: can.BusABC) -> None:
+    answer = can.Message(arbitration_id=0x400, data=b"\x05", is_extended_id=False)
+    with can.Notifier(wire, [lambda _: wire.send(answer)]):
+        found = exchange(open_bus("virtual", CHANNEL), Frame(0x3C0, b""), 0x400, 10.0)
+    assert found is not None
+    frame, took = found
+    assert frame == Frame(0x400, b"\x05")
+    assert took > 0
+
+
+def test_a_bus_that_fails_while_the_answer_is_awaited_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: float) -> None:
+        raise OSError("the adapter is gone")
+
+    bus = open_bus("virtual", CHANNEL)
+    monkeypatch.setattr(bus, "recv", fail)
+    with pytest.raises(BusError, match="the adapter is gone"):
+        exchange(bus, Frame(0x3C0, b""), 0x400, 10.0)
 
 
 # What is wrong

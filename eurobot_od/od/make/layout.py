@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import NamedTuple
 
-from eurobot_od.od.make.table import DialectRow, Field, Record, Table
+from eurobot_od.od.make.table import DialectRow, Field, Table
 from eurobot_od.yaml_places import Place, Text
 
 PADDING = Text("Padding", Place(0, 0))
@@ -40,8 +40,8 @@ class Slice(NamedTuple):
         return PADDING if self.field == PADDING else f"{self.field} [{self.high}:{self.low}]"
 
 
-def least_significant_first(fields: dict[Text, Field]) -> tuple[Slice, ...]:
-    """Lay out the fields as CiA 301 does, each one whole (7.5.2.36)."""
+def whole_fields(fields: dict[Text, Field]) -> tuple[Slice, ...]:
+    """Lay out the fields as CiA 301 does, each one whole, the least significant bit first (7.5.2.36)."""
     return tuple(Slice(name, each.bits - 1, 0) for name, each in fields.items())
 
 
@@ -67,7 +67,6 @@ def runs(frame: Iterable[tuple[Text, int]]) -> Iterator[Slice]:
 class ObjectLayout:
     """An object in a dialect: index and fields, the `parts` in a PDO, and the index of those that are slices."""
 
-    name: Text
     index: int
     fields: dict[Text, Field]
     parts: tuple[Slice, ...]
@@ -98,12 +97,10 @@ class ObjectLayout:
 
 def layouts(table: Table, dialect: DialectRow) -> dict[Text, ObjectLayout]:
     """Lay out every object of the table in `dialect`."""
-    return {name: layout(name, record, dialect) for name, record in table.objects_in(dialect).items()}
-
-
-def layout(name: Text, record: Record, dialect: DialectRow) -> ObjectLayout:
-    """Lay out one object."""
-    if name not in dialect.most_significant_first:
-        return ObjectLayout(name, record.index, record.fields, least_significant_first(record.fields), 0)
-    slices_index = FIRST_SLICES + dialect.most_significant_first.index(name)
-    return ObjectLayout(name, record.index, record.fields, most_significant_first(record.fields), slices_index)
+    cut = dialect.most_significant_first
+    return {
+        name: ObjectLayout(each.index, each.fields, most_significant_first(each.fields), FIRST_SLICES + cut.index(name))
+        if name in cut
+        else ObjectLayout(each.index, each.fields, whole_fields(each.fields), 0)
+        for name, each in table.objects_in(dialect).items()
+    }

@@ -1,41 +1,24 @@
 """The protocol table: what `protocol.yaml` says, as values, and what must hold between its parts.
 
-The shape of the YAML is a table of readers, the rules between its parts a table of checks. A check yields problems and
-repairs nothing, so that one run shows everything that has to be changed.
+The shape of the YAML is that of the dataclasses: their annotations make its readers. The rules between its parts are a
+table of checks. A check yields problems and repairs nothing, so that one run shows everything that has to be changed.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sized
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Container, Iterable, Iterator
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, NewType, TypeVar, get_args, get_origin, get_type_hints
 
 import yaml
 
+from eurobot_od import yaml_places
 from eurobot_od.errors import EurobotError
-from eurobot_od.yaml_places import (
-    Number,
-    Place,
-    Problem,
-    Problems,
-    Reader,
-    ReadError,
-    Text,
-    listing,
-    mapping,
-    matching,
-    number,
-    number_or_text,
-    read_yaml,
-    record,
-    refuse,
-    text,
-)
+from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
+from eurobot_od.yaml_places import Number, Place, Problem, Problems, Reader, ReadError, Text, refuse
 
-OWN_NODE_ID = "$NODEID"
-"""As a setting's default: the node-ID of the node that has the setting, and how an EDS writes the same (CiA 306)."""
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 """The bit rates in kbit/s that an EDS has keys for (CiA 306)."""
 PDO_BITS, FIELD_BITS = 64, 32
@@ -43,13 +26,44 @@ HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
 FILE_NAME = re.compile(r"[A-Za-z0-9_-]+")
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
-T = TypeVar("T")
-SizedT = TypeVar("SizedT", bound=Sized)
+Entries = TypeVar("Entries", bound=dict[Text, Any])
+Time = NewType("Time", Text)
+Date = NewType("Date", Text)
+
+
+# The shape of the YAML
+
+
+def filled(read_entries: Reader[Entries]) -> Reader[Entries]:
+    """Make a reader that refuses an empty mapping."""
+
+    def read(node: yaml.Node, problems: Problems) -> Entries:
+        return read_entries(node, problems) or refuse(node, problems, "expected at least one entry")
+
+    return read
+
+
+def naming_files(read_entries: Reader[Entries]) -> Reader[Entries]:
+    """Make a reader of a mapping whose keys become names of files or folders, on any system."""
+
+    def read(node: yaml.Node, problems: Problems) -> Entries:
+        entries = filled(read_entries)(node, problems)
+        wrong = [name for name in entries if not FILE_NAME.fullmatch(name)]
+        for name in wrong:
+            problems.append(Problem(name.place, f"'{name}' cannot name a file: letters, digits, _ and - only"))
+        if wrong:
+            raise ReadError
+        return entries
+
+    return read
 
 
 @dataclass(frozen=True)
 class Field:
-    """A field of an object: `bits` wide, plain values in `range`, values with another meaning in `codes`."""
+    """A field of an object: `bits` wide, plain values in `range`, values with another meaning in `codes`.
+
+    `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
+    """
 
     bits: Number
     range: tuple[Number, Number]
@@ -73,7 +87,7 @@ class Record:
     """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
 
     index: Number
-    fields: dict[Text, Field]
+    fields: Annotated[dict[Text, Field], filled]
 
 
 @dataclass(frozen=True)
@@ -113,6 +127,12 @@ class DialectRow:
     widths: dict[Text, dict[Text, Number]] = field(default_factory=dict)
     most_significant_first: tuple[Text, ...] = ()
 
+    def form_of(self, name: Text, plain: Record) -> Record:
+        """Return the object `name` with the further fields and the widths that it has here."""
+        widths = self.widths.get(name, {})
+        every = {**plain.fields, **self.fields.get(name, {})}
+        return replace(plain, fields={key: replace(f, bits=widths.get(key, f.bits)) for key, f in every.items()})
+
 
 @dataclass(frozen=True)
 class Vendor:
@@ -128,8 +148,8 @@ class FileData:
 
     version: Number
     revision: Number
-    time: Text
-    date: Text
+    time: Time
+    date: Date
     author: Text
     comment: str = "Made by eurobot-od make-eds from a protocol table; change it there."
 
@@ -147,11 +167,11 @@ class Table:
     bit_rates: tuple[Number, ...]
     heartbeat: Number
     heartbeat_timeout: Number
-    nodes: dict[Text, NodeRow]
+    nodes: Annotated[dict[Text, NodeRow], naming_files]
     settings: dict[Text, Record]
     objects: dict[Text, Record]
     messages: dict[Text, MessageRow]
-    dialects: dict[Text, DialectRow]
+    dialects: Annotated[dict[Text, DialectRow], naming_files]
 
     @property
     def by_identifier(self) -> dict[Text, MessageRow]:
@@ -160,14 +180,7 @@ class Table:
 
     def objects_in(self, dialect: DialectRow) -> dict[Text, Record]:
         """Return the objects with the fields and widths of `dialect`."""
-        return {name: in_dialect(each, name, dialect) for name, each in self.objects.items()}
-
-
-def in_dialect(plain: Record, name: Text, dialect: DialectRow) -> Record:
-    """Return the object `name` with the further fields and the widths of `dialect`."""
-    fields = {**plain.fields, **dialect.fields.get(name, {})}
-    widths = dialect.widths.get(name, {})
-    return replace(plain, fields={each: replace(f, bits=widths.get(each, f.bits)) for each, f in fields.items()})
+        return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
 
 class TableError(EurobotError):
@@ -179,128 +192,56 @@ class TableError(EurobotError):
         super().__init__("\n".join(f"{file}:{line}:{column}: {what}" for (line, column), what in self.problems))
 
 
-# The shape of the YAML
+READERS: dict[Any, Reader[Any]] = {
+    Number: yaml_places.number,
+    Text: yaml_places.text,
+    str: yaml_places.text,
+    Text | None: yaml_places.text,  # None by leaving it out
+    Number | Text: yaml_places.number_or_text,
+    Time: yaml_places.matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM"),
+    Date: yaml_places.matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy"),
+}
+"""What reads a single value, by its annotation."""
 
 
-def shape(make: Callable[..., T], may: dict[str, Reader[Any]] | None = None, **needed: Reader[Any]) -> Reader[T]:
-    """Make a reader of a record with these keys."""
-    return record(make, needed, may or {})
-
-
-def filled(reader: Reader[SizedT]) -> Reader[SizedT]:
-    """Make a reader that refuses an empty list or mapping."""
-
-    def read(node: yaml.Node, problems: Problems) -> SizedT:
-        value = reader(node, problems)
-        if not value:
-            refuse(node, problems, "expected at least one entry")
-        return value
-
-    return read
-
-
-def named_files(item: Reader[T]) -> Reader[dict[Text, T]]:
-    """Make a reader of a mapping whose keys become names of files or folders, on any system."""
-    read_pairs = filled(mapping(item))
-
-    def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
-        pairs = read_pairs(node, problems)
-        before = len(problems)
-        for name in pairs:
-            if not FILE_NAME.fullmatch(name):
-                problems.append(Problem(name.place, f"'{name}' cannot name a file: letters, digits, _ and - only"))
-        if len(problems) > before:
-            raise ReadError
-        return pairs
-
-    return read
-
-
-TIME = matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM")
-DATE = matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy")
-FIELD = shape(
-    Field,
-    {"codes": mapping(number), "unit": text},
-    bits=number,
-    range=listing(number, 2),
-    default=number_or_text,
-)
-RECORDS = mapping(shape(Record, index=number, fields=filled(mapping(FIELD))))
-NAMES = listing(text)
-TABLE = shape(
-    Table,
-    file=shape(FileData, {"comment": text}, version=number, revision=number, time=TIME, date=DATE, author=text),
-    vendor=shape(Vendor, name=text, number=number),
-    serial_number=number,
-    hardware_version=text,
-    software_version=text,
-    bit_rate=number,
-    bit_rates=listing(number),
-    heartbeat=number,
-    heartbeat_timeout=number,
-    nodes=named_files(
-        shape(
-            NodeRow,
-            node_id=number,
-            product_name=text,
-            product_number=number,
-            order_code=text,
-            watches=NAMES,
-            communication_error=number,
-            settings=RECORDS,
-        )
-    ),
-    settings=RECORDS,
-    objects=RECORDS,
-    messages=mapping(
-        shape(
-            MessageRow,
-            {"listeners": NAMES, "object": text, "priority": text, "protocol": text, "command": text},
-            identifier=number,
-            senders=NAMES,
-            receivers=NAMES,
-        )
-    ),
-    dialects=named_files(
-        shape(
-            DialectRow,
-            {"fields": mapping(mapping(FIELD)), "widths": mapping(mapping(number)), "most_significant_first": NAMES},
-            revision_number=number,
-        )
-    ),
-)
+def reader_of(kind: Any) -> Reader[Any]:
+    """Make the reader of what an annotation says; in a dataclass, what has a default may be left out."""
+    if kind in READERS:
+        return READERS[kind]
+    origin, inner = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        wrap: Callable[[Reader[Any]], Reader[Any]] = inner[1]
+        return wrap(reader_of(inner[0]))
+    if origin is dict:
+        return yaml_places.mapping(reader_of(inner[1]))
+    if origin is tuple:
+        return yaml_places.listing(reader_of(inner[0]), None if inner[-1] is ... else len(inner))
+    readers = {name: reader_of(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
+    left_out = [each.name for each in fields(kind) if (each.default, each.default_factory) != (MISSING, MISSING)]
+    may = {name: readers.pop(name) for name in left_out}
+    return yaml_places.record(kind, readers, may)
 
 
 # The rules between its parts
 
 
-def unknown_nodes(table: Table) -> Iterator[Problem]:
-    """Check that senders, receivers, listeners and watched nodes are nodes."""
+def unknown_names(table: Table) -> Iterator[Problem]:
+    """Check that the nodes and objects that are named are there, and the fields whose width a dialect changes."""
     for message in table.messages.values():
         yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
+        yield from unknown("object", [message.object] if message.object else [], table.objects)
     for node in table.nodes.values():
         yield from unknown("node", node.watches, table.nodes)
-
-
-def unknown_objects(table: Table) -> Iterator[Problem]:
-    """Check that messages and dialects name objects that are there."""
-    yield from unknown("object", [each.object for each in table.messages.values() if each.object], table.objects)
     for dialect in table.dialects.values():
-        yield from unknown("object", [*dialect.fields, *dialect.widths], table.objects)
-        yield from unknown("object", dialect.most_significant_first, table.objects)
-
-
-def unknown_fields(table: Table) -> Iterator[Problem]:
-    """Check that dialects change the width of fields that are there."""
-    for dialect in table.dialects.values():
+        named = [*dialect.fields, *dialect.widths, *dialect.most_significant_first]
+        yield from unknown("object", named, table.objects)
         for name, each in table.objects_in(dialect).items():
             yield from unknown("field", dialect.widths.get(name, {}), each.fields)
 
 
-def unknown(kind: str, names: Iterable[Text], known: Iterable[Text]) -> Iterator[Problem]:
+def unknown(kind: str, names: Iterable[Text], known: Container[Text]) -> Iterator[Problem]:
     """Yield a problem for each of the `names` that is not among the `known` ones."""
-    choices = set(known)
-    yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in choices)
+    yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in known)
 
 
 def repeated_values(table: Table) -> Iterator[Problem]:
@@ -327,8 +268,8 @@ def numbers_out_of_range(table: Table) -> Iterator[Problem]:
     """Check the numbers whose range CiA 301 fixes, by itself or by the width of the object that takes them."""
     messages, nodes, dialects = table.messages.values(), table.nodes.values(), table.dialects.values()
     records = (*data_records(table), *setting_records(table))
-    yield from outside("identifier", 1, 0x7FF, *(each.identifier for each in messages))
-    yield from outside("node_id", 1, 127, *(each.node_id for each in nodes))
+    yield from outside("identifier", 1, BASE_IDENTIFIER, *(each.identifier for each in messages))
+    yield from outside("node_id", NODE_IDS[0], NODE_IDS[-1], *(each.node_id for each in nodes))
     yield from outside("communication_error", 0, 2, *(each.communication_error for each in nodes))
     yield from outside("index", 0x2000, 0x2FFF, *(each.index for each in records))
     yield from outside("heartbeat", 0, HIGHEST_16, table.heartbeat)
@@ -369,10 +310,9 @@ def setting_records(table: Table) -> Iterator[Record]:
 
 def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
     """Check every field by itself. Only a setting is one node's, and so may have that node's ID as default."""
-    for each in (entry for record_ in data_records(table) for entry in record_.fields.values()):
-        yield from (*number_problems(each), *default_problems(each, [*each.codes]))
-    for each in (entry for record_ in setting_records(table) for entry in record_.fields.values()):
-        yield from (*number_problems(each), *default_problems(each, [*each.codes, OWN_NODE_ID]))
+    for records, names in ((data_records(table), ()), (setting_records(table), (NODE_ID,))):
+        for each in (entry for record in records for entry in record.fields.values()):
+            yield from (*number_problems(each), *default_problems(each, [*each.codes, *names]))
 
 
 def number_problems(each: Field) -> Iterator[Problem]:
@@ -403,9 +343,7 @@ def messages_too_long(table: Table) -> Iterator[Problem]:
 
 
 CHECKS = (
-    unknown_nodes,
-    unknown_objects,
-    unknown_fields,
+    unknown_names,
     repeated_values,
     numbers_out_of_range,
     bit_rates_that_no_node_has,
@@ -418,7 +356,7 @@ def read_table(source: str, file: str | Path) -> Table:
     """Read the table from the text of `file`; raises TableError with all problems, if there are any."""
     problems: Problems = []
     try:
-        table = read_yaml(source, TABLE, problems)
+        table: Table = yaml_places.read_yaml(source, reader_of(Table), problems)
     except ReadError:
         raise TableError(file, problems) from None
     found = [each for check in CHECKS for each in check(table)]

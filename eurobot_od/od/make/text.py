@@ -15,20 +15,19 @@ CANopenNode, CanFestival, canmatrix and canopen.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
-from eurobot_od.od.make.objects import DictionaryObject, ObjectCode, SubObject, Type, object_dictionary
+from eurobot_od.od.description import OBJECT_LISTS, ObjectCode
+from eurobot_od.od.make.objects import DictionaryObject, SubObject, object_dictionary
 from eurobot_od.od.make.table import BIT_RATES, NodeRow, Table
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, MANUFACTURER, UNSIGNED32, PdoDirection
 from eurobot_od.yaml_places import Text
 
-DUMMIES = range(0x0001, 0x0008)
-"""The data types for which [DummyUsage] has a key; none of them is used."""
 MANDATORY = {0x1000, 0x1001, 0x1018}
-MANUFACTURER = range(0x2000, 0x6000)
-NUMBER_FORMS = {Type.UNSIGNED32: "0x{:08X}"}
-"""How numbers of a type are written, if not decimal."""
+"""The objects of every device (CiA 301, 7.5.1)."""
 
-Section = tuple[str, list[tuple[str, object]]]
+Keys = list[tuple[str, object]]
+Section = tuple[str, Keys]
 
 
 def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
@@ -66,7 +65,7 @@ def file_info(table: Table, dialect_name: Text, node_name: Text) -> Section:
 
 def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[DictionaryObject]) -> Section:
     """Return [DeviceInfo]. `RevisionNumber` is the dialect's: nodes compare it to find out whether they agree."""
-    indices = [each.index for each in objects]
+    indices = {each.index for each in objects}
     return "DeviceInfo", [
         ("VendorName", table.vendor.name),
         ("VendorNumber", f"0x{table.vendor.number:08X}"),
@@ -80,51 +79,45 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Di
         ("Granularity", 1),
         ("DynamicChannelsSupported", 0),
         ("GroupMessaging", 0),
-        ("NrOfRXPDO", sum(0x1400 <= each < 0x1600 for each in indices)),
-        ("NrOfTXPDO", sum(0x1800 <= each < 0x1A00 for each in indices)),
+        ("NrOfRXPDO", len(indices.intersection(COMMUNICATION_RECORDS[PdoDirection.RPDO]))),
+        ("NrOfTXPDO", len(indices.intersection(COMMUNICATION_RECORDS[PdoDirection.TPDO]))),
         ("LSS_Supported", 0),
     ]
 
 
-def object_lists(objects: Iterable[DictionaryObject]) -> list[Section]:
-    """Return the three lists of objects."""
-    indices = [each.index for each in objects]
-    manufacturer = [each for each in indices if each in MANUFACTURER]
-    optional = [each for each in indices if each not in MANDATORY and each not in MANUFACTURER]
-    return [
-        object_list("MandatoryObjects", sorted(MANDATORY)),
-        object_list("OptionalObjects", optional),
-        object_list("ManufacturerObjects", manufacturer),
-    ]
-
-
-def object_list(name: str, indices: list[int]) -> Section:
-    """Return one list of objects."""
-    return name, [("SupportedObjects", len(indices)), *((str(n), f"0x{i:04X}") for n, i in enumerate(indices, start=1))]
+def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[Section]:
+    """Give the three lists of objects (CiA 306-1, 4.6.1)."""
+    lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
+    for index in (each.index for each in objects):
+        lists[OBJECT_LISTS[0 if index in MANDATORY else 2 if index in MANUFACTURER else 1]].append(index)
+    for name, indices in lists.items():
+        numbered = ((str(n), f"0x{index:04X}") for n, index in enumerate(indices, start=1))
+        yield name, [("SupportedObjects", len(indices)), *numbered]
 
 
 def object_sections(each: DictionaryObject) -> list[Section]:
     """Return the section of an object, and those of its sub-indices."""
-    if each.kind is ObjectCode.VAR:
+    if each.code is ObjectCode.VAR:
         return [(f"{each.index:04X}", entry_keys(each.entries[0]))]
-    head = [("ParameterName", each.name), ("ObjectType", f"0x{each.kind.value:X}"), ("SubNumber", len(each.entries))]
+    head: list[tuple[str, object]] = [
+        ("ParameterName", each.name),
+        ("ObjectType", f"0x{each.code.value:X}"),
+        ("SubNumber", len(each.entries)),
+    ]
     subs = [(f"{each.index:04X}sub{n:X}", entry_keys(entry)) for n, entry in enumerate(each.entries)]
-    return [(f"{each.index:04X}", [*head]), *subs]
+    return [(f"{each.index:04X}", head), *subs]
 
 
-def entry_keys(entry: SubObject) -> list[tuple[str, object]]:
+def entry_keys(entry: SubObject) -> Keys:
     """Return the keys of a VAR or a sub-index; limits and default only where there are any."""
+    form = "0x{:08X}" if entry.type is UNSIGNED32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
     values = {"LowLimit": entry.low, "HighLimit": entry.high, "DefaultValue": entry.default}
+    given = ((key, value) for key, value in values.items() if value is not None)
     return [
         ("ParameterName", entry.name),
         ("ObjectType", f"0x{ObjectCode.VAR.value:X}"),
-        ("DataType", f"0x{entry.type.value:04X}"),
+        ("DataType", f"0x{entry.type.code:04X}"),
         ("AccessType", entry.access),
-        *((key, value_text(entry.type, value)) for key, value in values.items() if value is not None),
+        *((key, value if isinstance(value, str) else form.format(value)) for key, value in given),
         ("PDOMapping", int(entry.mappable)),
     ]
-
-
-def value_text(type_: Type, value: int | str) -> str:
-    """Write a number in the form of its type; a text is written as it is."""
-    return value if isinstance(value, str) else NUMBER_FORMS.get(type_, "{:d}").format(value)

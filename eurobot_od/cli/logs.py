@@ -1,0 +1,77 @@
+"""What the commands that read logs share: the options that name them, files, standard input."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import stat
+import sys
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eurobot_od.logs.entries import LogEntry
+
+STANDARD_INPUT = "-"
+CHUNK = 1 << 16
+"""Bytes read from a pipe at once."""
+
+
+def add_log(parser: argparse.ArgumentParser) -> None:
+    """Add the logs to read and their format."""
+    from eurobot_od.logs.formats import FORMATS, STANDARD_INPUT
+
+    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; left out or -: standard input")
+    parser.add_argument(
+        "--format",
+        choices=FORMATS,
+        help=f"format of the logs; left out: by suffix, for standard input {STANDARD_INPUT}",
+    )
+
+
+def form_of(log: str, form: str | None) -> str | None:
+    """Return the format of a log: what was asked for, standard input's, or None for that of its suffix."""
+    from eurobot_od.logs import formats
+
+    return form or (formats.STANDARD_INPUT if log == STANDARD_INPUT else None)
+
+
+def entries(logs: list[str], form: str | None) -> Generator[tuple[str, LogEntry], None, None]:
+    """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`."""
+    from eurobot_od.logs import formats
+
+    for log in logs:
+        with opened(log) as file:
+            for entry in formats.read(file, form_of(log, form)):
+                yield log, entry
+
+
+@contextmanager
+def opened(log: str) -> Iterator[io.BufferedReader]:
+    """Open a log. What was decoded of lines from a pipe is shown before the next ones are waited for."""
+    if log != STANDARD_INPUT:
+        with Path(log).open("rb") as file:
+            yield file
+        return
+    standard: io.BufferedReader = sys.stdin.buffer  # type: ignore[assignment]  # as it is, unless a program replaces it
+    is_file = stat.S_ISREG(os.fstat(standard.fileno()).st_mode)
+    yield standard if is_file else io.BufferedReader(Pipe(standard.fileno(), sys.stdout.flush), CHUNK)
+
+
+class Pipe(io.RawIOBase):
+    """The reading end of a pipe or a terminal; `before_waiting` is called before each read."""
+
+    def __init__(self, descriptor: int, before_waiting: Callable[[], object]) -> None:
+        self._descriptor, self._before_waiting = descriptor, before_waiting
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        self._before_waiting()
+        data = os.read(self._descriptor, len(buffer))
+        buffer[: len(data)] = data
+        return len(data)
