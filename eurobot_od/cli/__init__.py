@@ -106,13 +106,17 @@ def _run(words: list[str]) -> int:
     if command is None:
         _overview().parse_args(words or ["--help"])
         return ExitStatus.WRONG_INPUT
-    gc.disable()  # what is imported stays: looking for garbage in it would take a quick command a millisecond
+    # What is imported stays, and so does what is read of EDS files: ten thousand entries in which to look for garbage
+    # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
+    gc.disable()
     try:
         module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
         parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
         module.add_arguments(parser)
         arguments = parser.parse_args(words[1:])
     finally:
+        gc.freeze()
+        gc.set_threshold(ALLOCATIONS)
         gc.enable()
     status: int | None = module.run(arguments)
     sys.stdout.flush()  # here, where a reader that has left is no error
