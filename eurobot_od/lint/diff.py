@@ -13,25 +13,10 @@ from typing import NamedTuple
 from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, LintedPdo, load
+from eurobot_od.od import values
 from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable
 from eurobot_od.od.document import Document, Entry, Section, read_bytes
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    COMMUNICATION_RECORDS,
-    DOMAIN,
-    EXTENDED,
-    MAPPING_OFFSET,
-    MAPPING_RECORDS,
-    NO_RTR,
-    NODE_ID,
-    NOT_VALID,
-    OCTET_STRING,
-    REAL32,
-    REALS,
-    Address,
-    DataType,
-    Number,
-)
+from eurobot_od.od.values import Address, DataType, Number
 
 ABSENT = "-"
 STATE = (0x1001, 0x1002, 0x1003, 0x1010, 0x1011)
@@ -175,7 +160,7 @@ def _limit_of(key: str) -> Aspect:
 
 def _number(number: Number, node_id: int | None) -> str:
     if number.relative and node_id is None:
-        return f"{NODE_ID}+{number.value}"
+        return f"{values.NODE_ID}+{number.value}"
     return str(number.at(node_id or 0))
 
 
@@ -186,23 +171,25 @@ def _value(variable: DescribedVariable, node_id: int | None) -> str:
         return ABSENT if not text else ""
     if variable.value and (variable.type is None or variable.type.is_integer):
         return _number(variable.value, node_id)
-    if variable.type is OCTET_STRING:
+    if variable.type is values.OCTET_STRING:
         return text.replace(" ", "").lower()
-    return _real(text, variable.type) if variable.type and variable.type in REALS else text
+    return _real(text, variable.type) if variable.type and variable.type in values.REALS else text
 
 
 def _real(text: str, type_: DataType) -> str:
     """Write a REAL's decimal text as the number its type holds."""
     try:
-        number = type_.read(struct.pack("<f" if type_ is REAL32 else "<d", float(text)))
+        number = type_.read(struct.pack("<f" if type_ is values.REAL32 else "<d", float(text)))
     except (ValueError, OverflowError):
         return text
     return repr(number)
 
 
 def _is_told_by_pdo(variable: DescribedVariable) -> bool:
-    is_mapping = any(variable.index in indices for indices in MAPPING_RECORDS.values())
-    return is_mapping or (variable.sub == 1 and any(variable.index in each for each in COMMUNICATION_RECORDS.values()))
+    is_mapping = any(variable.index in indices for indices in values.MAPPING_RECORDS.values())
+    return is_mapping or (
+        variable.sub == 1 and any(variable.index in each for each in values.COMMUNICATION_RECORDS.values())
+    )
 
 
 ASPECTS: dict[str, Aspect] = {
@@ -223,7 +210,7 @@ def _pdos(one: Side, other: Side) -> Iterator[Difference]:
         left, right = pairs[0][key], pairs[1][key]
         for aspect, tell, index, sub in (
             ("COB-ID", cob_id, key[0].value + key[1] - 1, 1),
-            ("mapping", mapping, key[0].value + MAPPING_OFFSET + key[1] - 1, -1),
+            ("mapping", mapping, key[0].value + values.MAPPING_OFFSET + key[1] - 1, -1),
         ):
             texts = tell(left, one.node_id), tell(right, other.node_id)
             if texts[0] != texts[1]:
@@ -237,9 +224,9 @@ def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
         return ABSENT
     value = number.at(node_id or 0)
     is_relative = number.relative and node_id is None
-    identifier = value & (0x1FFFFFFF if value & EXTENDED else BASE_IDENTIFIER)
-    bits = {"not valid": value & NOT_VALID, "29 bits": value & EXTENDED, "no RTR": value & NO_RTR}
-    first = f"{NODE_ID}+0x{identifier:03X}" if is_relative else f"0x{identifier:03X}"
+    identifier = value & (0x1FFFFFFF if value & values.EXTENDED else values.BASE_IDENTIFIER)
+    bits = {"not valid": value & values.NOT_VALID, "29 bits": value & values.EXTENDED, "no RTR": value & values.NO_RTR}
+    first = f"{values.NODE_ID}+0x{identifier:03X}" if is_relative else f"0x{identifier:03X}"
     return ", ".join([first, *(name for name, bit in bits.items() if bit)])
 
 
@@ -265,7 +252,7 @@ Reading = bytes | int
 def readable(device: LintedDevice) -> list[Address]:
     """Return the variables that can be read from a node and compared, in order."""
     found = variables(device).items()
-    return sorted(address for address, each in found if each.access != "wo" and each.type is not DOMAIN)
+    return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
 def compare_live(device: LintedDevice, readings: Mapping[Address, Reading], node_id: int) -> list[Difference]:
@@ -320,8 +307,8 @@ def _read_text(variable: DescribedVariable, reading: Reading | None) -> str | No
         return None
     if variable.type.is_integer:
         return str(int.from_bytes(reading, "little", signed=variable.type.is_signed))
-    if variable.type in REALS and len(reading) == variable.type.size:
+    if variable.type in values.REALS and len(reading) == variable.type.size:
         return repr(variable.type.read(reading))
-    if variable.type is OCTET_STRING:
+    if variable.type is values.OCTET_STRING:
         return reading.hex()
     return reading.rstrip(b"\0").decode("latin-1")

@@ -10,7 +10,7 @@ from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
 from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import LintedDevice, load
 
-FILE_RULES: tuple[Rule, ...] = file_rules.RULES + object_rules.RULES + pdo_rules.RULES + dcf_rules.RULES
+FILE_RULES: tuple[Rule, ...] = (*file_rules.RULES, *object_rules.RULES, *pdo_rules.RULES, *dcf_rules.RULES)
 """The rules for one file, by code."""
 
 

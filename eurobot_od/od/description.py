@@ -42,6 +42,9 @@ class ObjectCode(Enum):
     RECORD = 0x9
 
 
+SIMPLE = (ObjectCode.VAR, ObjectCode.DOMAIN)
+"""Objects without sub-indices."""
+
 COMPOSED = (ObjectCode.DEFSTRUCT, ObjectCode.ARRAY, ObjectCode.RECORD)
 """Objects with sub-indices."""
 
@@ -259,10 +262,9 @@ class DescribedDevice:
         variable = self.variable(index, sub)
         return variable.value if variable else None
 
-    @cached_property
-    def commissioned_node_id(self) -> Number | None:
-        """Return the NodeID that a DCF gives to the device, in the range of node-IDs or not."""
-        return parse_number(self.commissioning.text("nodeid")) if self.commissioning else None
+    def commissioned(self, key: str) -> Number | None:
+        """Return the number that a DCF commissions the device with by a key (in lower case), in its range or not."""
+        return parse_number(self.commissioning.text(key)) if self.commissioning else None
 
     @cached_property
     def own_node_id(self) -> DescribedVariable | None:

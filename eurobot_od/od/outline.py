@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
+from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Odd, read, read_bytes
 from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo, Refused, fatal
 from eurobot_od.od.values import (
@@ -57,10 +57,6 @@ HIDING = (Odd.BINARY, Odd.NOT_AN_ENTRY, Odd.HEADER, Odd.NO_SECTION, Odd.NO_KEY)
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 """Objects that hold nothing: a placeholder, and a type that is only named."""
-
-
-SIMPLE = (ObjectCode.VAR, ObjectCode.DOMAIN)
-"""Objects without sub-indices."""
 
 
 class Described(NamedTuple):
@@ -147,7 +143,7 @@ class Outline:
         return code is not None and code.value == ObjectCode.DOMAIN.value and not variable.section.text("datatype")
 
     def _said_node_id(self) -> Value:
-        commissioned, own = self.device.commissioned_node_id, self.node_id_address
+        commissioned, own = self.device.commissioned("nodeid"), self.node_id_address
         if commissioned is not None:
             return commissioned.value
         return self.default(own) if own else None
