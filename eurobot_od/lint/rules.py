@@ -1,7 +1,7 @@
 """The table of all rules, and the check of one file.
 
-Rule of this file: the only place that knows all rules. A new rule is a row in the table of its part, and a row of its
-own defect in the tests.
+Rule of this file: the only place that knows all rules. A new rule is a function or a row in the file of its part, and a
+row of its own defect in the tests.
 """
 
 from __future__ import annotations

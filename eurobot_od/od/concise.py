@@ -7,7 +7,7 @@ each, all little-endian; the entries stand in the order in which they are to be 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from eurobot_od.od.values import Address
@@ -37,20 +37,14 @@ def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
 def unpack(data: bytes) -> list[Entry]:
     """Return the writes of a concise DCF; raises Truncated."""
     (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
-    entries = list(_entries(data, count))
-    end = COUNT.size + sum(HEAD.size + len(each.data) for each in entries)
-    if end != len(data):
-        raise Truncated(f"{len(data) - end} bytes after the last of {count} entries")
-    return entries
-
-
-def _entries(data: bytes, count: int) -> Iterator[Entry]:
-    place = COUNT.size
+    place, entries = COUNT.size, []
     for _ in range(count):
         index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
-        place += HEAD.size
-        yield Entry((index, subindex), _part(data, place, length))
-        place += length
+        entries.append(Entry((index, subindex), _part(data, place + HEAD.size, length)))
+        place += HEAD.size + length
+    if place != len(data):
+        raise Truncated(f"{len(data) - place} bytes after the last of {count} entries")
+    return entries
 
 
 def _part(data: bytes, place: int, length: int) -> bytes:

@@ -31,9 +31,13 @@ def with_values(
     """
     document = parse(eds_text)
     device, rewriting = DescribedDevice(document), Rewriting(document)
-    for address, value in values.items():
+    for (index, subindex), value in values.items():
         if value is not None:
-            _set_value(rewriting, device, address, value)
+            variable = device.objects[index].subs.get(subindex) if index in device.objects else None
+            if variable is None:
+                raise UnknownName("object", f"0x{index:04X}:{subindex}")
+            form = variable.section.text("defaultvalue").lower()
+            rewriting.set(variable.section, "ParameterValue", _written(value, form))
     _set_file_name(rewriting, document)
     if device.commissioning:
         rewriting.drop(device.commissioning)
@@ -46,9 +50,10 @@ def missing(text: str) -> list[str]:
     document = parse(text)
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
     wanted = [name for each in OBJECT_LISTS for name in _listed(document, each)]
+    counts = [(name, parse_number(document.text(name.lower(), "subnumber"))) for name in wanted]
     return [
         *(name for name in wanted if name.lower() not in document.sections),
-        *(f"{name}sub" for name in wanted if members[name.lower()] < _announced(document, name)),
+        *(f"{name}sub" for name, count in counts if count and members[name.lower()] < count.value),
     ]
 
 
@@ -61,21 +66,6 @@ def _listed(document: Document, name: str) -> Iterator[str]:
     for key, entry in section.entries.items():
         if key.isdecimal():
             yield entry.value.lower().removeprefix("0x").zfill(4).upper()
-
-
-def _announced(document: Document, name: str) -> int:
-    """Return how many members an object has by its own account, 0 if that is not a number."""
-    number = parse_number(document.text(name.lower(), "subnumber"))
-    return number.value if number else 0
-
-
-def _set_value(rewriting: Rewriting, device: DescribedDevice, address: Address, value: Value) -> None:
-    index, subindex = address
-    variable = device.objects[index].subs.get(subindex) if index in device.objects else None
-    if variable is None:
-        raise UnknownName("object", f"0x{index:04X}:{subindex}")
-    section = variable.section
-    rewriting.set(section, "ParameterValue", _written(value, section.text("defaultvalue").lower()))
 
 
 def _written(value: Value, like: str) -> str:
