@@ -90,11 +90,15 @@ class LintedPdo(NamedTuple):
         setting = self.setting(sub)
         return setting.value if setting else None
 
+    def entry(self, sub: int) -> DescribedVariable | None:
+        """Return a variable of the mapping record."""
+        return self.mapping.variable(sub) if self.mapping else None
+
     @property
     def amount(self) -> Number | None:
         """Return the number of mapped objects, sub 0 of the mapping."""
-        variable = self.mapping.variable(0) if self.mapping else None
-        return variable.value if variable else None
+        zero = self.entry(0)
+        return zero.value if zero else None
 
     @property
     def is_multiplexed(self) -> bool:
@@ -121,10 +125,9 @@ class LintedPdo(NamedTuple):
 
     def mapped(self) -> Iterator[MappingEntry]:
         """Give the entries of the mapping that count: the first `amount`, as far as they are there and are numbers."""
-        if self.mapping is None or self.amount is None or self.is_multiplexed:
-            return
-        for sub in range(1, min(self.amount.value, values.MOST_SUBS) + 1):
-            variable = self.mapping.variable(sub)
+        amount = self.amount.value if self.amount and not self.is_multiplexed else 0
+        for sub in range(1, min(amount, values.MOST_SUBS) + 1):
+            variable = self.entry(sub)
             entry = variable.value if variable else None
             if variable and entry and not entry.relative and entry.value > 0:
                 yield MappingEntry(entry.value, variable)

@@ -6,7 +6,7 @@ those for one file, and each finding stands where the PDO or value is written th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
@@ -90,8 +90,8 @@ class Port(NamedTuple):
     @property
     def mapping_spot(self) -> Spot:
         """Return where its number of mapped objects stands."""
-        variable = self.pdo.mapping.variable(0) if self.pdo.mapping else None
-        return self.node.spot(variable.place) if variable else self.spot
+        zero = self.pdo.entry(0)
+        return self.node.spot(zero.place) if zero else self.spot
 
     @property
     def layout(self) -> tuple[tuple[str, int], ...]:
@@ -530,15 +530,10 @@ def lint_network(network: Network) -> list[Finding]:
 def overview(network: Network) -> list[tuple[str, str, str, str]]:
     """Return one row for each identifier: itself, its name, its producers, its consumers."""
     return [
-        (
-            f"0x{identifier:03X}",
-            network.title(identifier),
-            _names(network.producers.get(identifier, ())),
-            _names(network.consumers.get(identifier, ())),
-        )
-        for identifier in network.identifiers
+        (f"0x{each:03X}", network.title(each), _names(network.producers, each), _names(network.consumers, each))
+        for each in network.identifiers
     ]
 
 
-def _names(ports: Iterable[Port]) -> str:
-    return ", ".join(each.node.name for each in ports)
+def _names(ports: Mapping[int, Sequence[Port]], identifier: int) -> str:
+    return ", ".join(each.node.name for each in ports.get(identifier, ()))

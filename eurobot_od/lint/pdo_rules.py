@@ -234,9 +234,9 @@ RULES += (
 def _counts(device: LintedDevice) -> Iterator[tuple[LintedPdo, DescribedVariable, int]]:
     """Give the number of mapped objects of every PDO that says one: the PDO, sub-index 0, the number."""
     for pdo in device.pdos:
-        variable, count = pdo.mapping.variable(0) if pdo.mapping else None, pdo.amount
-        if variable and count:
-            yield pdo, variable, count.value
+        zero, count = pdo.entry(0), pdo.amount
+        if zero and count:
+            yield pdo, zero, count.value
 
 
 @RULES.rule("E630", "CiA 301, objects 0x1600 and 0x1A00")
@@ -251,9 +251,8 @@ def count_range(device: LintedDevice) -> Problems:
 def too_few_entries(device: LintedDevice) -> Problems:
     """A mapping has as many entries as sub-index 0 says."""
     for pdo, variable, count in _counts(device):
-        entries = range(1, min(count, MOST_OBJECTS) + 1) if not pdo.is_multiplexed else ()
-        missing = next((n for n in entries if pdo.mapping and not pdo.mapping.variable(n)), 0)
-        if missing:
+        missing = next((n for n in range(1, min(count, MOST_OBJECTS) + 1) if not pdo.entry(n)), 0)
+        if missing and not pdo.is_multiplexed:
             yield variable.place, f"{pdo.name} maps {count} objects, but has no sub {missing}"
 
 
@@ -262,7 +261,7 @@ def no_entry(device: LintedDevice) -> Problems:
     """Mapped entries have no gap."""
     for pdo, _, count in _counts(device):
         for n in range(1, min(count, MOST_OBJECTS) + 1) if not pdo.is_multiplexed else ():
-            variable = pdo.mapping.variable(n) if pdo.mapping else None
+            variable = pdo.entry(n)
             if variable and (variable.value is None or variable.value.value == 0):
                 yield variable.place, f"{pdo.name} maps {count} objects, but entry {n} is empty"
 
