@@ -142,6 +142,7 @@ def malformed_names(device: LintedDevice) -> Problems:
 def unknown_keys(device: LintedDevice) -> Problems:
     """A key is one of those its section has."""
     known = [(section, keys) for name, keys in KNOWN_KEYS.items() for section in [device.section(name)] if section]
+    # lists such as [2000Name] have a key for each sub-index: E424 looks at those
     known += [(section, OBJECT_KEYS) for name, section in device.object_sections if not name.list]
     for section, keys in known:
         for key in section.entries.keys() - keys - {""}:  # an entry without a key is E111's

@@ -43,9 +43,10 @@ def without_name(device: LintedDevice) -> Problems:
 @RULES.rule("E402", "CiA 301, object codes")
 def unknown_kind(device: LintedDevice) -> Problems:
     """ObjectType is 0, 2, 5, 6, 7, 8 or 9."""
+    codes = {each.value for each in ObjectCode}
     for section, entry in device.entries["objecttype"]:
         number = parse_number(entry.value)
-        if entry.value and (number is None or number.value not in {each.value for each in ObjectCode}):
+        if entry.value and (number is None or number.value not in codes):
             yield entry, f"ObjectType {entry.value[:20]} of [{section.name}] is none of 0, 2, 5, 6, 7, 8, 9"
 
 
@@ -511,6 +512,7 @@ KNOWN = (
 def _known(device: LintedDevice) -> Iterator[tuple[DescribedVariable, Known]]:
     """Give every variable of the communication profile that the standard says something about."""
     for index, found in device.objects.items():
+        # most objects of a device are its own: none of them has to go through the table
         for known in KNOWN if index < values.MANUFACTURER[0] else ():
             if index in known.indices:
                 yield from ((variable, known) for sub, variable in found.subs.items() if sub in known.subs)
