@@ -145,11 +145,11 @@ def listing(item: Reader[T], length: int | None = None) -> Reader[tuple[T, ...]]
     return read
 
 
-def mapping(value: Reader[T]) -> Reader[dict[Text, T]]:
+def mapping(value: Reader[T], key: Reader[Text] = text) -> Reader[dict[Text, T]]:
     """Make a reader of a mapping from texts to values, in the file's order, no key twice."""
 
     def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
-        pairs = pairs_of(node, problems)
+        pairs = pairs_of(node, problems, key)
         return dict(zip(pairs, read_all(((value, each) for each in pairs.values()), problems), strict=True))
 
     return read
@@ -173,13 +173,13 @@ def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mappi
     return read
 
 
-def pairs_of(node: yaml.Node, problems: Problems) -> dict[Text, yaml.Node]:
+def pairs_of(node: yaml.Node, problems: Problems, read_key: Reader[Text] = text) -> dict[Text, yaml.Node]:
     """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
     if not isinstance(node, yaml.MappingNode):
         refuse(node, problems, f"expected a mapping, found {shown(node)}")
     pairs: dict[Text, yaml.Node] = {}
     for key_node, value_node in node.value:
-        key = text(key_node, problems)
+        key = read_key(key_node, problems)
         if key in pairs:
             problems.append(Problem(key.place, f"key '{key}' is given twice"))
         pairs.setdefault(key, value_node)

@@ -16,7 +16,7 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Dictionaries, Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.od.folder import outlines
+from eurobot_od.od.outline import Outline
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
 
@@ -95,7 +95,7 @@ class SuiteReader:
         except UnknownName:
             folder = self._networks.find(self._dialect)
         if folder not in self._loaded:
-            found = outlines(folder)
+            found = Outline.load_folder(folder)
             self._loaded[folder] = Decoder(found, self._networks.catalogue), Dictionaries(found)
         return self._loaded[folder]
 

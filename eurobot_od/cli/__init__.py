@@ -46,6 +46,10 @@ COMMANDS = {
 }
 
 
+ALLOCATIONS = 50_000
+"""So many new objects make Python look for garbage among them; 700 by default."""
+
+
 class ExitStatus(IntEnum):
     """What a command tells the shell."""
 

@@ -77,9 +77,10 @@ def read_network(files: Sequence[str]) -> Network:
 
     if len(files) == 1 and files[0].lower().endswith((".yaml", ".yml")):
         said = read_network_file(read_bytes(files[0]).decode("utf-8", "replace"), files[0])
-        named = [(name, file, load(read_bytes(file), file)) for name, file in said.files.items()]
-        nodes = nodes_of([Member(name, file, device, said.node_ids.get(name)) for name, file, device in named])
-        return Network(nodes, said.shared, said.order, said.bit_rate)
+        members = [
+            Member(name, file, load(read_bytes(file), file), node_id) for name, (file, node_id) in said.nodes.items()
+        ]
+        return Network(nodes_of(members), said.shared, said.order, said.bit_rate)
     devices = [(file, load(read_bytes(file), file)) for file in files]
     return Network(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
 

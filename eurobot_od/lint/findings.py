@@ -5,9 +5,9 @@ Rule of this file: values only; the letter of a code is its severity, and nowher
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
 
 class Severity(Enum):
@@ -30,14 +30,11 @@ class Located(Protocol):
         """Column, from 1."""
 
 
-class Problem(NamedTuple):
-    """One place where a rule does not hold, and what is wrong there in one sentence."""
+Problem: TypeAlias = tuple[Located, str]
+"""One place where a rule does not hold, and what is wrong there in one sentence."""
 
-    at: Located
-    text: str
-
-
-Problems = Iterable[Problem]
+Problems: TypeAlias = Iterator[Problem]
+"""What a check of a file yields."""
 
 
 class Rule(NamedTuple):
@@ -56,6 +53,22 @@ class Rule(NamedTuple):
     def severity(self) -> Severity:
         """How bad it is not to keep the rule."""
         return Severity(self.code[0])
+
+
+Check = TypeVar("Check", bound=Callable[..., Iterable[Any]])
+
+
+class Rules(list[Rule]):
+    """The rules of one part, in the order of its file; those that differ only in data are added as rows."""
+
+    def rule(self, code: str, clause: str) -> Callable[[Check], Check]:
+        """Enter a function as a rule; its docstring is what the rule demands."""
+
+        def enter(check: Check) -> Check:
+            self.append(Rule(code, check.__doc__ or "", clause, check))
+            return check
+
+        return enter
 
 
 class Finding(NamedTuple):

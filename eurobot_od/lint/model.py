@@ -6,25 +6,18 @@ each rule that needs it stays silent where another one already speaks.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import NamedTuple
 
+from eurobot_od.od import values
 from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
 from eurobot_od.od.document import Document, Entry, Section, read
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    EXTENDED,
-    MAPPING_OFFSET,
-    MOST_SUBS,
-    NODE_IDS,
-    NOT_VALID,
-    PDO_COUNT,
-    DataType,
-    Number,
-    PdoDirection,
-    parse_number,
-)
+from eurobot_od.od.values import DataType, Number, PdoDirection, parse_number
+
+TOP = Entry("", "", 1, 1)
+"""Where a finding about the whole file stands."""
 
 
 class GivenValue(NamedTuple):
@@ -34,10 +27,15 @@ class GivenValue(NamedTuple):
     """
 
     variable: DescribedVariable
-    type: DataType | None
+    type: DataType
     key: str
     entry: Entry
     number: Number | None
+
+    @property
+    def has_node_id(self) -> bool:
+        """Whether its text has `$NODEID` anywhere."""
+        return values.NODE_ID in self.entry.value.upper()
 
 
 LIMITS = ("lowlimit", "highlimit")
@@ -92,11 +90,15 @@ class LintedPdo(NamedTuple):
         setting = self.setting(sub)
         return setting.value if setting else None
 
+    def entry(self, sub: int) -> DescribedVariable | None:
+        """Return a variable of the mapping record."""
+        return self.mapping.variable(sub) if self.mapping else None
+
     @property
     def amount(self) -> Number | None:
         """Return the number of mapped objects, sub 0 of the mapping."""
-        variable = self.mapping.variable(0) if self.mapping else None
-        return variable.value if variable else None
+        zero = self.entry(0)
+        return zero.value if zero else None
 
     @property
     def is_multiplexed(self) -> bool:
@@ -104,24 +106,28 @@ class LintedPdo(NamedTuple):
         return self.amount is not None and self.amount.value in MULTIPLEXED
 
     @property
+    def default_base(self) -> range:
+        """The base of its default identifier, as a range of one; empty from the fifth PDO on, which has no default."""
+        return values.DEFAULT_PDO_BASES[self.direction][self.number - 1 : self.number]
+
+    @property
     def is_valid(self) -> bool:
         """Whether it has a COB-ID that is valid."""
         cob_id = self.value(1)
-        return cob_id is not None and not cob_id.value & NOT_VALID
+        return cob_id is not None and not cob_id.value & values.NOT_VALID
 
     def identifier(self, node_id: int) -> int | None:
         """Return the base identifier it uses in a node; None if it has none, is not valid or has an extended one."""
         cob_id = self.value(1)
-        if cob_id is None or cob_id.at(node_id) & (NOT_VALID | EXTENDED):
+        if cob_id is None or cob_id.at(node_id) & (values.NOT_VALID | values.EXTENDED):
             return None
-        return cob_id.at(node_id) & BASE_IDENTIFIER
+        return cob_id.at(node_id) & values.BASE_IDENTIFIER
 
     def mapped(self) -> Iterator[MappingEntry]:
         """Give the entries of the mapping that count: the first `amount`, as far as they are there and are numbers."""
-        if self.mapping is None or self.amount is None or self.is_multiplexed:
-            return
-        for sub in range(1, min(self.amount.value, MOST_SUBS) + 1):
-            variable = self.mapping.variable(sub)
+        amount = self.amount.value if self.amount and not self.is_multiplexed else 0
+        for sub in range(1, min(amount, values.MOST_SUBS) + 1):
+            variable = self.entry(sub)
             entry = variable.value if variable else None
             if variable and entry and not entry.relative and entry.value > 0:
                 yield MappingEntry(entry.value, variable)
@@ -144,6 +150,15 @@ class LintedDevice(DescribedDevice):
         super().__init__(document)
         self.name = name
 
+    def number(self, section: str, key: str) -> Number | None:
+        """Return the number that a key of a section has (both in lower case); None without one."""
+        return parse_number(self.document.text(section, key))
+
+    def at(self, section: str, key: str) -> Entry | Section:
+        """Return where a key of a section stands (both in lower case), or else the section, or the file's start."""
+        found = self.section(section)
+        return found.at(key) if found else TOP
+
     @cached_property
     def is_dcf(self) -> bool:
         """Whether it is a device configuration file."""
@@ -152,41 +167,34 @@ class LintedDevice(DescribedDevice):
     @cached_property
     def variables(self) -> list[DescribedVariable]:
         """All variables that have a section of their own, and compact objects' templates as sub-index 1."""
-        found = [each for whole in self.objects.values() for each in whole.subs.values()]
-        return found + [
-            DescribedVariable(o.index, 1, o.section) for o in self.objects.values() if o.compact and o.section
-        ]
+        objects = self.objects.values()
+        templates = [DescribedVariable(o.index, 1, o.section) for o in objects if o.compact and o.section]
+        return [each for whole in objects for each in whole.subs.values()] + templates
 
     @cached_property
-    def values(self) -> list[GivenValue]:
-        """All limits, defaults and parameter values of all variables."""
-        return [
-            GivenValue(each, each.type, key, entry, parse_number(entry.value))
-            for each in self.variables
-            for key in LIMITS + VALUES
-            for entry in [each.section.entries.get(key)]
-            if entry and entry.value
-        ] + list(self._listed_values())
-
-    def _listed_values(self) -> Iterator[GivenValue]:
-        """Give the values of [xxxxValue]."""
+    def given(self) -> list[GivenValue]:
+        """The limits, defaults and parameter values of all variables with a basic type, those of [xxxxValue] too."""
+        found = [(each, key, each.section.entries.get(key)) for each in self.variables for key in LIMITS + VALUES]
         for name, section in self.object_sections:
             head = self.objects[name.object_index].section
             if name.list == "value" and head:
                 variable = DescribedVariable(name.object_index, 1, head)
-                for key, entry in section.entries.items():
-                    if key != "nrofentries" and entry.value:
-                        yield GivenValue(variable, variable.type, VALUES[1], entry, parse_number(entry.value))
+                found += [(variable, VALUES[1], each) for key, each in section.entries.items() if key != "nrofentries"]
+        return [
+            GivenValue(variable, variable.type, key, entry, parse_number(entry.value))
+            for variable, key, entry in found
+            if variable.type and entry and entry.value
+        ]
 
     @cached_property
     def integers(self) -> list[GivenValue]:
         """The limits and values of variables with an integer type."""
-        return [each for each in self.values if each.type and each.type.is_integer]
+        return [each for each in self.given if each.type.is_integer]
 
     @cached_property
     def others(self) -> list[GivenValue]:
         """The limits and values of variables with another basic type."""
-        return [each for each in self.values if each.type and not each.type.is_integer]
+        return [each for each in self.given if not each.type.is_integer]
 
     @cached_property
     def pdos(self) -> list[LintedPdo]:
@@ -194,9 +202,9 @@ class LintedDevice(DescribedDevice):
         return [
             LintedPdo(direction, number + 1, communication, mapping)
             for direction in PdoDirection
-            for number in range(PDO_COUNT)
+            for number in range(values.PDO_COUNT)
             for communication in [self.objects.get(direction.value + number)]
-            for mapping in [self.objects.get(direction.value + MAPPING_OFFSET + number)]
+            for mapping in [self.objects.get(direction.value + values.MAPPING_OFFSET + number)]
             if communication or mapping
         ]
 
@@ -208,23 +216,19 @@ class LintedDevice(DescribedDevice):
     @cached_property
     def node_id(self) -> int | None:
         """The NodeID a DCF gives to the device, if it is one."""
-        number = self.commissioned_node_id
-        return number.value if number and number.value in NODE_IDS else None
+        number = self.commissioned("nodeid")
+        return number.value if number and number.value in values.NODE_IDS else None
 
     @cached_property
     def node_ids(self) -> tuple[int, ...]:
         """The node-IDs for which values with `$NODEID` have to hold: if for these two, then for all between."""
-        return (NODE_IDS[0], NODE_IDS[-1]) if self.node_id is None else (self.node_id,)
-
-    def entries(self, key: str) -> list[tuple[Section, Entry]]:
-        """Give an entry wherever an object's section, or a sub-index's, has it."""
-        return self._entries_by_key.get(key, [])
+        return (values.NODE_IDS[0], values.NODE_IDS[-1]) if self.node_id is None else (self.node_id,)
 
     @cached_property
-    def _entries_by_key(self) -> dict[str, list[tuple[Section, Entry]]]:
-        found: dict[str, list[tuple[Section, Entry]]] = {}
+    def entries(self) -> Mapping[str, list[tuple[Section, Entry]]]:
+        """The entries of a key (in lower case), wherever an object's section, or a sub-index's, has it."""
+        found: dict[str, list[tuple[Section, Entry]]] = defaultdict(list)
         for name, section in self.object_sections:
-            if not name.list:
-                for key, entry in section.entries.items():
-                    found.setdefault(key, []).append((section, entry))
+            for key, entry in section.entries.items() if not name.list else ():
+                found[key].append((section, entry))
         return found

@@ -6,40 +6,30 @@ those for one file, and each finding stands where the PDO or value is written th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.lint.file_rules import BIT_RATES, bit_rates
-from eurobot_od.lint.findings import Finding, Located, Rule
-from eurobot_od.lint.model import LintedDevice, LintedPdo
+from eurobot_od.lint.findings import Finding, Located, Rule, Rules
+from eurobot_od.lint.model import TOP, LintedDevice, LintedPdo
 from eurobot_od.lint.object_rules import heartbeats
 from eurobot_od.lint.pdo_rules import SYNCHRONOUS
-from eurobot_od.od.document import Entry, Section
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    DEFAULT_PDO_BASES,
-    ERROR_CONTROL_BASE,
-    LSS_COB_IDS,
-    NODE_IDS,
-    NOT_VALID,
-    PREDEFINED,
-    RESERVED,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
-    IdentifierRange,
-    Number,
-    PdoDirection,
-    owner,
-    parse_number,
-)
+from eurobot_od.od import values
+from eurobot_od.od.values import Number, PdoDirection, owner
 
-DEFAULT_PDOS = tuple(each for each in PREDEFINED if "PDO" in each.owner)
+RULES = Rules()
+
+DEFAULT_PDOS = tuple(each for each in values.PREDEFINED if "PDO" in each.owner)
 """The ranges of the PDOs in the pre-defined connection set."""
 
 
-SERVICE_BASES = {SDO_REQUEST_BASE: "SDO request", SDO_RESPONSE_BASE: "SDO answer", ERROR_CONTROL_BASE: "heartbeat"}
+SERVICE_BASES = {
+    values.SDO_REQUEST_BASE: "SDO request",
+    values.SDO_RESPONSE_BASE: "SDO answer",
+    values.ERROR_CONTROL_BASE: "heartbeat",
+}
 """Services that every node has, under these identifiers plus its node-ID."""
 
 
@@ -52,6 +42,10 @@ class NetworkNode(NamedTuple):
     node_id: int
     is_guess: bool
 
+    def spot(self, at: Located = TOP) -> Spot:
+        """Return a place of its file."""
+        return Spot(self.file, at.line, at.column)
+
 
 class Spot(NamedTuple):
     """A place in one of the files, both numbers from 1."""
@@ -61,11 +55,8 @@ class Spot(NamedTuple):
     column: int
 
 
-class Conflict(NamedTuple):
-    """One place where a rule of the network does not hold, and what is wrong there in one sentence."""
-
-    at: Spot
-    text: str
+Conflicts: TypeAlias = Iterator[tuple[Spot, str]]
+"""Places where a rule of the network does not hold, and what is wrong there in one sentence."""
 
 
 class Port(NamedTuple):
@@ -81,6 +72,17 @@ class Port(NamedTuple):
         return f"{self.node.name} {self.pdo.name}"
 
     @property
+    def size(self) -> int:
+        """Return how many bytes it carries."""
+        return (self.pdo.bits + 7) // 8
+
+    @property
+    def is_predefined(self) -> bool:
+        """Whether its identifier is made from the node-ID, or is just its own default one."""
+        value = self.pdo.value(1)
+        return (value is not None and value.relative) or self.identifier - self.node.node_id in self.pdo.default_base
+
+    @property
     def spot(self) -> Spot:
         """Return where its identifier stands."""
         return _spot(self.node, self.pdo, 1)
@@ -88,8 +90,8 @@ class Port(NamedTuple):
     @property
     def mapping_spot(self) -> Spot:
         """Return where its number of mapped objects stands."""
-        variable = self.pdo.mapping.variable(0) if self.pdo.mapping else None
-        return spot(self.node, variable.place) if variable else self.spot
+        zero = self.pdo.entry(0)
+        return self.node.spot(zero.place) if zero else self.spot
 
     @property
     def layout(self) -> tuple[tuple[str, int], ...]:
@@ -98,16 +100,9 @@ class Port(NamedTuple):
         return tuple((variable.name if variable else "", each.bits) for each, variable in found)
 
 
-def spot(node: NetworkNode, at: Located) -> Spot:
-    """Return a place of a node's file."""
-    return Spot(node.file, at.line, at.column)
-
-
 def _spot(node: NetworkNode, pdo: LintedPdo, sub: int) -> Spot:
-    variable = pdo.setting(sub)
-    place: Entry | Section | None = variable.place if variable else None
-    whole = pdo.communication or pdo.mapping
-    return spot(node, place or (whole.place if whole else Entry("", "", 1, 1)))
+    where = pdo.setting(sub) or pdo.communication or pdo.mapping
+    return node.spot(where.place if where else TOP)
 
 
 class Network:
@@ -175,7 +170,7 @@ class Network:
     @cached_property
     def services(self) -> dict[int, list[tuple[str, Spot]]]:
         """Identifiers of other services than PDOs in use, with what they are and where that is said."""
-        found: dict[int, list[tuple[str, Spot]]] = {0: [("NMT", Spot(self.nodes[0].file, 1, 1))]} if self.nodes else {}
+        found: dict[int, list[tuple[str, Spot]]] = {0: [("NMT", self.nodes[0].spot())]} if self.nodes else {}
         for node in self.nodes:
             for identifier, name, place in _services(node):
                 found.setdefault(identifier, []).append((name, place))
@@ -184,17 +179,17 @@ class Network:
 
 def _services(node: NetworkNode) -> Iterator[tuple[int, str, Spot]]:
     """Give the identifiers of a node's services other than PDOs; SYNC and TIME are the network's."""
-    top = Spot(node.file, 1, 1)
+    top = node.spot()
     for base, name in SERVICE_BASES.items():
         yield base + node.node_id, f"{name} of {node.name}", top
     for index, name in ((0x1005, "SYNC"), (0x1012, "TIME"), (0x1014, f"EMCY of {node.name}")):
         variable = node.device.variable(index)
         value = variable.value.at(node.node_id) if variable and variable.value else None
-        if variable and value is not None and (index != 0x1014 or not value & NOT_VALID):
-            yield value & BASE_IDENTIFIER, name, spot(node, variable.place)
+        if variable and value is not None and (index != 0x1014 or not value & values.NOT_VALID):
+            yield value & values.BASE_IDENTIFIER, name, node.spot(variable.place)
     section = node.device.section("deviceinfo")
     if section and section.text("lss_supported") == "1":
-        yield from ((identifier, "LSS", spot(node, section.at("lss_supported"))) for identifier in LSS_COB_IDS)
+        yield from ((identifier, "LSS", node.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS)
 
 
 class Member(NamedTuple):
@@ -209,9 +204,9 @@ class Member(NamedTuple):
 def nodes_of(members: Sequence[Member]) -> list[NetworkNode]:
     """Make nodes of devices."""
     said = [each.node_id or own_node_id(each.device) for each in members]
-    free = iter(number for number in NODE_IDS if number not in said)
+    free = iter(number for number in values.NODE_IDS if number not in said)
     return [
-        NetworkNode(each.name, each.file, each.device, number or next(free, NODE_IDS[0]), number is None)
+        NetworkNode(each.name, each.file, each.device, number or next(free, values.NODE_IDS[0]), number is None)
         for each, number in zip(members, said)
     ]
 
@@ -222,56 +217,61 @@ def own_node_id(device: LintedDevice) -> int | None:
         return device.node_id
     own = device.own_node_id
     number = own.value if own else None
-    return number.value if number and not number.relative and number.value in NODE_IDS else None
+    return number.value if number and not number.relative and number.value in values.NODE_IDS else None
 
 
 # Producers and consumers
 
 
-def two_producers(network: Network) -> Iterator[Conflict]:
-    """Yield identifiers with several producers that nobody declared."""
+@RULES.rule("E801", "CiA 301, PDO")
+def two_producers(network: Network) -> Conflicts:
+    """An identifier has one producer, unless it is declared as shared."""
     for identifier, (first, *others) in network.producers.items():
         for each in others if not network.is_shared(identifier) else ():
-            yield Conflict(each.spot, f"{each.name} sends 0x{identifier:03X}, which {first.name} sends too")
+            yield each.spot, f"{each.name} sends 0x{identifier:03X}, which {first.name} sends too"
 
 
-def declared_producers(network: Network) -> Iterator[Conflict]:
-    """Yield identifiers that several nodes may send."""
+@RULES.rule("I802", "declared in the network file, or by the EDS files' names")
+def declared_producers(network: Network) -> Conflicts:
+    """A shared identifier is declared."""
     for identifier, (first, *others) in network.producers.items():
         if others and network.is_shared(identifier):
             names = " and ".join(each.name for each in (first, *others))
             how = "the network file" if first.pdo.title in network.shared else "one name everywhere and no data"
-            yield Conflict(first.spot, f"0x{identifier:03X} {first.pdo.title}: sent by {names}, declared by {how}")
+            yield first.spot, f"0x{identifier:03X} {first.pdo.title}: sent by {names}, declared by {how}"
 
 
-def without_producer(network: Network) -> Iterator[Conflict]:
-    """Yield RPDOs that nobody sends."""
+@RULES.rule("W803", "CiA 301, PDO")
+def without_producer(network: Network) -> Conflicts:
+    """What is received is sent."""
     for identifier, ports in network.consumers.items():
         for each in ports if identifier not in network.producers else ():
-            yield Conflict(each.spot, f"{each.name} waits for 0x{identifier:03X}, which nobody sends")
+            yield each.spot, f"{each.name} waits for 0x{identifier:03X}, which nobody sends"
 
 
-def without_consumer(network: Network) -> Iterator[Conflict]:
-    """Yield TPDOs that nobody receives."""
+@RULES.rule("W804", "CiA 301, PDO")
+def without_consumer(network: Network) -> Conflicts:
+    """What is sent is received."""
     for identifier, ports in network.producers.items():
         for each in ports if identifier not in network.consumers else ():
-            yield Conflict(each.spot, f"{each.name} sends 0x{identifier:03X}, which nobody receives")
+            yield each.spot, f"{each.name} sends 0x{identifier:03X}, which nobody receives"
 
 
-def switched_off(network: Network) -> Iterator[Conflict]:
-    """Yield RPDOs that are not valid, but have the identifier of a message that is sent."""
+@RULES.rule("I805", "CiA 301, object 0x1400 sub 1, bit 31")
+def switched_off(network: Network) -> Conflicts:
+    """A receiver of a message that is sent is valid."""
     for node in network.nodes:
         for pdo in node.device.pdos:
             value = pdo.value(1)
-            identifier = value.at(node.node_id) & BASE_IDENTIFIER if value else 0
+            identifier = value.at(node.node_id) & values.BASE_IDENTIFIER if value else 0
             if (
                 value
-                and value.value & NOT_VALID
+                and value.value & values.NOT_VALID
                 and pdo.direction is PdoDirection.RPDO
                 and identifier in network.producers
             ):
                 text = f"{node.name} {pdo.name} could receive 0x{identifier:03X}, but is not valid until configured"
-                yield Conflict(_spot(node, pdo, 1), text)
+                yield _spot(node, pdo, 1), text
 
 
 def _pairs(network: Network) -> Iterator[tuple[Port, Port]]:
@@ -281,156 +281,146 @@ def _pairs(network: Network) -> Iterator[tuple[Port, Port]]:
             yield from ((producer, consumer) for consumer in network.consumers.get(identifier, ()))
 
 
-def too_short(network: Network) -> Iterator[Conflict]:
-    """Yield consumers that expect more bytes than are sent."""
+@RULES.rule("E806", "CiA 301, RPDO length (EMCY 8210)")
+def too_short(network: Network) -> Conflicts:
+    """A consumer expects no more bytes than are sent."""
     for producer, consumer in _pairs(network):
-        if _bytes(producer) < _bytes(consumer):
+        if producer.size < consumer.size:
             text = f"{_lengths(producer, consumer)}: not processed (EMCY 8210)"
-            yield Conflict(consumer.mapping_spot, text)
+            yield consumer.mapping_spot, text
 
 
-def too_long(network: Network) -> Iterator[Conflict]:
-    """Yield consumers that expect fewer bytes than are sent."""
+@RULES.rule("W807", "CiA 301, RPDO length (EMCY 8220)")
+def too_long(network: Network) -> Conflicts:
+    """A consumer expects all bytes that are sent."""
     for producer, consumer in _pairs(network):
-        if _bytes(producer) > _bytes(consumer):
+        if producer.size > consumer.size:
             text = f"{_lengths(producer, consumer)}: the rest is lost (EMCY 8220)"
-            yield Conflict(consumer.mapping_spot, text)
+            yield consumer.mapping_spot, text
 
 
 def _lengths(producer: Port, consumer: Port) -> str:
-    return f"{consumer.name} expects {_bytes(consumer)} bytes, {producer.name} sends {_bytes(producer)}"
+    return f"{consumer.name} expects {consumer.size} bytes, {producer.name} sends {producer.size}"
 
 
-def _bytes(port: Port) -> int:
-    return (port.pdo.bits + 7) // 8
-
-
-def other_order(network: Network) -> Iterator[Conflict]:
-    """Yield consumers that map the same objects in another order."""
+@RULES.rule("E810", "CiA 301, PDO mapping")
+def other_order(network: Network) -> Conflicts:
+    """Producer and consumer map objects of the same names in the same order."""
     for producer, consumer in _pairs(network):
         names = [[name for name, _ in port.layout if name] for port in (producer, consumer)]
         if names[0] != names[1] and sorted(names[0]) == sorted(names[1]):
-            yield Conflict(
-                consumer.mapping_spot, f"{consumer.name} maps the objects in another order than {producer.name}"
-            )
+            yield consumer.mapping_spot, f"{consumer.name} maps the objects in another order than {producer.name}"
 
 
-def other_bits(network: Network) -> Iterator[Conflict]:
-    """Yield consumers that cut the same bytes at other bits."""
+@RULES.rule("W811", "CiA 301, PDO mapping")
+def other_bits(network: Network) -> Conflicts:
+    """Producer and consumer cut the data at the same bits."""
     for producer, consumer in _pairs(network):
         bits = [[length for _, length in port.layout] for port in (producer, consumer)]
-        if bits[0] != bits[1] and _bytes(producer) == _bytes(consumer):
+        if bits[0] != bits[1] and producer.size == consumer.size:
             text = f"{consumer.name} takes {bits[1]} bits, {producer.name} sends {bits[0]}"
-            yield Conflict(consumer.mapping_spot, text)
+            yield consumer.mapping_spot, text
 
 
 # Identifiers and priorities
 
 
-def service_identifiers(network: Network) -> Iterator[Conflict]:
-    """Yield PDOs on an identifier that another service of the network has."""
+@RULES.rule("E808", "CiA 301, pre-defined connection set")
+def service_identifiers(network: Network) -> Conflicts:
+    """No PDO has the identifier of another service in use."""
     for identifier in network.identifiers:
         for name, _ in network.services.get(identifier, [])[:1]:
             ports = network.ports(identifier)
-            yield from (Conflict(each.spot, f"{each.name} has 0x{identifier:03X}, the {name}") for each in ports)
+            yield from ((each.spot, f"{each.name} has 0x{identifier:03X}, the {name}") for each in ports)
 
 
-def unused_service_identifiers(network: Network) -> Iterator[Conflict]:
-    """Yield custom identifiers in the range of a service, which nobody in this network uses."""
+@RULES.rule("I809", "CiA 301, pre-defined connection set and restricted CAN-IDs")
+def unused_service_identifiers(network: Network) -> Conflicts:
+    """A custom identifier is outside the ranges of other services."""
     for identifier, ports in network.producers.items():
-        found = owner(identifier, RESERVED + PREDEFINED)
-        is_free = identifier not in network.services and not any(_is_predefined(each) for each in ports)
-        if found and is_free and not _is_used(network, found, identifier):
+        found = owner(identifier, values.RESERVED + values.PREDEFINED)
+        is_free = identifier not in network.services and not any(each.is_predefined for each in ports)
+        # W827 says it if the node is in the network that has this identifier by default
+        if found and is_free and not (found.is_per_node and identifier - found.low + 1 in network.node_ids):
             whose = found.whose(identifier)
             text = f"0x{identifier:03X} {ports[0].pdo.title} belongs to {whose}, which is not in the network"
-            yield Conflict(ports[0].spot, text)
+            yield ports[0].spot, text
 
 
-def _is_used(network: Network, found: IdentifierRange, identifier: int) -> bool:
-    """Whether the node is in the network whose default an identifier is (W827 says that)."""
-    return found.is_per_node and identifier - found.low + 1 in network.node_ids
-
-
-def _is_predefined(port: Port) -> bool:
-    value = port.pdo.value(1)
-    return (value is not None and value.relative) or _is_default(port)
-
-
-def _is_default(port: Port) -> bool:
-    """Whether a PDO has just its own default identifier for its node-ID."""
-    bases = DEFAULT_PDO_BASES[port.pdo.direction]
-    return port.pdo.number <= len(bases) and port.identifier == bases[port.pdo.number - 1] + port.node.node_id
-
-
-def default_of_other_node(network: Network) -> Iterator[Conflict]:
-    """Yield custom identifiers that are the default PDO of a node of the network, which it has changed itself."""
+@RULES.rule("W827", "CiA 301, pre-defined connection set")
+def default_of_other_node(network: Network) -> Conflicts:
+    """A custom identifier is not a default PDO of a node in the network."""
     for identifier, ports in network.producers.items():
         found = owner(identifier, DEFAULT_PDOS)
         node = network.node_ids.get(identifier - found.low + 1) if found else None
-        if found and node and not any(_is_predefined(each) for each in ports):
+        if found and node and not any(each.is_predefined for each in ports):
             text = f"{ports[0].name} has 0x{identifier:03X}, {found.owner} of {node.name} before it is configured"
-            yield Conflict(ports[0].spot, text)
+            yield ports[0].spot, text
 
 
-def double_services(network: Network) -> Iterator[Conflict]:
-    """Yield identifiers that two different services have."""
+@RULES.rule("E812", "CiA 301, pre-defined connection set")
+def double_services(network: Network) -> Conflicts:
+    """Different services have different identifiers."""
     for identifier, entries in network.services.items():
         names = dict.fromkeys(name for name, _ in entries)
         if len(names) > 1:
-            yield Conflict(entries[-1][1], f"0x{identifier:03X} is {' and '.join(names)} at once")
+            yield entries[-1][1], f"0x{identifier:03X} is {' and '.join(names)} at once"
 
 
-def declared_order(network: Network) -> Iterator[Conflict]:
-    """Yield messages whose identifier puts them before one that is declared more urgent."""
+@RULES.rule("W813", "CAN: the lower identifier wins")
+def declared_order(network: Network) -> Conflicts:
+    """Identifiers follow the declared order of priorities."""
     known = {each.pdo.title: each for ports in network.producers.values() for each in ports}
     for before, after in pairwise([known[name] for name in network.order if name in known]):
         if after.identifier < before.identifier:
             text = f"{after.pdo.title} (0x{after.identifier:03X}) wins against {before.pdo.title}"
-            yield Conflict(after.spot, text)
+            yield after.spot, text
 
 
-def not_in_order(network: Network) -> Iterator[Conflict]:
-    """Yield names of the declared order that no node sends."""
+@RULES.rule("W814", "the network file")
+def not_in_order(network: Network) -> Conflicts:
+    """The declared order of priorities names messages that are sent."""
     known = {each.pdo.title for ports in network.producers.values() for each in ports}
     for name in network.order:
         if name not in known:
-            yield Conflict(
-                Spot(network.nodes[0].file, 1, 1), f"{name} is in the order of priorities, but nobody sends it"
-            )
+            yield network.nodes[0].spot(), f"{name} is in the order of priorities, but nobody sends it"
 
 
-def numbering(network: Network) -> Iterator[Conflict]:
-    """Yield TPDOs of a node that are numbered against their priorities."""
+@RULES.rule("I815", "custom")
+def numbering(network: Network) -> Conflicts:
+    """A node's TPDOs are numbered in the order of their priorities."""
     for node in network.nodes:
         own = [each for ports in network.producers.values() for each in ports if each.node is node]
         for before, after in pairwise(sorted(own, key=lambda each: each.pdo.number)):
             if after.identifier < before.identifier:
-                yield Conflict(after.spot, f"{after.name} has a higher priority than {before.pdo.name} before it")
+                yield after.spot, f"{after.name} has a higher priority than {before.pdo.name} before it"
 
 
 # Nodes, error control, SYNC, bit rate
 
 
-def same_node_id(network: Network) -> Iterator[Conflict]:
-    """Yield nodes with the node-ID of another one."""
+@RULES.rule("E816", "CiA 301, node-ID")
+def same_node_id(network: Network) -> Conflicts:
+    """Every node has a node-ID of its own."""
     for each in network.nodes:
         first = network.node_ids[each.node_id]
         if first is not each:
-            yield Conflict(Spot(each.file, 1, 1), f"{each.name} has node-ID {each.node_id}, as {first.name} has")
+            yield each.spot(), f"{each.name} has node-ID {each.node_id}, as {first.name} has"
 
 
-def guessed_node_id(network: Network) -> Iterator[Conflict]:
-    """Yield nodes whose node-ID nothing says."""
+@RULES.rule("I817", "CiA 306, [DeviceComissioning]")
+def guessed_node_id(network: Network) -> Conflicts:
+    """The file or the network file says the node-ID."""
     for each in network.nodes:
         if each.is_guess:
-            yield Conflict(Spot(each.file, 1, 1), f"nothing says the node-ID of {each.name}; taken as {each.node_id}")
+            yield each.spot(), f"nothing says the node-ID of {each.name}; taken as {each.node_id}"
 
 
 def _watches(network: Network) -> Iterator[tuple[Spot, str, int, int, NetworkNode | None]]:
     """Give every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
-            place = spot(node, variable.place)
+            place = node.spot(variable.place)
             yield place, node.name, node_id, time, network.node_ids.get(node_id)
 
 
@@ -438,61 +428,57 @@ def _heartbeat(node: NetworkNode) -> int:
     return (node.device.value(0x1017) or Number(0)).value
 
 
-def impatient(network: Network) -> Iterator[Conflict]:
-    """Yield consumers that wait no longer than the producer's period."""
+@RULES.rule("E818", "CiA 301, objects 0x1016 and 0x1017")
+def impatient(network: Network) -> Conflicts:
+    """A heartbeat consumer waits longer than the producer's period."""
     for place, name, _, time, watched in _watches(network):
         if watched and 0 < time <= _heartbeat(watched):
-            yield Conflict(
-                place, f"{name} waits {time} ms for {watched.name}, which sends every {_heartbeat(watched)} ms"
-            )
+            yield place, f"{name} waits {time} ms for {watched.name}, which sends every {_heartbeat(watched)} ms"
 
 
-def nobody_to_watch(network: Network) -> Iterator[Conflict]:
-    """Yield consumers of heartbeats that no node of the network has."""
+@RULES.rule("W819", "CiA 301, object 0x1016")
+def nobody_to_watch(network: Network) -> Conflicts:
+    """A heartbeat consumer waits for a node of the network."""
     for place, name, node_id, _, watched in _watches(network):
         if watched is None:
-            yield Conflict(place, f"{name} waits for the heartbeat of node {node_id}, which is not in the network")
+            yield place, f"{name} waits for the heartbeat of node {node_id}, which is not in the network"
 
 
-def silent(network: Network) -> Iterator[Conflict]:
-    """Yield consumers of heartbeats that are not sent."""
+@RULES.rule("W820", "CiA 301, objects 0x1016 and 0x1017")
+def silent(network: Network) -> Conflicts:
+    """A heartbeat consumer waits for a heartbeat that is sent."""
     for place, name, _, _, watched in _watches(network):
         if watched and not _heartbeat(watched):
-            yield Conflict(place, f"{name} waits for the heartbeat of {watched.name}, which sends none")
+            yield place, f"{name} waits for the heartbeat of {watched.name}, which sends none"
 
 
-def no_common_bit_rate(network: Network) -> Iterator[Conflict]:
-    """Yield a network whose nodes have no bit rate in common."""
+@RULES.rule("E821", "CiA 306, [DeviceInfo]")
+def no_common_bit_rate(network: Network) -> Conflicts:
+    """All nodes have a bit rate in common."""
     rates = [bit_rates(each.device) for each in network.nodes]
     if rates and not set(BIT_RATES).intersection(*rates):
-        yield Conflict(_rate_spot(network.nodes[-1]), "no bit rate is common to all nodes")
+        last = network.nodes[-1]
+        yield last.spot(last.device.at("deviceinfo", "baudrate_10")), "no bit rate is common to all nodes"
 
 
-def unsupported_bit_rate(network: Network) -> Iterator[Conflict]:
-    """Yield nodes that do not support the network's bit rate."""
+@RULES.rule("E822", "CiA 306, [DeviceInfo]")
+def unsupported_bit_rate(network: Network) -> Conflicts:
+    """All nodes support the network's bit rate."""
     for each in network.nodes:
         if network.bit_rate and network.bit_rate not in bit_rates(each.device):
-            yield Conflict(_rate_spot(each), f"{each.name} does not support the network's {network.bit_rate} kbit/s")
+            at = each.spot(each.device.at("deviceinfo", "baudrate_10"))
+            yield at, f"{each.name} does not support the network's {network.bit_rate} kbit/s"
 
 
-def different_bit_rates(network: Network) -> Iterator[Conflict]:
-    """Yield nodes commissioned for another bit rate than the first one."""
-    said = [(node, rate) for node in network.nodes for rate in [_commissioned_rate(node)] if rate]
+@RULES.rule("E823", "CiA 306, [DeviceComissioning]")
+def different_bit_rates(network: Network) -> Conflicts:
+    """All nodes are set to one bit rate."""
+    rates = [(node, node.device.commissioned("baudrate")) for node in network.nodes]
+    said = [(node, rate.value) for node, rate in rates if rate and rate.value]
     for node, rate in said[1:]:
         if rate != said[0][1] and node.device.commissioning:
-            at = spot(node, node.device.commissioning.at("baudrate"))
-            yield Conflict(at, f"{node.name} is set to {rate} kbit/s, {said[0][0].name} to {said[0][1]}")
-
-
-def _rate_spot(node: NetworkNode) -> Spot:
-    section = node.device.section("deviceinfo")
-    return spot(node, section.at("baudrate_10")) if section else Spot(node.file, 1, 1)
-
-
-def _commissioned_rate(node: NetworkNode) -> int | None:
-    section = node.device.commissioning
-    number = parse_number(section.text("baudrate")) if section else None
-    return number.value if number else None
+            at = node.spot(node.device.commissioning.at("baudrate"))
+            yield at, f"{node.name} is set to {rate} kbit/s, {said[0][0].name} to {said[0][1]}"
 
 
 def _with_bit(network: Network, index: int, bit: int) -> list[NetworkNode]:
@@ -500,69 +486,35 @@ def _with_bit(network: Network, index: int, bit: int) -> list[NetworkNode]:
     return [each for each in network.nodes if (each.device.value(index) or Number(0)).value & bit]
 
 
-def one_of(index: int, bit: int, what: str) -> Callable[[Network], Iterator[Conflict]]:
+def one_of(index: int, bit: int, what: str) -> Callable[[Network], Conflicts]:
     """Make the rule that only one node has a bit set in an object."""
 
-    def check(network: Network) -> Iterator[Conflict]:
+    def check(network: Network) -> Conflicts:
         nodes = _with_bit(network, index, bit)
         for each in nodes[1:]:
-            place = spot(each, each.device.objects[index].place)
-            yield Conflict(place, f"{each.name} is {what}, as {nodes[0].name} is")
+            place = each.spot(each.device.objects[index].place)
+            yield place, f"{each.name} is {what}, as {nodes[0].name} is"
 
     return check
 
 
-def nobody_sends_sync(network: Network) -> Iterator[Conflict]:
-    """Yield synchronous PDOs where no node sends SYNC."""
+@RULES.rule("W826", "CiA 301, object 0x1005")
+def nobody_sends_sync(network: Network) -> Conflicts:
+    """Synchronous PDOs have a node that sends SYNC."""
     ports = [each for identifier in network.identifiers for each in network.ports(identifier)]
     for each in ports if not _with_bit(network, 0x1005, SYNC_PRODUCER) else ():
         type_ = each.pdo.value(2)
         if type_ and type_.value in SYNCHRONOUS:
-            yield Conflict(_spot(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC")
+            yield _spot(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC"
 
 
 SYNC_PRODUCER, NMT_MASTER = 1 << 30, 1
 
-RULES: tuple[Rule, ...] = (
-    Rule("E801", "An identifier has one producer, unless it is declared as shared.", "CiA 301, PDO", two_producers),
-    Rule("I802", "A shared identifier is declared.", "declared in the network file, or by the EDS files' names",
-         declared_producers),
-    Rule("W803", "What is received is sent.", "CiA 301, PDO", without_producer),
-    Rule("W804", "What is sent is received.", "CiA 301, PDO", without_consumer),
-    Rule("I805", "A receiver of a message that is sent is valid.", "CiA 301, object 0x1400 sub 1, bit 31",
-         switched_off),
-    Rule("E806", "A consumer expects no more bytes than are sent.", "CiA 301, RPDO length (EMCY 8210)", too_short),
-    Rule("W807", "A consumer expects all bytes that are sent.", "CiA 301, RPDO length (EMCY 8220)", too_long),
-    Rule("E808", "No PDO has the identifier of another service in use.", "CiA 301, pre-defined connection set",
-         service_identifiers),
-    Rule("I809", "A custom identifier is outside the ranges of other services.",
-         "CiA 301, pre-defined connection set and restricted CAN-IDs", unused_service_identifiers),
-    Rule("E810", "Producer and consumer map objects of the same names in the same order.", "CiA 301, PDO mapping",
-         other_order),
-    Rule("W811", "Producer and consumer cut the data at the same bits.", "CiA 301, PDO mapping", other_bits),
-    Rule("E812", "Different services have different identifiers.", "CiA 301, pre-defined connection set",
-         double_services),
-    Rule("W813", "Identifiers follow the declared order of priorities.", "CAN: the lower identifier wins",
-         declared_order),
-    Rule("W814", "The declared order of priorities names messages that are sent.", "the network file", not_in_order),
-    Rule("I815", "A node's TPDOs are numbered in the order of their priorities.", "custom", numbering),
-    Rule("E816", "Every node has a node-ID of its own.", "CiA 301, node-ID", same_node_id),
-    Rule("I817", "The file or the network file says the node-ID.", "CiA 306, [DeviceComissioning]", guessed_node_id),
-    Rule("E818", "A heartbeat consumer waits longer than the producer's period.", "CiA 301, objects 0x1016 and 0x1017",
-         impatient),
-    Rule("W819", "A heartbeat consumer waits for a node of the network.", "CiA 301, object 0x1016", nobody_to_watch),
-    Rule("W820", "A heartbeat consumer waits for a heartbeat that is sent.", "CiA 301, objects 0x1016 and 0x1017",
-         silent),
-    Rule("E821", "All nodes have a bit rate in common.", "CiA 306, [DeviceInfo]", no_common_bit_rate),
-    Rule("E822", "All nodes support the network's bit rate.", "CiA 306, [DeviceInfo]", unsupported_bit_rate),
-    Rule("E823", "All nodes are set to one bit rate.", "CiA 306, [DeviceComissioning]", different_bit_rates),
+RULES += (
     Rule("E824", "One node sends SYNC.", "CiA 301, object 0x1005, bit 30",
          one_of(0x1005, SYNC_PRODUCER, "SYNC producer")),
     Rule("E825", "One node is NMT master.", "CiA 302-2, object 0x1F80, bit 0",
          one_of(0x1F80, NMT_MASTER, "NMT master")),
-    Rule("W826", "Synchronous PDOs have a node that sends SYNC.", "CiA 301, object 0x1005", nobody_sends_sync),
-    Rule("W827", "A custom identifier is not a default PDO of a node in the network.",
-         "CiA 301, pre-defined connection set", default_of_other_node),
 )  # fmt: skip
 
 
@@ -578,15 +530,10 @@ def lint_network(network: Network) -> list[Finding]:
 def overview(network: Network) -> list[tuple[str, str, str, str]]:
     """Return one row for each identifier: itself, its name, its producers, its consumers."""
     return [
-        (
-            f"0x{identifier:03X}",
-            network.title(identifier),
-            _names(network.producers.get(identifier, ())),
-            _names(network.consumers.get(identifier, ())),
-        )
-        for identifier in network.identifiers
+        (f"0x{each:03X}", network.title(each), _names(network.producers, each), _names(network.consumers, each))
+        for each in network.identifiers
     ]
 
 
-def _names(ports: Iterable[Port]) -> str:
-    return ", ".join(each.node.name for each in ports)
+def _names(ports: Mapping[int, Sequence[Port]], identifier: int) -> str:
+    return ", ".join(each.node.name for each in ports.get(identifier, ()))

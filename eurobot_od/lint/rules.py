@@ -1,7 +1,7 @@
 """The table of all rules, and the check of one file.
 
-Rule of this file: the only place that knows all rules. A new rule is a row in the table of its part, and a row of its
-own defect in the tests.
+Rule of this file: the only place that knows all rules. A new rule is a function or a row in the file of its part, and a
+row of its own defect in the tests.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from eurobot_od.lint import dcf_rules, file_rules, object_rules, pdo_rules
 from eurobot_od.lint.findings import Finding, Rule
 from eurobot_od.lint.model import LintedDevice, load
 
-FILE_RULES: tuple[Rule, ...] = file_rules.RULES + object_rules.RULES + pdo_rules.RULES + dcf_rules.RULES
+FILE_RULES: tuple[Rule, ...] = (*file_rules.RULES, *object_rules.RULES, *pdo_rules.RULES, *dcf_rules.RULES)
 """The rules for one file, by code."""
 
 

@@ -1,27 +1,19 @@
 """Concise DCF: the form in which a configuration manager keeps a node's configuration in 0x1F22 (CiA 302-3).
 
-A number of entries, then index, sub-index, length and data of
-each, all little-endian; the entries stand in the order in which they are to be written.
+A number of entries, then index, sub-index, length and data of each, all little-endian; the entries stand in the order
+in which they are to be written.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from collections.abc import Iterable
 
 from eurobot_od.od.values import Address
 
 COUNT = struct.Struct("<I")
 HEAD = struct.Struct("<HBI")
 """Number of entries; index, sub-index and length of one."""
-
-
-class Entry(NamedTuple):
-    """One write: the object's address and its bytes."""
-
-    address: Address
-    data: bytes
 
 
 class Truncated(ValueError):
@@ -34,23 +26,17 @@ def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
     return COUNT.pack(len(packed)) + b"".join(packed)
 
 
-def unpack(data: bytes) -> list[Entry]:
-    """Return the writes of a concise DCF; raises Truncated."""
+def unpack(data: bytes) -> list[tuple[Address, bytes]]:
+    """Return the writes of a concise DCF, each an object's address and its bytes; raises Truncated."""
     (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
-    entries = list(_entries(data, count))
-    end = COUNT.size + sum(HEAD.size + len(each.data) for each in entries)
-    if end != len(data):
-        raise Truncated(f"{len(data) - end} bytes after the last of {count} entries")
-    return entries
-
-
-def _entries(data: bytes, count: int) -> Iterator[Entry]:
-    place = COUNT.size
+    place, entries = COUNT.size, []
     for _ in range(count):
         index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
-        place += HEAD.size
-        yield Entry((index, subindex), _part(data, place, length))
-        place += length
+        entries.append(((index, subindex), _part(data, place + HEAD.size, length)))
+        place += HEAD.size + length
+    if place != len(data):
+        raise Truncated(f"{len(data) - place} bytes after the last of {count} entries")
+    return entries
 
 
 def _part(data: bytes, place: int, length: int) -> bytes:

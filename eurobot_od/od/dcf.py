@@ -12,16 +12,15 @@ from eurobot_od.od.document import Document, parse
 from eurobot_od.od.values import Address, Value, parse_number
 from eurobot_od.od.writing import Rewriting
 
+NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
+"""The other keys of the commissioning, with the values they have where nobody knows better."""
+
 COB_ID_DIGITS = 8
 """Hexadecimal digits of a value whose default is `$NODEID+...`: COB-IDs are UNSIGNED32."""
 
 
 def with_values(
-    eds_text: str,
-    values: Mapping[Address, Value],
-    node_id: int,
-    node_name: str,
-    baudrate_kbit: int,
+    eds_text: str, values: Mapping[Address, Value], node_id: int, node_name: str, baudrate_kbit: int
 ) -> str:
     """Return the DCF of a device: its EDS (or DCF), the ParameterValue of each address in `values`, and who it is.
 
@@ -29,15 +28,24 @@ def with_values(
     The commissioning stands last, so that a file that was cut off has none. Lines end in LF.
     Raises UnknownName for an address that the EDS does not describe.
     """
-    document = parse(eds_text)
-    device, rewriting = DescribedDevice(document), Rewriting(document)
-    for address, value in values.items():
+    device = DescribedDevice(parse(eds_text))
+    rewriting = Rewriting(device.document)
+    for (index, subindex), value in values.items():
         if value is not None:
-            _set_value(rewriting, device, address, value)
-    _set_file_name(rewriting, document)
+            variable = device.objects[index].subs.get(subindex) if index in device.objects else None
+            if variable is None:
+                raise UnknownName("object", f"0x{index:04X}:{subindex}")
+            form = variable.section.text("defaultvalue").lower()
+            rewriting.set(variable.section, "ParameterValue", _written(value, form))
+    info = device.section("fileinfo")
+    if info and not info.text("lasteds"):
+        eds = info.text("filename")
+        rewriting.set(info, "LastEDS", eds)
+        rewriting.set(info, "FileName", f"{eds.rpartition('.')[0]}.dcf")
     if device.commissioning:
         rewriting.drop(device.commissioning)
-    rewriting.append(COMMISSIONING, _commissioning(node_id, node_name, baudrate_kbit))
+    own = {"NodeID": node_id, "NodeName": node_name, "Baudrate": baudrate_kbit}
+    rewriting.append(COMMISSIONING, own | NOT_SAID)
     return rewriting.text()
 
 
@@ -46,9 +54,10 @@ def missing(text: str) -> list[str]:
     document = parse(text)
     members = Counter(name.partition("sub")[0] for name in document.sections if "sub" in name)
     wanted = [name for each in OBJECT_LISTS for name in _listed(document, each)]
+    counts = [(name, parse_number(document.text(name.lower(), "subnumber"))) for name in wanted]
     return [
         *(name for name in wanted if name.lower() not in document.sections),
-        *(f"{name}sub" for name in wanted if members[name.lower()] < _announced(document, name)),
+        *(f"{name}sub" for name, count in counts if count and members[name.lower()] < count.value),
     ]
 
 
@@ -63,21 +72,6 @@ def _listed(document: Document, name: str) -> Iterator[str]:
             yield entry.value.lower().removeprefix("0x").zfill(4).upper()
 
 
-def _announced(document: Document, name: str) -> int:
-    """Return how many members an object has by its own account, 0 if that is not a number."""
-    number = parse_number(document.text(name.lower(), "subnumber"))
-    return number.value if number else 0
-
-
-def _set_value(rewriting: Rewriting, device: DescribedDevice, address: Address, value: Value) -> None:
-    index, subindex = address
-    variable = device.objects[index].subs.get(subindex) if index in device.objects else None
-    if variable is None:
-        raise UnknownName("object", f"0x{index:04X}:{subindex}")
-    section = variable.section
-    rewriting.set(section, "ParameterValue", _written(value, section.text("defaultvalue").lower()))
-
-
 def _written(value: Value, like: str) -> str:
     if isinstance(value, bytes):
         return value.hex().upper()
@@ -87,24 +81,3 @@ def _written(value: Value, like: str) -> str:
         return str(int(value))
     width = len(like) - 2 if like.startswith("0x") else COB_ID_DIGITS
     return f"0x{value:0{width}X}"
-
-
-def _set_file_name(rewriting: Rewriting, document: Document) -> None:
-    """Name the DCF and, as LastEDS, the EDS it was made from."""
-    info = document.sections.get("fileinfo")
-    if info and not info.text("lasteds"):
-        eds = info.text("filename")
-        rewriting.set(info, "LastEDS", eds)
-        rewriting.set(info, "FileName", f"{eds.rpartition('.')[0]}.dcf")
-
-
-def _commissioning(node_id: int, node_name: str, baudrate_kbit: int) -> dict[str, object]:
-    return {
-        "NodeID": node_id,
-        "NodeName": node_name,
-        "Baudrate": baudrate_kbit,
-        "NetNumber": 0,
-        "NetworkName": "",
-        "CANopenManager": 0,
-        "LSS_SerialNumber": "",
-    }

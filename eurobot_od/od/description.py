@@ -11,17 +11,9 @@ from enum import Enum
 from functools import cached_property
 from typing import NamedTuple
 
+from eurobot_od.od import values
 from eurobot_od.od.document import Document, Entry, Section
-from eurobot_od.od.values import (
-    DATA_TYPES,
-    DIGITS,
-    MANUFACTURER,
-    MOST_SUBS,
-    NODE_ID_NAMES,
-    WRITABLE,
-    Number,
-    parse_number,
-)
+from eurobot_od.od.values import Number, parse_number
 
 COMMISSIONING = "DeviceComissioning"
 """The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
@@ -41,6 +33,9 @@ class ObjectCode(Enum):
     ARRAY = 0x8
     RECORD = 0x9
 
+
+SIMPLE = (ObjectCode.VAR, ObjectCode.DOMAIN)
+"""Objects without sub-indices."""
 
 COMPOSED = (ObjectCode.DEFSTRUCT, ObjectCode.ARRAY, ObjectCode.RECORD)
 """Objects with sub-indices."""
@@ -63,14 +58,14 @@ COMPACT_LISTS = ("name", "value", "denotation")
 def parse_section_name(name: str) -> SectionName | None:
     """Read the name of an object's section: `1018`, `1018sub1`, `2000Name`; None if it is not one."""
     head, tail = name[:4], name[4:].lower()
-    if len(head) != 4 or head.strip(DIGITS[16]):
+    if len(head) != 4 or head.strip(values.DIGITS[16]):
         return None
     if tail in COMPACT_LISTS:
         return SectionName(int(head, 16), list=tail)
     sub = tail.removeprefix("sub")
     if not tail:
         return SectionName(int(head, 16))
-    if sub == tail or not 1 <= len(sub) <= 2 or sub.strip(DIGITS[16]) or (sub[0] == "0" and sub != "0"):
+    if sub == tail or not 1 <= len(sub) <= 2 or sub.strip(values.DIGITS[16]) or (sub[0] == "0" and sub != "0"):
         return None
     return SectionName(int(head, 16), int(sub, 16))
 
@@ -85,7 +80,7 @@ class DescribedVariable:
     def __init__(self, index: int, sub: int, section: Section) -> None:
         self.index, self.sub, self.section = index, sub, section
         code = parse_number(section.text("datatype"))
-        self.type = DATA_TYPES.get(code.value) if code else None
+        self.type = values.DATA_TYPES.get(code.value) if code else None
         self.access = section.text("accesstype").lower()
 
     @cached_property
@@ -107,7 +102,7 @@ class DescribedVariable:
     @property
     def is_writable(self) -> bool:
         """Whether an SDO may write it."""
-        return self.access in WRITABLE
+        return self.access in values.WRITABLE
 
     @property
     def name(self) -> str:
@@ -158,7 +153,7 @@ class DescribedObject:
     def compact(self) -> int:
         """Return how many sub-indices CompactSubObj describes at once, 0 for none, never more than there can be."""
         count = parse_number(self.section.text("compactsubobj")) if self.section else None
-        return max(0, min(count.value, MOST_SUBS)) if count else 0
+        return max(0, min(count.value, values.MOST_SUBS)) if count else 0
 
     @property
     def place(self) -> Section:
@@ -259,18 +254,13 @@ class DescribedDevice:
         variable = self.variable(index, sub)
         return variable.value if variable else None
 
-    @cached_property
-    def commissioned_node_id(self) -> Number | None:
-        """Return the NodeID that a DCF gives to the device, in the range of node-IDs or not."""
-        return parse_number(self.commissioning.text("nodeid")) if self.commissioning else None
+    def commissioned(self, key: str) -> Number | None:
+        """Return the number that a DCF commissions the device with by a key (in lower case), in its range or not."""
+        return parse_number(self.commissioning.text(key)) if self.commissioning else None
 
     @cached_property
     def own_node_id(self) -> DescribedVariable | None:
         """Return the manufacturer-specific setting that holds the device's own node-ID, by its name; None without."""
-        variables = (
-            variable
-            for index in sorted(self.objects)
-            if index in MANUFACTURER
-            for variable in self.objects[index].subs.values()
-        )
-        return next((each for each in variables if each.name.lower() in NODE_ID_NAMES), None)
+        own = (self.objects[index] for index in sorted(self.objects) if index in values.MANUFACTURER)
+        settings = (each for whole in own for each in whole.subs.values())
+        return next((each for each in settings if each.name.lower() in values.NODE_ID_NAMES), None)

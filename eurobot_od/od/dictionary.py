@@ -54,9 +54,8 @@ class Dictionary(Outline):
 
     def _objects(self) -> ObjectDictionary:
         objects: ObjectDictionary = _canopen().ObjectDictionary()
-        commissioned = self.device.commissioned_node_id
-        objects.node_id = commissioned.value if commissioned else None
-        rate = self.device.commissioning and parse_number(self.device.commissioning.text("baudrate"))
+        node_id, rate = self.device.commissioned("nodeid"), self.device.commissioned("baudrate")
+        objects.node_id = node_id.value if node_id else None
         objects.bitrate = rate.value * 1000 if rate else None
         for entry in [*self._dummies(), *map(self._entry, self.members)]:
             objects.add_object(entry)

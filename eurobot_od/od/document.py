@@ -148,8 +148,9 @@ class _Reader:
 
     def read(self, text: str, encoding: str) -> Document:
         lines = self._split(text)
-        if not text.isascii():
-            self._note_other_characters(lines)
+        for number, line in enumerate(lines if not text.isascii() else (), start=1):
+            if not line.isascii():
+                self._note(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if not each.isascii()))
         for number, line in enumerate(lines, start=1):
             key, equals, value = line.partition("=")
             if equals and key.isalnum() and value.strip() is value and ";" not in value and len(line) <= LONGEST + 1:
@@ -173,22 +174,14 @@ class _Reader:
             self._note(Odd.LINE_ENDS, 1, 1)
         return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
-    def _note_other_characters(self, lines: Sequence[str]) -> None:
-        for number, line in enumerate(lines, start=1):
-            if not line.isascii():
-                self._note(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if not each.isascii()))
-
     def _other(self, number: int, line: str) -> None:
-        text = line.strip()
+        text, indent = line.strip(), len(line) - len(line.lstrip())
         if text.startswith("#"):
             self._note(Odd.HASH, number, 1)
-        elif text and not text.startswith(";"):
-            indent = len(line) - len(line.lstrip())
-            if indent:
-                self._note(Odd.INDENTED, number, indent + 1)
-            self._significant(number, text, indent)
-
-    def _significant(self, number: int, text: str, indent: int) -> None:
+        if not text or text[0] in "#;":
+            return
+        if indent:
+            self._note(Odd.INDENTED, number, indent + 1)
         if text.startswith("["):
             self._header(number, text, indent)
         elif "=" in text:

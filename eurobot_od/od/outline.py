@@ -11,37 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.errors import DictionaryError, MappingError
-from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
+from eurobot_od.od import values
+from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Odd, read, read_bytes
 from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo, Refused, fatal
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    COMMUNICATION_RECORDS,
-    DATA_TYPES,
-    DOMAIN,
-    DUMMIES,
-    EXTENDED,
-    MANUFACTURER,
-    MAPPING_OFFSET,
-    NODE_ID,
-    NODE_IDS,
-    NOT_VALID,
-    OCTET_STRING,
-    REALS,
-    SLICE,
-    UNICODE_STRING,
-    VISIBLE_STRING,
-    Address,
-    DataType,
-    Limits,
-    PdoDirection,
-    Value,
-    parse_number,
-)
+from eurobot_od.od.values import Address, DataType, Limits, Number, PdoDirection, Value, parse_number
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -59,10 +38,6 @@ NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 """Objects that hold nothing: a placeholder, and a type that is only named."""
 
 
-SIMPLE = (ObjectCode.VAR, ObjectCode.DOMAIN)
-"""Objects without sub-indices."""
-
-
 class Described(NamedTuple):
     """An object: its ParameterName, after that of its record and a dot, and its data type."""
 
@@ -78,11 +53,12 @@ class Outline:
 
     def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None) -> None:
         self.file, self.name, self.device = file, file.stem, device
+        self._defaults: dict[Address, Value] = {}  # as they are asked for
         self._refuse_what_hides_objects()
         self.members = {index: self._members(each) for index, each in self._usable_objects()}
         if not self.members:
             raise self._error(None, "not an EDS: it describes no object")
-        self.node_id = self._checked(self._said_node_id() if node_id is None else node_id)
+        self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
 
     @classmethod
     def load(cls, file: str | Path, node_id: int | None = None) -> Self:
@@ -97,6 +73,18 @@ class Outline:
     def read(cls, data: bytes, file: Path, node_id: int | None = None) -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
         return cls(file, DescribedDevice(read(data)), node_id)
+
+    @classmethod
+    def load_folder(cls, folder: Path) -> tuple[Self, ...]:
+        """Read all EDS files of a folder, one for each node of a network, ordered by node-ID.
+
+        Raises DictionaryError as `load`, and if two have one node-ID.
+        """
+        loaded = sorted(map(cls.load, sorted(folder.glob("*.eds"))), key=lambda each: each.node_id)
+        for one, other in pairwise(loaded):
+            if one.node_id == other.node_id:
+                raise other._error(None, f"node-ID {other.node_id} is taken by {one.file.name}")
+        return tuple(loaded)
 
     # What must hold
 
@@ -122,18 +110,16 @@ class Outline:
         section, variables = each.section, each.variables()
         if section and each.code in SIMPLE and not each.compact and section.text("datatype"):
             # a VAR by its own description, whatever sections for sub-indices there are
-            variables = iter(
-                [each.subs[0] if section is each.subs[0].section else DescribedVariable(each.index, 0, section)]
-            )
+            first = each.subs[0]
+            variables = iter([first if section is first.section else DescribedVariable(each.index, 0, section)])
         return {variable.sub: self._checked_variable(variable) for variable in variables}
 
     def _checked_variable(self, variable: DescribedVariable) -> DescribedVariable:
-        if not (variable.type and variable.access and variable.name):
-            self._refuse_what_lacks_a_key(variable)
-        return variable
-
-    def _refuse_what_lacks_a_key(self, variable: DescribedVariable) -> None:
-        section, is_domain = variable.section, self._is_domain(variable)
+        """Refuse a variable that lacks what it needs to be used; a DOMAIN needs no data type."""
+        if variable.type and variable.access and variable.name:  # nearly all: this decides how fast a file is read
+            return variable
+        section, code = variable.section, variable.number("objecttype")
+        is_domain = code == Number(ObjectCode.DOMAIN.value) and not section.text("datatype")
         keys = ("ParameterName", "AccessType") if is_domain else ("ParameterName", "DataType", "AccessType")
         missing = next((key for key in keys if not section.text(key.lower())), None)
         if missing:
@@ -141,22 +127,23 @@ class Outline:
         if variable.type is None and not is_domain and not variable.number("datatype"):
             what = f"DataType {section.text('datatype')!r} is not a number"
             raise self._error(variable.index, f"sub {variable.sub}: {what}")
+        return variable
 
-    def _is_domain(self, variable: DescribedVariable) -> bool:
-        code = variable.number("objecttype")
-        return code is not None and code.value == ObjectCode.DOMAIN.value and not variable.section.text("datatype")
+    def _said_node_id(self) -> int | None:
+        """Return the node-ID that is commissioned, or else the value of the device's own setting.
 
-    def _said_node_id(self) -> Value:
-        commissioned, own = self.device.commissioned_node_id, self.node_id_address
-        if commissioned is not None:
-            return commissioned.value
-        return self.default(own) if own else None
+        `$NODEID` as that value says that the setting is the node-ID, but not which one.
+        """
+        commissioned, own = self.device.commissioned("nodeid"), self.device.own_node_id
+        settings = [own.number(key) for key in ("parametervalue", "defaultvalue")] if own else []
+        said = [commissioned] if commissioned else settings
+        return next((each.value for each in said if each and not each.relative), None)
 
-    def _checked(self, node_id: Value) -> int:
+    def _checked_node_id(self, node_id: int | None) -> int:
         if node_id is None:
             raise self._error(None, "the file names no node-ID; give one")
-        if not isinstance(node_id, int) or node_id not in NODE_IDS:
-            raise self._error(None, f"node-ID {node_id!r} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+        if node_id not in values.NODE_IDS:
+            raise self._error(None, f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}")
         return node_id
 
     # Objects
@@ -177,7 +164,7 @@ class Outline:
             return variable.type
         code = variable.number("datatype")
         basic = parse_number(self.device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
-        return DATA_TYPES.get(basic.value, DOMAIN) if basic else DOMAIN
+        return values.DATA_TYPES.get(basic.value, values.DOMAIN) if basic else values.DOMAIN
 
     def described(self, address: Address) -> Described | None:
         """Return what an object is called and its type, None if there is none."""
@@ -202,19 +189,10 @@ class Outline:
     def default(self, address: Address) -> Value:
         """Return an object's ParameterValue (DCF) or DefaultValue; None if it has neither."""
         if address not in self._defaults:
-            self._defaults[address] = self._default(address)
+            variable = self._at(address)
+            said = (self.typed(variable, key) for key in ("parametervalue", "defaultvalue") if variable)
+            self._defaults[address] = next((each for each in said if each is not None), None)
         return self._defaults[address]
-
-    @cached_property
-    def _defaults(self) -> dict[Address, Value]:
-        return {}
-
-    def _default(self, address: Address) -> Value:
-        variable = self._at(address)
-        if variable is None:
-            return None
-        value = self.typed(variable, "parametervalue")
-        return self.typed(variable, "defaultvalue") if value is None else value
 
     def number(self, address: Address) -> int | None:
         """Return the number that an object has by default; None if it has none."""
@@ -229,12 +207,12 @@ class Outline:
         entry, type_ = variable.section.entries.get(key), self.type(variable)
         if entry is None:
             return None
-        if type_ in (VISIBLE_STRING, UNICODE_STRING):
+        if type_ in (values.VISIBLE_STRING, values.UNICODE_STRING):
             return entry.value
         try:
-            if type_ in (OCTET_STRING, DOMAIN):
+            if type_ in (values.OCTET_STRING, values.DOMAIN):
                 return bytes.fromhex(entry.value)
-            if type_ in REALS:
+            if type_ in values.REALS:
                 return float(entry.value)
         except ValueError:
             return None
@@ -244,7 +222,7 @@ class Outline:
         first, plus, last = text.partition("+")
         number = parse_number(text) or (parse_number(f"{last}+{first}") if plus else None)  # 0x80+$NODEID is common
         if number is None:
-            if NODE_ID in text.upper():
+            if values.NODE_ID in text.upper():
                 raise self._error(variable.index, f"sub {variable.sub}: {text!r} is not a number with $NODEID")
             return None
         value = number.at(self.node_id) if number.relative else number.value
@@ -277,34 +255,31 @@ class Outline:
 
         `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised.
         """
-        return tuple(self._read_pdos(value, refused))
-
-    def _read_pdos(self, value: Callable[[Address], Value], refused: Refused) -> Iterator[Pdo]:
-        for direction in PdoDirection:
-            for index in sorted(self.members):
-                if index in COMMUNICATION_RECORDS[direction]:
-                    try:
-                        yield self._pdo(direction, index, value)
-                    except MappingError as error:
-                        refused(error)
+        pdos = []
+        for direction, records in values.COMMUNICATION_RECORDS.items():
+            for index in sorted(each for each in self.members if each in records):
+                try:
+                    pdos.append(self._pdo(direction, index, value))
+                except MappingError as error:
+                    refused(error)
+        return tuple(pdos)
 
     def _pdo(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> Pdo:
-        entry = self._parameter((index, 1), value)
-        if entry & EXTENDED:
+        entry, record = self._parameter((index, 1), value), index + values.MAPPING_OFFSET
+        if entry & values.EXTENDED:
             raise MappingError(self.file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
         return Pdo(
             direction=direction,
             index=index,
             name=self.device.objects[index].name,
-            cob_id=entry & BASE_IDENTIFIER,
-            valid=not entry & NOT_VALID,
+            cob_id=entry & values.BASE_IDENTIFIER,
+            valid=not entry & values.NOT_VALID,
             transmission_type=self._parameter((index, 2), value),
-            mapping=tuple(self._mapping(index + MAPPING_OFFSET, value)),
+            mapping=tuple(
+                self.mapped_object(record, self._parameter((record, subindex), value))
+                for subindex in range(1, self._parameter((record, 0), value) + 1)
+            ),
         )
-
-    def _mapping(self, index: int, value: Callable[[Address], Value]) -> Iterator[MappedObject]:
-        for subindex in range(1, self._parameter((index, 0), value) + 1):
-            yield self.mapped_object(index, self._parameter((index, subindex), value))
 
     def _parameter(self, address: Address, value: Callable[[Address], Value]) -> int:
         number = value(address)
@@ -318,7 +293,7 @@ class Outline:
         Raises MappingError if the object is missing or longer than its type.
         """
         index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
-        if index in DUMMIES:
+        if index in values.DUMMIES:
             return MappedObject(index, subindex, bits, PADDING, Limits(0, 0))
         variable = self._at((index, subindex))
         where = f"maps 0x{index:04X} sub {subindex}"
@@ -341,7 +316,7 @@ class Outline:
         None for an object that is not a slice, and for a slice without a whole.
         """
         variable = self._at(address)
-        match = SLICE.match(variable.name) if variable else None
+        match = values.SLICE.match(variable.name) if variable else None
         if match is None:
             return None
         record = self.device.objects[address[0]].name.removesuffix(SLICES)
@@ -352,5 +327,5 @@ class Outline:
     @cached_property
     def _wholes(self) -> dict[str, Address]:
         """The members of records, by both names, of which slices may be parts."""
-        found = [address for address in self.addresses() if address[0] >= MANUFACTURER[0]]
+        found = [address for address in self.addresses() if address[0] >= values.MANUFACTURER[0]]
         return {entry.name: address for address in reversed(found) if (entry := self.described(address))}

@@ -26,7 +26,9 @@ class Rewriting:
         if entry:
             self._lines[entry.line - 1] = line
         else:
-            self._added.setdefault(self._last_line(section), []).append(line)
+            numbers = range(self._next_header(section) - 1, section.line, -1)
+            last = next((each for each in numbers if (self._lines[each - 1] or "").strip()), section.line)
+            self._added.setdefault(last, []).append(line)
 
     def drop(self, section: Section) -> None:
         """Leave a section out."""
@@ -50,8 +52,3 @@ class Rewriting:
 
     def _next_header(self, section: Section) -> int:
         return self._headers[bisect_right(self._headers, section.line)]
-
-    def _last_line(self, section: Section) -> int:
-        """Return the number of a section's last line that is not empty."""
-        numbers = range(self._next_header(section) - 1, section.line, -1)
-        return next((number for number in numbers if (self._lines[number - 1] or "").strip()), section.line)

@@ -10,8 +10,6 @@ from pathlib import Path
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.folder import dictionaries as dictionaries_in
-from eurobot_od.od.folder import outlines as outlines_in
 from eurobot_od.od.outline import Outline
 
 DEFAULT = "canopen"
@@ -61,9 +59,9 @@ def load_all(dialect: str | Path | None = None) -> tuple[Dictionary, ...]:
 
     Raises DictionaryError if two of them have one node-ID.
     """
-    return dictionaries_in(folder(dialect))
+    return Dictionary.load_folder(folder(dialect))
 
 
 def outlines(dialect: str | Path | None = None) -> tuple[Outline, ...]:
     """Return the outlines of the EDS files of all nodes of a dialect, ordered by node-ID; errors as `load_all`."""
-    return outlines_in(folder(dialect))
+    return Outline.load_folder(folder(dialect))

@@ -156,7 +156,9 @@ def write(tmp_path: Path) -> Callable[[str], str]:
     return write
 
 
-NODES = "nodes: {core: {file: EDS/core.eds}, drive: {file: EDS/drive.eds, node_id: 2}, n: {file: EDS/navigation.eds}}\n"
+NODES = (
+    "nodes: {core: {file: EDS/core.eds}, drive: {file: EDS/drive.eds, node_id: 2}, off: {file: EDS/navigation.eds}}\n"
+)
 DECLARED = [
     # (what the network file adds, codes above info)
     ("", set()),
@@ -192,15 +194,20 @@ def test_our_network_file_has_nothing_above_info() -> None:
 
 MALFORMED = [
     # (text, what the error says)
-    ("", "line 1: expected `key: value` lines"),
+    ("", "line 1: the file is empty"),
+    ("core.eds", "line 1: expected a mapping, found 'core.eds'"),
     ("nodes: {}\n", "line 1: it names no nodes"),
-    ("nodes:\n  core: {node_id: 1}\n", "a node without `file`"),
-    ("nodes: {core: {file: core.eds, node_id: 128}}", "'128' is not a number from 1 to 127"),
+    ("nodes:\n  core: {node_id: 1}\n", "line 2: key 'file' is missing"),
+    ("nodes: {core: {file: core.eds, node_id: 128}}", "expected a number from 1 to 127, found '128'"),
+    (
+        "nodes: {core: {file: core.eds}}\nbit_rate: $NODEID+1",
+        "line 2: expected a number from 1 to 1000, found '$NODEID+1'",
+    ),
     ("nodes: {core: {file: core.eds, colour: red}}", "unknown key 'colour'"),
-    ("nodes: {core: {file: core.eds}}\nnodes: {}", "line 2: repeated key 'nodes'"),
-    ("nodes: {core: {file: core.eds}}\nshared: x", "line 2: expected a list of names"),
-    ("nodes: [", "not readable YAML"),
-    ("nodes: {core: {file: [a]}}", "expected one word or number"),
+    ("nodes: {core: {file: core.eds}}\nnodes: {}", "line 2: key 'nodes' is given twice"),
+    ("nodes: {core: {file: core.eds}}\nshared: x", "line 2: expected a list, found 'x'"),
+    ("nodes: [", "line 1: expected the node content, but found '<stream end>'"),
+    ("nodes: {core: {file: [a]}}", "expected a single value, found a list"),
     ("nodes: {core: {file: none.eds}}", "No such file"),
 ]
 

@@ -39,17 +39,14 @@ def test_the_comment_is_the_tables() -> None:
 def test_the_network_is_that_of_the_first_dialect() -> None:
     two = TABLE.replace("identifier: 12, senders: [drive]", "identifier: 4, senders: [core, drive]")
     network = read_network_file(make_files(read_table(two, ""))["network.yaml"], "eds/network.yaml")
-    assert network.files == {"core": "eds/plain/core.eds", "drive": "eds/plain/drive.eds"}
-    assert network.node_ids == {"core": 1, "drive": 2}
-    assert network.shared == ["Confirm"]
-    assert network.order == ["Confirm", "Goto"]
-    assert network.bit_rate == 500
+    nodes = {"core": ("eds/plain/core.eds", 1), "drive": ("eds/plain/drive.eds", 2)}
+    assert network == (nodes, ("Confirm",), ("Confirm", "Goto"), 500)
 
 
 # The smallest tables: names that YAML takes for something else, no message, one node.
 def test_a_name_that_yaml_takes_for_something_else_is_quoted() -> None:
     network = make_files(read_table(TABLE.replace("  Goto:", '  "off":'), ""))["network.yaml"]
-    assert read_network_file(network, "network.yaml").order == ["off", "Confirm"]
+    assert read_network_file(network, "network.yaml").order == ("off", "Confirm")
 
 
 def test_a_table_without_messages_makes_devices_without_pdos() -> None:
