@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode, label
-from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written, wrong
+from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written
 from eurobot_od.client.pdo_order import Bytes, Write, in_order, pdo_of, procedure_objects
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
+from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
@@ -156,12 +156,11 @@ def _raw(thing: NamedObject) -> str:
 
 
 def _bytes(dictionary: Dictionary, thing: NamedObject) -> bytes:
-    value = None if thing.variable is None else thing.variable.value
-    allowed = wrong(thing, value)
-    if allowed is not None:
-        what = f"sub {thing.address[1]} ({thing.name}): {_raw(thing)} is not allowed; allowed: {allowed}"
-        raise DictionaryError(dictionary.file, thing.address[0], what)
-    return encode(thing, value)
+    try:
+        return encode(thing, None if thing.variable is None else thing.variable.value)
+    except FieldError as error:
+        what = f"sub {thing.address[1]} ({thing.name}): {_raw(thing)} is not allowed; allowed: {error.allowed}"
+        raise DictionaryError(dictionary.file, thing.address[0], what) from None
 
 
 # The difference

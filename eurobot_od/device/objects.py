@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.values import DATA_TYPES, DOMAIN, NOT_VALID, Address, DataType, Value
+from eurobot_od.od.values import NOT_VALID, Address, Value
 from eurobot_od.sdo.server import SIZE_LIMIT
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -101,7 +101,7 @@ class Objects:
         if not variable.readable:
             raise Abort(AbortCode.WRITE_ONLY)
         reader = self._readers.get(address[0])
-        value, type_ = self.value(address) if reader is None else reader(address[1]), _type(variable)
+        value, type_ = self.value(address) if reader is None else reader(address[1]), data_type(variable)
         if value is None and type_.size:
             return bytes(type_.size)  # what a file gives no value has 0; a text or a file may be there or not
         try:
@@ -114,7 +114,7 @@ class Objects:
         variable = self._variable(address)
         if not variable.writable:
             raise Abort(AbortCode.READ_ONLY)
-        room = _type(variable).size
+        room = data_type(variable).size
         if size is not None and size > (room or SIZE_LIMIT):
             raise Abort(AbortCode.TOO_LONG if room else AbortCode.OUT_OF_MEMORY)
         if size is not None and size < room:
@@ -125,7 +125,7 @@ class Objects:
         """Give an object the value in its SDO form, with all that follows from it; raises Abort."""
         self.admit(address, len(data))
         variable, before = self._variable(address), self.value(address)
-        value = _type(variable).read(data)
+        value = data_type(variable).read(data)
         if isinstance(value, (int, float)):
             if variable.max is not None and value > variable.max:
                 raise Abort(AbortCode.TOO_HIGH)
@@ -143,7 +143,3 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
         return variable
-
-
-def _type(variable: ODVariable) -> DataType:
-    return DATA_TYPES.get(variable.data_type or 0, DOMAIN)
