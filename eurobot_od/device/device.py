@@ -16,7 +16,7 @@ from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, Reset,
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
-from eurobot_od.device.store import Memory, Store
+from eurobot_od.device.storage import Memory, Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer, TimerAction, Timers
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame

@@ -17,8 +17,8 @@ HEAD = struct.Struct("<HBI")
 """Number of entries; index, sub-index and length of one."""
 
 
-class Entry(NamedTuple):
-    """One write: the object's address and its bytes."""
+class Write(NamedTuple):
+    """One write: an object's address, and the bytes it is to have."""
 
     address: Address
     data: bytes
@@ -34,7 +34,7 @@ def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
     return COUNT.pack(len(packed)) + b"".join(packed)
 
 
-def unpack(data: bytes) -> list[Entry]:
+def unpack(data: bytes) -> list[Write]:
     """Return the writes of a concise DCF; raises Truncated."""
     (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
     entries = list(_entries(data, count))
@@ -44,12 +44,12 @@ def unpack(data: bytes) -> list[Entry]:
     return entries
 
 
-def _entries(data: bytes, count: int) -> Iterator[Entry]:
+def _entries(data: bytes, count: int) -> Iterator[Write]:
     place = COUNT.size
     for _ in range(count):
         index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
         place += HEAD.size
-        yield Entry((index, subindex), _part(data, place, length))
+        yield Write((index, subindex), _part(data, place, length))
         place += length
 
 

@@ -13,7 +13,7 @@ from canopen import SdoAbortedError
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID, Address
 from eurobot_od.robot import dialects

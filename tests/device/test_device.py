@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.device.device import LOAD, SAVE, Device, Reaction
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
-from eurobot_od.device.store import Memory
+from eurobot_od.device.storage import Memory
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID, Address, Value

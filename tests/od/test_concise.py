@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.od.concise import Entry, Truncated, pack, unpack
+from eurobot_od.od.concise import Truncated, Write, pack, unpack
 
-ENTRIES = [Entry((0x1017, 0), b"\xf4\x01"), Entry((0x1403, 1), b"\x18\0\0\0")]
+ENTRIES = [Write((0x1017, 0), b"\xf4\x01"), Write((0x1403, 1), b"\x18\0\0\0")]
 BYTES = bytes.fromhex("02000000  1710 00 02000000 f401  0314 01 04000000 18000000")
 
 
@@ -39,7 +39,7 @@ def test_damage_is_told_by_its_place(data: bytes, where: str) -> None:
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.tuples(st.integers(0, 0xFFFF), st.integers(0, 0xFF)), st.binary(max_size=20))))
 def test_writes_come_back_in_their_order(writes: list[tuple[tuple[int, int], bytes]]) -> None:
-    assert unpack(pack(writes)) == [Entry(*write) for write in writes]
+    assert unpack(pack(writes)) == [Write(*write) for write in writes]
 
 
 @settings(deadline=None)

@@ -86,7 +86,7 @@ def generate_concise_dcf(folder: Path) -> Answer:
     (folder / "robot.yaml").write_text(MASTER_YAML.format(eds=eds, period=PERIOD))
     accept(sys.executable, "-m", "dcfgen.cli", "robot.yaml", folder=folder)
     writes = cdcf.unpack((folder / "drive.bin").read_bytes())
-    agree("the concise DCF's writes", writes, [cdcf.Entry(HEARTBEAT, PERIOD.to_bytes(2, "little"))])
+    agree("the concise DCF's writes", writes, [cdcf.Write(HEARTBEAT, PERIOD.to_bytes(2, "little"))])
     agree("its bytes", (folder / "drive.bin").read_bytes(), cdcf.pack(writes))
     return Answer("EDS accepted; `drive.bin` holds the one write 0x1017 = 250, which we pack to the same bytes")
 
