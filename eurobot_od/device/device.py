@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, Reset, boot_state, command_in, error_control
-from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
+from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
+from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.storage import Memory, Store
@@ -60,13 +60,13 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
-    `frames` to send, the `message` for the application, a `reset` of it, the node-IDs whose heartbeat was `lost`, and
-    an SDO `answer` to the device as a client.
+    `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeat was
+    `lost`, and an SDO `answer` to the device as a client.
     """
 
     frames: list[Frame]
     message: Message | None = None
-    reset: Reset | None = None
+    reset: bool = False
     lost: tuple[int, ...] = ()
     answer: Frame | None = None
 
@@ -113,8 +113,8 @@ class Device:
         self.emergencies = Emergencies(
             lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
         )
-        self._writers: dict[int, Writer] = {}
-        readers: dict[int, Reader] = {
+        self._writers: dict[int, OnWrite] = {}
+        readers: dict[int, OnRead] = {
             ERROR_REGISTER: lambda _: self.emergencies.register,
             ERROR_FIELD: self.emergencies.read_field,
             STORED_EDS: self._read_eds,
@@ -179,7 +179,7 @@ class Device:
 
     # Objects that do more than keep a value
 
-    def _followed(self, write: Writer) -> Writer:
+    def _followed(self, write: OnWrite) -> OnWrite:
         """Return what writes an object and then has the device listen to what is configured now."""
 
         def written(address: Address, value: Value) -> None:
@@ -251,24 +251,16 @@ class Device:
         period = self.objects.raw(HEARTBEAT_TIME)
         self._next_heartbeat = now + period / 1000 if period else inf
 
-    def command(self, command: NmtCommand, now: float) -> Reaction:
-        """Carry out an NMT command."""
-        self._now = now
-        if command in TARGET:
-            self._enter(TARGET[command])
-            return Reaction([])
-        return self._reset(Reset(command), now)
-
-    def _reset(self, reset: Reset, now: float) -> Reaction:
+    def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
         values = dict(self._stored)
-        if reset is Reset.COMMUNICATION:
+        if command is NmtCommand.RESET_COMMUNICATION:
             values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
             values |= {a: v for a, v in self.objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
         if self._file.node_id_address:
             values[self._file.node_id_address] = self.objects.value(self._file.node_id_address)
         self._load(values)
-        return Reaction(self.start(now), reset=reset)
+        return Reaction(self.start(self._now), reset=True)
 
     # Time
 
@@ -328,7 +320,9 @@ class Device:
 
     def _receive_command(self, frame: Frame) -> Reaction:
         command = command_in(frame, self.node_id)
-        return Reaction([]) if command is None else self.command(command, self._now)
+        if command in TARGET:
+            self._enter(TARGET[command])
+        return Reaction([]) if command is None or command in TARGET else self._reset(command)
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE

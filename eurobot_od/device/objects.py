@@ -28,10 +28,10 @@ EMCY_COB_ID: Address = (0x1014, 0)
 VERIFY_CONFIGURATION: tuple[Address, ...] = ((0x1020, 1), (0x1020, 2))
 """Date and time of the configuration (CiA 301, 7.5.2.21)."""
 
-Reader = Callable[[int], Value]
+OnRead = Callable[[int], Value]
 """Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
 
-Writer = Callable[[Address, Value], None]
+OnWrite = Callable[[Address, Value], None]
 """Does what writing an object means, keeping its value or not; raises Abort if it must not be."""
 
 
@@ -43,7 +43,7 @@ def is_configuration(address: Address) -> bool:
 class Objects:
     """Values of a device by address; `values` holds those that are not the file's."""
 
-    def __init__(self, dictionary: Dictionary, readers: Mapping[int, Reader], writers: Mapping[int, Writer]) -> None:
+    def __init__(self, dictionary: Dictionary, readers: Mapping[int, OnRead], writers: Mapping[int, OnWrite]) -> None:
         self.dictionary = dictionary
         self.values: dict[Address, Value] = {}
         self._readers, self._writers = readers, writers

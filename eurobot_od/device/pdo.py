@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Iterator
 from itertools import accumulate
 from math import inf
 
-from eurobot_od.device.objects import EMCY_COB_ID, Objects, Writer
+from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
 from eurobot_od.errors import MappingError
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
@@ -19,7 +19,6 @@ from eurobot_od.od.values import DUMMIES, MAPPABLE, Address, PdoDirection, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.layout import MAX_BITS
-from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -58,10 +57,8 @@ class Pdos:
 
     def _apply(self, protocol: Protocol) -> None:
         ours = self._objects.dictionary.name
-        self.received: dict[int, Binding] = {each.cob_id: each for each in protocol.bindings if ours in each.receivers}
-        self.sent: dict[type[Message], Binding] = {
-            each.type: each for each in protocol.bindings if ours in each.senders
-        }
+        self.received = {each.cob_id: each for each in protocol.bindings if ours in each.receivers}
+        self.sent = {each.type: each for each in protocol.bindings if ours in each.senders}
         self.protocol = protocol
 
     def inhibit_time(self, binding: Binding) -> float:
@@ -74,7 +71,7 @@ class Pdos:
 
     # Written over SDO
 
-    def writers(self) -> dict[int, Writer]:
+    def writers(self) -> dict[int, OnWrite]:
         """Return what writing a record of a PDO does, by its index."""
         members = self._objects.dictionary.members
         records = [n for each in PdoDirection for n in range(each.value, each.value + values.PDO_COUNT) if n in members]

@@ -66,13 +66,9 @@ class Station:
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
             self._submit(self.node.receive(frame, now), now)
-            if self.node.device.identifiers is not self._identifiers:
-                self._follow()
-
-    def _follow(self) -> None:
-        """Listen to what the node listens to now: a master has changed that with this frame."""
-        self._identifiers = self.node.device.identifiers
-        self.gatekeeper.reroute(self.node.device.protocol)
+            if self.node.device.identifiers is not self._identifiers:  # a master has changed them with this frame
+                self._identifiers = self.node.device.identifiers
+                self.gatekeeper.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         for frame in frames:
