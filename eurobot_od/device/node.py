@@ -6,6 +6,7 @@ send; `next_wakeup` says when to call `tick`. A message whose value is out of ra
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from math import inf
@@ -44,7 +45,7 @@ class Node:
         self.guard: AbstractContextManager[object] = nullcontext()
         self.wake: Callable[[], object] = lambda: None
         self._operational = self._attended = False
-        self._soon: list[TimerAction] = []
+        self._soon: deque[TimerAction] = deque()
         self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
 
@@ -79,9 +80,8 @@ class Node:
         """Do what is due by now and return the frames to send."""
 
         def do_due() -> Reaction:
-            soon, self._soon = self._soon, []  # what one of them plans anew is for the next time
-            for action in soon:
-                action(now)
+            for _ in range(len(self._soon)):  # what one of them plans anew is for the next time
+                self._soon.popleft()(now)
             for action, time in self._timers.due(now):
                 action(time)
             return self.device.tick(now)

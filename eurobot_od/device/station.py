@@ -22,6 +22,8 @@ class Station:
     """One node with its own gatekeeper, to which more listeners may be added.
 
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
+    `has_failed` takes an exception that `tick` has raised, and when: it counts and is reported like one that the node
+    raises when it gets a frame.
     """
 
     def __init__(
@@ -39,7 +41,7 @@ class Station:
             **_sizes(node),
         )
         self._identifiers = node.device.identifiers
-        self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
+        self.has_failed = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name).has_failed
 
     def start(self, now: float) -> None:
         """Switch the node on."""

@@ -115,10 +115,16 @@ class Gatekeeper:
         """
         self._add_function(Kind.FRAME_FUNCTION, cob_ids, function, name)
 
-    def add_node(self, cob_ids: Callable[[], Iterable[int]], receive: Function[Frame], name: str) -> None:
-        """Have a CANopen node get its frames: like `add_frames`, but always in the thread that receives."""
+    def add_node(
+        self, cob_ids: Callable[[], Iterable[int]], receive: Function[Frame], name: str
+    ) -> FunctionListener[Frame]:
+        """Have a CANopen node get its frames: like `add_frames`, but always in the thread that receives.
+
+        Returns the listener that is made of it.
+        """
         listener = self._listener(receive, name)
         self._table.add(Registration(listener, Kind.NODE, cob_ids, listener.call))
+        return listener
 
     def _add_function(
         self, kind: Kind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
