@@ -88,10 +88,9 @@ class Live:
 
     def start(self) -> Live:
         """Hand the receive filters to the bus, switch the node on, start reading."""
-        self.gatekeeper.start()
-        self._filter()
-        self.gatekeeper.rerouted = self._refilter
         self._running = True
+        self.gatekeeper.rerouted = self._filter
+        self.gatekeeper.start()
         if self.station is not None:
             self.station.start(self.clock())
         self._functions.start()
@@ -103,12 +102,8 @@ class Live:
 
     def _filter(self) -> None:
         """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing."""
-        self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
-
-    def _refilter(self) -> None:
-        """Follow a master who has changed what a node listens to."""
         try:
-            self._filter()
+            self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
             self._fail(failure(self.bus, error))
 
