@@ -89,7 +89,7 @@ class Pdos:
         if subindex in (INHIBIT_TIME, EVENT_TIMER) and number and index < PdoDirection.TPDO.value:
             raise Abort(AbortCode.VALUE, "an RPDO has no times")  # of ours: it watches no deadline
         if subindex == INHIBIT_TIME and self._is_valid(index):
-            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+            raise Abort(AbortCode.STATE, "the PDO is valid")
         self._objects.put(address, number)
 
     def _is_valid(self, index: int) -> bool:
@@ -102,7 +102,7 @@ class Pdos:
         if entry & ~(values.NOT_VALID | values.NO_RTR | values.BASE_IDENTIFIER):
             raise Abort(AbortCode.VALUE, "base frames only")
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
-            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+            raise Abort(AbortCode.STATE, "the PDO is valid")
         cob_id = entry & values.BASE_IDENTIFIER
         if valid and (cob_id == self._objects.raw(EMCY_COB_ID) or owner(cob_id, REFUSED)):
             raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
@@ -117,13 +117,13 @@ class Pdos:
         index, subindex = address
         number = value if isinstance(value, int) else 0
         if self._is_valid(index - values.MAPPING_OFFSET):
-            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+            raise Abort(AbortCode.STATE, "the PDO is valid")
         if subindex == 0:
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
             if sum(self._mapped(index, entry).bits for entry in entries) > MAX_BITS:
                 raise Abort(AbortCode.MAPPING_TOO_LONG)
         elif self._objects.raw((index, 0)):
-            raise Abort(AbortCode.DEVICE_STATE, "the mapping is in use: sub-index 0 is not 0")
+            raise Abort(AbortCode.STATE, "the mapping is in use: sub-index 0 is not 0")
         elif number:
             self._mapped(index, number)
         self._objects.put(address, number)

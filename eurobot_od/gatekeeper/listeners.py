@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Generic, TypeAlias, TypeVar, overload
+from typing import Generic, TypeAlias, TypeVar
 
 from typing_extensions import NamedTuple
 
@@ -61,15 +61,6 @@ class MessageQueue(Generic[T]):
                 self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
         self._items.put((message, timestamp))  # the program that reads makes a Received of it, not the bus's thread
         self.delivered += 1
-
-    @overload
-    def get(self) -> Received[T]: ...
-
-    @overload
-    def get(self, timeout: None) -> Received[T]: ...
-
-    @overload
-    def get(self, timeout: float) -> Received[T] | None: ...
 
     def get(self, timeout: float | None = None) -> Received[T] | None:
         """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""

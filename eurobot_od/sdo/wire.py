@@ -110,10 +110,7 @@ class AbortCode(IntEnum):
     GENERAL = 0x0800_0000, "General error"
     NOT_TRANSFERRED = 0x0800_0020, "Data cannot be transferred or stored to the application"
     LOCAL_CONTROL = 0x0800_0021, "Data cannot be transferred or stored to the application because of local control"
-    DEVICE_STATE = (
-        0x0800_0022,
-        "Data cannot be transferred or stored to the application because of the present device state",
-    )
+    STATE = 0x0800_0022, "Data cannot be transferred or stored to the application because of the present device state"
     NO_DICTIONARY = 0x0800_0023, "Object dictionary dynamic generation fails or no object dictionary is present"
     NO_DATA = 0x0800_0024, "No data available"
 
