@@ -63,22 +63,15 @@ class NamedObject(NamedTuple):
         return FieldError(f"0x{self.address[0]:04X}:{self.address[1]}", self.name or "value", value, allowed)
 
 
-def described(variable: ODVariable) -> NamedObject:
-    """Return the object of a variable."""
-    return NamedObject((variable.index, variable.subindex), variable.qualname, variable)
-
-
 def all_objects(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give every object that a dictionary describes, by address; what is below 0x1000 describes data types."""
-    for index in sorted(index for index in dictionary.objects if index >= 0x1000):
+    for index in sorted(index for index in dictionary.members if index >= 0x1000):
         yield from members(dictionary, index)
 
 
 def members(dictionary: Dictionary, index: int) -> list[NamedObject]:
     """Return the objects at an index: the members of a record or array, or the one variable."""
-    entry = dictionary.objects[index]
-    variables = [entry] if isinstance(entry, ODVariable) else [entry[sub] for sub in entry]
-    return [described(variable) for variable in variables]
+    return [at((index, subindex), dictionary) for subindex in sorted(dictionary.members.get(index, ()))]
 
 
 def find(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
@@ -91,7 +84,7 @@ def find(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
     if number is None:
         return _named(text, dictionary)
     index, sub = int(number["index"], 16), number["sub"]
-    if sub is None and dictionary is not None and index in dictionary.objects:
+    if sub is None and dictionary is not None and index in dictionary.members:
         return members(dictionary, index)
     return [at((index, int(sub or "0", 0)), dictionary)]
 
@@ -108,14 +101,14 @@ def find_one(text: str, dictionary: Dictionary | None) -> NamedObject:
 def at(address: Address, dictionary: Dictionary | None) -> NamedObject:
     """Return the object at an address, as far as a dictionary describes it."""
     variable = dictionary.variable(address) if dictionary is not None else None
-    return NamedObject(address) if variable is None else described(variable)
+    return NamedObject(address, "" if variable is None else variable.qualname, variable)
 
 
 def _named(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
     if dictionary is None:
         raise LocalError(f"without an EDS no object is known as {text!r}; give its number")
     wanted = text.strip().lower()
-    records = [index for index in dictionary.objects if dictionary.objects[index].name.lower() == wanted]
+    records = [index for index in dictionary.members if dictionary.objects[index].name.lower() == wanted]
     single = [each for each in all_objects(dictionary) if each.name.lower() == wanted]
     # A variable is in both lists, a record in the first, a member of one in the second.
     found = [members(dictionary, index) for index in records] or [[each] for each in single]

@@ -105,7 +105,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
         master.listeners[confirm] = lambda data: heard.append(Frame(confirm, data))
         master.send(*protocol.encode(GotoXY(1500, 1000, 90, 50)))
         assert protocol.cob_id(GotoXY) == 0x18
-        assert master.pump(lambda: heard == [Frame(confirm)], 1)
+        assert master.pump(1, lambda: heard == [Frame(confirm)])
 
 
 def test_the_order_of_writes_is_that_of_cia_301(
