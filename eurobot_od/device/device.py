@@ -16,7 +16,7 @@ from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_s
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
-from eurobot_od.device.storage import Memory, Store
+from eurobot_od.device.storage import Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -78,18 +78,17 @@ Ear = Callable[[Frame], Reaction]
 class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
-    `store` keeps what 0x1010 saves, `catalogue` has its message types. `operational` tells whether its NMT `state`
-    allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the COB-IDs of
-    all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and `sdo_answers`
-    are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro). `plan` has what
-    frames have made it plan, and `next_wakeup` everything.
+    `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types. `operational` tells whether its
+    NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the
+    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and
+    `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro).
+    `plan` has what frames have made it plan, and `next_wakeup` everything.
     """
 
     def __init__(self, dictionary: Dictionary, store: Store | None = None, catalogue: Catalogue = NOTHING) -> None:
         self._file, self._catalogue = dictionary, catalogue
-        self._store: Store = store or Memory()
-        self.plan = Plan()
-        self._stored = self._store.load()
+        self._store, self.plan = store, Plan()
+        self._stored = store.load() if store else {}
         self.state = NmtState.INITIALISING
         self._now = 0.0
         self._load(dict(self._stored))
@@ -210,7 +209,8 @@ class Device:
     def _keep(self, values: dict[Address, Value]) -> None:
         try:
             own = self._file.node_id_address
-            self._store.save(values, self.objects.number(own) if own else self.node_id)
+            if self._store:
+                self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
         self._stored = values

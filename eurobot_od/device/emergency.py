@@ -24,9 +24,7 @@ WAITING = 16
 PASSING = 1.0
 """Seconds that an error of a moment, such as an overrun, counts as present since it happened last."""
 
-GENERIC = 1 << 0
-COMMUNICATION = 1 << 4
-MANUFACTURER = 1 << 7
+GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
 """Bits of the error register (CiA 301, Table 48)."""
 
 

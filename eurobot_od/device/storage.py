@@ -1,4 +1,4 @@
-"""Where a device's settings are kept over a reset, in memory, and over power-off, in a DCF (objects 0x1010, 0x1011).
+"""Where a device's settings are kept over power-off: in a DCF file (objects 0x1010 and 0x1011).
 
 Rule of this file: the DCF is there whole or not at all. A new one is written next to the old one, brought to the disk,
 and takes its place in one step, so that a crash at any moment leaves the old one or the new one.
@@ -32,19 +32,6 @@ class Store(Protocol):
 
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Keep these values in place of the earlier ones; raises OSError or DictionaryError if that fails."""
-
-
-class Memory:
-    """A store for as long as the program runs."""
-
-    def __init__(self) -> None:
-        self._values: dict[Address, Value] = {}
-
-    def load(self) -> dict[Address, Value]:
-        return dict(self._values)
-
-    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
-        self._values = dict(values)
 
 
 class FileStore:
