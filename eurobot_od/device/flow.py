@@ -146,8 +146,6 @@ class Flow(Generic[Result]):
         if self.call.set_running_or_notify_cancel():  # from here on nobody can cancel it any more
             settle()
 
-
-
     def _go_on(self, now: float) -> None:
         self._resume(lambda: self._script.send(now), now)
 
