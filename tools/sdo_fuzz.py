@@ -260,7 +260,7 @@ REFUSALS = (
     AbortCode.TOO_HIGH,
     AbortCode.TOO_LOW,
     AbortCode.NOT_TRANSFERRED,
-    AbortCode.DEVICE_STATE,
+    AbortCode.STATE,
     AbortCode.NO_DATA,
 )
 """Causes that a value, or the device's state, may give."""

@@ -114,7 +114,8 @@ def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
 def as_data(reading: Reading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
-    data = {"index": thing.address[0], "subindex": thing.address[1], "name": thing.name, "type": thing.type_name}
+    type_name = thing.type.name if thing.type else ""
+    data = {"index": thing.address[0], "subindex": thing.address[1], "name": thing.name, "type": type_name}
     result = {"refused": refusal} if refusal else {"value": value.hex() if isinstance(value, bytes) else value}
     return {**data, **result}
 

@@ -7,16 +7,18 @@ taken back. Nothing is stored before everything reads back as it should, so a re
 from __future__ import annotations
 
 from collections.abc import Iterable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import NamedTuple
 
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode, label
-from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written, wrong
-from eurobot_od.client.pdo_order import Bytes, Write, in_order, pdo_of, procedure_objects
+from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written
+from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
-from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, NodeRefused
+from eurobot_od.device.objects import VERIFY_CONFIGURATION
+from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
 from eurobot_od.od import dcf
+from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.sdo.wire import AbortCode
@@ -27,9 +29,8 @@ RESTORE: Address = (0x1011, 1)
 LOAD = b"load"
 """Where which signature stores all parameters, or restores their defaults (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
-VERIFY: tuple[Address, Address] = ((0x1020, 1), (0x1020, 2))
 EPOCH = datetime(1984, 1, 1)
-"""Verify configuration: days since this day, milliseconds since midnight (CiA 301, 7.5.2.21)."""
+"""Verify configuration counts days since this day, and milliseconds since midnight (CiA 301, 7.5.2.21)."""
 
 NOT_CONFIGURATION = frozenset({0x1003, 0x1010, 0x1011, 0x1020, 0x1023, 0x1024, 0x1F50, 0x1F51})
 """Objects that can be written and mean a history, a command or our own mark, no parameter."""
@@ -73,11 +74,6 @@ class ChangePlan(NamedTuple):
         former = {**{c.thing.address: c.before for c in self.changes if c.before is not None}, **self.present}
         return in_order({address: data for address, data in former.items() if _unit(address) in touched}, state)
 
-    def name(self, address: Address) -> str:
-        """Return an object's name."""
-        variable = self.dictionary.variable(address)
-        return "" if variable is None else variable.qualname
-
 
 class Configured(NamedTuple):
     """What a configuration did: how many objects it changed, and whether the node has stored them."""
@@ -105,9 +101,16 @@ def settings(description: Description) -> list[tuple[NamedObject, bytes]]:
     A mapping's entries after the last that counts are not among them. Raises DictionaryError for a value that its
     object cannot have.
     """
-    dictionary = description.dictionary
-    parameters = (each for each in all_objects(dictionary) if is_parameter(each) and _raw(each))
-    return [(each, _bytes(dictionary, each)) for each in parameters if _counts(dictionary, each.address)]
+    dictionary, found = description.dictionary, []
+    for thing in all_objects(dictionary):
+        text = getattr(thing.variable, "value_raw", "")
+        if text and is_parameter(thing) and _counts(dictionary, thing.address):
+            try:
+                found.append((thing, encode(thing, getattr(thing.variable, "value", None))))
+            except FieldError as error:
+                what = f"sub {thing.address[1]} ({thing.name}): {text} is not allowed; allowed: {error.allowed}"
+                raise DictionaryError(dictionary.file, thing.address[0], what) from None
+    return found
 
 
 def all_writes(description: Description) -> list[Write]:
@@ -148,20 +151,6 @@ def _counts(dictionary: Dictionary, address: Address) -> bool:
     index, subindex = address
     count = dictionary.default((index, 0))
     return pdo_of(address) in (None, index) or not isinstance(count, int) or subindex <= count
-
-
-def _raw(thing: NamedObject) -> str:
-    """Return the text of a ParameterValue, `` if there is none."""
-    return getattr(thing.variable, "value_raw", "")
-
-
-def _bytes(dictionary: Dictionary, thing: NamedObject) -> bytes:
-    value = None if thing.variable is None else thing.variable.value
-    allowed = wrong(thing, value)
-    if allowed is not None:
-        what = f"sub {thing.address[1]} ({thing.name}): {_raw(thing)} is not allowed; allowed: {allowed}"
-        raise DictionaryError(dictionary.file, thing.address[0], what)
-    return encode(thing, value)
 
 
 # The difference
@@ -255,11 +244,10 @@ def restore(node: RemoteNode) -> None:
 
 def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
     """Return the writes of verify configuration, none if the device does not have it."""
-    if any(dictionary.variable(address) is None for address in VERIFY):
+    if any(dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
         return []
-    since = now - EPOCH
-    milliseconds = since.seconds * 1000 + since.microseconds // 1000
-    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY, (since.days, milliseconds))]
+    date_and_time = divmod((now - EPOCH) // timedelta(milliseconds=1), 24 * 60 * 60 * 1000)
+    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, date_and_time)]
 
 
 def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:
@@ -267,7 +255,7 @@ def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: li
     for write in writes:
         done.append(write)
         try:
-            node.download(write.address, write.data, plan.name(write.address))
+            node.download(write.address, write.data, at(write.address, plan.dictionary).name)
         except NodeRefused:
             done.pop()
             raise
@@ -297,22 +285,14 @@ def _take_back(node: RemoteNode, plan: ChangePlan, done: list[Write], former: Nm
         state = former if former is NmtState.OPERATIONAL else NmtState.PRE_OPERATIONAL
         node.command(COMMAND_TO[state])
     except EurobotError:
-        return _half_way(node, plan, done)
+        units = {_unit(write.address) for write in done}
+        is_new = {label(c.thing.address, c.thing.name): _unit(c.thing.address) in units for c in plan.changes}
+        new, old = (", ".join(name for name in is_new if is_new[name] is which) or "nothing" for which in (True, False))
+        return (
+            f"node {node.node_id} is pre-operational; written and not stored: {new}; not written: {old}; "
+            f"a reset brings the former values back (eurobot-od nmt {node.node_id} reset)"
+        )
     return f"node {node.node_id} has its former values again and is {STATE_NAMES[state]}"
-
-
-def _half_way(node: RemoteNode, plan: ChangePlan, done: list[Write]) -> str:
-    units = {_unit(write.address) for write in done}
-    new = [c.thing for c in plan.changes if _unit(c.thing.address) in units]
-    old = [c.thing for c in plan.changes if _unit(c.thing.address) not in units]
-    return (
-        f"node {node.node_id} is pre-operational; written and not stored: {_names(new)}; not written: {_names(old)}; "
-        f"a reset brings the former values back (eurobot-od nmt {node.node_id} reset)"
-    )
-
-
-def _names(things: list[NamedObject]) -> str:
-    return ", ".join(label(thing.address, thing.name) for thing in things) or "nothing"
 
 
 def _failure(error: BaseException, state: str) -> EurobotError:

@@ -34,14 +34,8 @@ class Identity(NamedTuple):
     @classmethod
     def read(cls, node: RemoteNode) -> Identity:
         """Ask a node; only the vendor-ID is mandatory."""
-        return cls(*(cls._number(node, subindex, name) for subindex, name in enumerate(cls._fields, start=1)))
-
-    @staticmethod
-    def _number(node: RemoteNode, subindex: int, name: str) -> int:
-        try:
-            return int.from_bytes(node.upload((IDENTITY, subindex), name), "little")
-        except NodeRefused:
-            return 0
+        told = [_told(node, (IDENTITY, subindex), name) for subindex, name in enumerate(cls._fields, start=1)]
+        return cls(*(int.from_bytes(each, "little") for each in told))
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Identity:
@@ -105,7 +99,12 @@ def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None
 
 def device_name(node: RemoteNode) -> str:
     """Return the name in 0x1008, `` if the node has none."""
+    return _told(node, DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
+
+
+def _told(node: RemoteNode, address: Address, name: str) -> bytes:
+    """Read an object that a node need not have: without it there are no bytes."""
     try:
-        return node.upload(DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
+        return node.upload(address, name)
     except NodeRefused:
-        return ""
+        return b""

@@ -5,6 +5,7 @@ Rule of this file: codes of our nodes have their own names, all others the class
 
 from __future__ import annotations
 
+import struct
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
@@ -44,8 +45,7 @@ def history(node: RemoteNode) -> History:
     register = node.upload(REGISTER, "Error register")[0]
     count = node.upload((FIELD, 0), "Number of errors")[0]
     fields = (node.upload((FIELD, sub)) for sub in range(1, count + 1))
-    parts = ((int.from_bytes(each[:2], "little"), int.from_bytes(each[2:4], "little")) for each in fields)
-    return History(register, [RememberedError(code, info) for code, info in parts])
+    return History(register, [RememberedError(*struct.unpack_from("<HH", each)) for each in fields])
 
 
 def clear(node: RemoteNode) -> None:

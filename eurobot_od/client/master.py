@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
@@ -49,9 +48,7 @@ class Master:
     def __enter__(self) -> Master:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.bus.shutdown()
 
     def node(self, node_id: int) -> RemoteNode:
@@ -71,8 +68,8 @@ class Master:
         while self._receive(0):
             pass
 
-    def pump(self, done: Callable[[], bool], wait: float) -> bool:
-        """Take in frames until `done`, for `wait` seconds at most; return whether it is done. Raises BusError."""
+    def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
+        """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
         end = time.monotonic() + wait
         while not done() and (left := end - time.monotonic()) > 0:
             self._receive(left)
@@ -85,15 +82,13 @@ class Master:
         except Exception as error:  # as in `send`
             raise failure(self.bus, error) from error
         if message is not None and not (message.is_extended_id or message.is_error_frame or message.is_remote_frame):
-            self._take(message.arbitration_id, bytes(message.data))
+            cob_id, data = message.arbitration_id, bytes(message.data)
+            node_id = cob_id - ERROR_CONTROL_BASE
+            if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
+                self.states[node_id] = NmtState(data[0])
+            if cob_id in self.listeners:
+                self.listeners[cob_id](data)
         return message is not None
-
-    def _take(self, cob_id: int, data: bytes) -> None:
-        node_id = cob_id - ERROR_CONTROL_BASE
-        if node_id in NODE_IDS and len(data) == 1 and data[0] in set(NmtState):
-            self.states[node_id] = NmtState(data[0])
-        if cob_id in self.listeners:
-            self.listeners[cob_id](data)
 
 
 class RemoteNode:
@@ -126,12 +121,12 @@ class RemoteNode:
     def state(self, wait: float) -> NmtState | None:
         """Wait for the node's next heartbeat and return its state, None if there is no heartbeat."""
         self.master.states.pop(self.node_id, None)
-        self.master.pump(lambda: self.node_id in self.master.states, wait)
+        self.master.pump(wait, lambda: self.node_id in self.master.states)
         return self.last_state
 
     def wait_for(self, state: NmtState, wait: float) -> bool:
         """Wait until a heartbeat tells a state, INITIALISING being the boot-up; return whether one did."""
-        return self.master.pump(lambda: self.last_state is state, wait)
+        return self.master.pump(wait, lambda: self.last_state is state)
 
     @property
     def last_state(self) -> NmtState | None:
@@ -168,7 +163,7 @@ class RemoteNode:
         self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, time.monotonic()))
         send(transfer.start(time.monotonic()))
         while not transfer.done:
-            self.master.pump(lambda: transfer.done, transfer.deadline - time.monotonic())
+            self.master.pump(transfer.deadline - time.monotonic(), lambda: transfer.done)
             send(transfer.tick(time.monotonic()))
 
 

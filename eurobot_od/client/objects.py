@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple, cast
 
-from canopen.objectdictionary import ODVariable, datatypes
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value
 
 NUMBER = re.compile(r"(0x)?(?P<index>[0-9a-f]{4})h?(:(?P<sub>0x[0-9a-f]{1,2}|[0-9]{1,3}))?", re.IGNORECASE)
 """`1017`, `0x1017` or `1017h`, an index being always hexadecimal; the sub-index after a colon is decimal or `0x..`."""
@@ -25,27 +25,18 @@ RAW_INTEGER = (1, 2, 4, 8)
 
 
 class ValueForm(NamedTuple):
-    """A kind of value: the Python `types` it has, how a text becomes one, and its name for a person."""
+    """How a text becomes a value, and what a person may write."""
 
-    types: tuple[type, ...]
     parse: Callable[[str], Value]
     allowed: str
 
 
-INTEGER = ValueForm((int,), lambda text: int(text, 0), "an integer")
-REAL = ValueForm((int, float), float, "a number")
-TEXT = ValueForm((str,), str, "ASCII text")
-BYTES = ValueForm((bytes,), bytes.fromhex, "bytes in hexadecimal digits")
+INTEGER = ValueForm(lambda text: int(text, 0), "an integer")
+TEXT = ValueForm(str, "ASCII text")
+BYTES = ValueForm(bytes.fromhex, "bytes in hexadecimal digits")
 
-FORMS: dict[int | None, ValueForm] = {
-    **dict.fromkeys((datatypes.BOOLEAN, *datatypes.INTEGER_TYPES), INTEGER),
-    **dict.fromkeys(datatypes.FLOAT_TYPES, REAL),
-    **dict.fromkeys((datatypes.VISIBLE_STRING, datatypes.UNICODE_STRING), TEXT),
-}
-"""The form of each CiA 301 data type; the others are bytes."""
-
-TYPE_NAMES = {value: name for name, value in vars(datatypes).items() if isinstance(value, int)}
-"""Name of each CiA 301 data type by its number."""
+FORMS = dict.fromkeys(REALS, ValueForm(float, "a number")) | {VISIBLE_STRING: TEXT, UNICODE_STRING: TEXT}
+"""The form of each data type that has neither integers nor bytes."""
 
 
 class NamedObject(NamedTuple):
@@ -56,27 +47,31 @@ class NamedObject(NamedTuple):
     variable: ODVariable | None = None
 
     @property
-    def type_name(self) -> str:
-        """The CiA 301 name of its type, `` if it is not known."""
-        return "" if self.variable is None else TYPE_NAMES.get(self.variable.data_type or 0, "")
+    def type(self) -> DataType | None:
+        """Its data type, None if nobody knows it."""
+        return None if self.variable is None else data_type(self.variable)
 
+    @property
+    def form(self) -> ValueForm:
+        """How a person writes its value."""
+        if self.type is None or self.type.is_integer:
+            return INTEGER
+        return FORMS.get(self.type, BYTES)
 
-def described(variable: ODVariable) -> NamedObject:
-    """Return the object of a variable."""
-    return NamedObject((variable.index, variable.subindex), variable.qualname, variable)
+    def not_allowed(self, value: object, allowed: str) -> FieldError:
+        """Return the error that it cannot have a value."""
+        return FieldError(f"0x{self.address[0]:04X}:{self.address[1]}", self.name or "value", value, allowed)
 
 
 def all_objects(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give every object that a dictionary describes, by address; what is below 0x1000 describes data types."""
-    for index in sorted(index for index in dictionary.objects if index >= 0x1000):
+    for index in sorted(index for index in dictionary.members if index >= 0x1000):
         yield from members(dictionary, index)
 
 
 def members(dictionary: Dictionary, index: int) -> list[NamedObject]:
     """Return the objects at an index: the members of a record or array, or the one variable."""
-    entry = dictionary.objects[index]
-    variables = [entry] if isinstance(entry, ODVariable) else [entry[sub] for sub in entry]
-    return [described(variable) for variable in variables]
+    return [at((index, subindex), dictionary) for subindex in sorted(dictionary.members.get(index, ()))]
 
 
 def find(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
@@ -89,7 +84,7 @@ def find(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
     if number is None:
         return _named(text, dictionary)
     index, sub = int(number["index"], 16), number["sub"]
-    if sub is None and dictionary is not None and index in dictionary.objects:
+    if sub is None and dictionary is not None and index in dictionary.members:
         return members(dictionary, index)
     return [at((index, int(sub or "0", 0)), dictionary)]
 
@@ -106,14 +101,14 @@ def find_one(text: str, dictionary: Dictionary | None) -> NamedObject:
 def at(address: Address, dictionary: Dictionary | None) -> NamedObject:
     """Return the object at an address, as far as a dictionary describes it."""
     variable = dictionary.variable(address) if dictionary is not None else None
-    return NamedObject(address) if variable is None else described(variable)
+    return NamedObject(address, "" if variable is None else variable.qualname, variable)
 
 
 def _named(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
     if dictionary is None:
         raise LocalError(f"without an EDS no object is known as {text!r}; give its number")
     wanted = text.strip().lower()
-    records = [index for index in dictionary.objects if dictionary.objects[index].name.lower() == wanted]
+    records = [index for index in dictionary.members if dictionary.objects[index].name.lower() == wanted]
     single = [each for each in all_objects(dictionary) if each.name.lower() == wanted]
     # A variable is in both lists, a record in the first, a member of one in the second.
     found = [members(dictionary, index) for index in records] or [[each] for each in single]
@@ -131,20 +126,12 @@ def decode(thing: NamedObject, data: bytes) -> Value:
 
     A number sent with more bytes than its type has is taken from the first of them: some devices send 4 always.
     """
-    variable = thing.variable
-    if variable is None:
+    if thing.type is None:
         return int.from_bytes(data, "little") if len(data) in RAW_INTEGER else data
-    if variable.data_type in variable.STRUCT_TYPES:
-        size = len(variable) // 8
-        return _plain(variable.decode_raw(data[:size])) if len(data) >= size else data
-    return _plain(variable.decode_raw(data))
-
-
-def _plain(value: int | float | str | bytes | bytearray) -> Value:
-    """Make a number of a bool, bytes of a bytearray."""
-    if isinstance(value, int):
-        return int(value)
-    return bytes(value) if isinstance(value, bytearray) else value
+    if len(data) < thing.type.size:
+        return data
+    value = thing.type.read(data[: thing.type.size or None])
+    return int(value) if isinstance(value, bool) else value
 
 
 def parse(thing: NamedObject, text: str) -> Value:
@@ -152,11 +139,10 @@ def parse(thing: NamedObject, text: str) -> Value:
 
     Raises FieldError.
     """
-    form = _form(thing)
     try:
-        return form.parse(text)
+        return thing.form.parse(text)
     except ValueError:
-        raise _not_allowed(thing, text, form.allowed) from None
+        raise thing.not_allowed(text, thing.form.allowed) from None
 
 
 def encode(thing: NamedObject, value: Value, size: int = 0) -> bytes:
@@ -164,36 +150,27 @@ def encode(thing: NamedObject, value: Value, size: int = 0) -> bytes:
 
     Raises FieldError for a value that the object's type or limits do not allow.
     """
-    allowed = wrong(thing, value)
-    if allowed is not None:
-        raise _not_allowed(thing, value, allowed)
+    allowed = thing.form.allowed
     try:
-        if thing.variable is None:
+        if thing.type is None:
+            allowed = f"{size} bytes"
             return cast(int, value).to_bytes(size, "little")
-        return bytes(thing.variable.encode_raw(cast(Any, value)))
+        if thing.variable is not None and thing.type.is_integer and isinstance(value, int):
+            low, high = integer_range(thing.variable)
+            allowed = f"{low}..{high}"
+            if not low <= value <= high:
+                raise ValueError
+        return thing.type.write(value)
     except (ValueError, OverflowError):
-        raise _not_allowed(thing, value, _form(thing).allowed if thing.variable else f"{size} bytes") from None
+        raise thing.not_allowed(value, allowed) from None
 
 
-def wrong(thing: NamedObject, value: Value) -> str | None:
-    """Return None for a value that an object can have, else what it could have."""
-    form = _form(thing)
-    if not isinstance(value, form.types):
-        return form.allowed
-    if form is not INTEGER or thing.variable is None:
-        return None
-    low, high = integer_range(thing.variable)
-    return None if low <= cast(int, value) <= high else f"{low}..{high}"
-
-
-def integer_range(variable: ODVariable) -> tuple[int, int]:
+def integer_range(variable: ODVariable) -> Limits:
     """Return the least and the greatest value of an integer object: its limits inside of its type's."""
-    bits = 1 if variable.data_type == datatypes.BOOLEAN else len(variable)
-    signed = variable.data_type in datatypes.SIGNED_TYPES
-    low, high = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if signed else (0, (1 << bits) - 1)
-    return (
-        low if variable.min is None else max(low, variable.min),
-        high if variable.max is None else min(high, variable.max),
+    type_ = data_type(variable)
+    return Limits(
+        type_.low if variable.min is None else max(type_.low, variable.min),
+        type_.high if variable.max is None else min(type_.high, variable.max),
     )
 
 
@@ -201,20 +178,8 @@ def written(thing: NamedObject, value: Value) -> str:
     """Write a value for a person: numbers in the form of the object's DefaultValue, bytes in hexadecimal digits."""
     if isinstance(value, bytes):
         return value.hex(" ").upper()
-    if isinstance(value, int) and value >= 0 and _is_hexadecimal(thing):
-        digits = 2 if thing.variable is None else len(thing.variable) // 4
+    like: str = getattr(thing.variable, "default_raw", "")
+    if isinstance(value, int) and value >= 0 and (thing.type is None or like.lower().startswith(("0x", "$nodeid"))):
+        digits = 2 if thing.type is None else 2 * thing.type.size
         return f"0x{value:0{digits}X}"
     return str(value)
-
-
-def _is_hexadecimal(thing: NamedObject) -> bool:
-    like: str = getattr(thing.variable, "default_raw", "")
-    return thing.variable is None or like.lower().startswith(("0x", "$nodeid"))
-
-
-def _form(thing: NamedObject) -> ValueForm:
-    return INTEGER if thing.variable is None else FORMS.get(thing.variable.data_type, BYTES)
-
-
-def _not_allowed(thing: NamedObject, value: object, allowed: str) -> FieldError:
-    return FieldError(f"0x{thing.address[0]:04X}:{thing.address[1]}", thing.name or "value", value, allowed)

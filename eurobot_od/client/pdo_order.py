@@ -6,8 +6,9 @@ Rule of this file: bytes by address in, writes in their order out; no bus and no
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
+from eurobot_od.od.concise import Write
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, PDO_COUNT, Address, PdoDirection
 
 Bytes: TypeAlias = Mapping[Address, bytes]
@@ -16,24 +17,12 @@ Bytes: TypeAlias = Mapping[Address, bytes]
 COB_ID = 1
 """Sub-index of the COB-ID in a communication record."""
 
-NO_ENTRIES = b"\0"
-"""Number of mapping entries while they change."""
-
-
-class Write(NamedTuple):
-    """One write."""
-
-    address: Address
-    data: bytes
-
 
 def pdo_of(address: Address) -> int | None:
     """Return the index of the communication record of the PDO that has this parameter; None for any other object."""
     index = address[0]
-    for base in (direction.value for direction in PdoDirection):
-        if base <= index < base + MAPPING_OFFSET + PDO_COUNT:
-            return index - MAPPING_OFFSET if index >= base + MAPPING_OFFSET else index
-    return None
+    has_pdo = any(each.value <= index < each.value + MAPPING_OFFSET + PDO_COUNT for each in PdoDirection)
+    return index & ~MAPPING_OFFSET if has_pdo else None  # a mapping record's index is the other's with one bit set
 
 
 def procedure_objects(addresses: Iterable[Address]) -> Iterator[Address]:
@@ -53,18 +42,20 @@ def in_order(wanted: Bytes, present: Bytes) -> list[Write]:
     and their number, the rest of the communication records follows, and the PDOs become what they are to be (CiA 301,
     7.5.2.36 and 7.5.2.38). One of the two must have the `procedure_objects`.
     """
-    final = {**present, **wanted}
+    former, final = {**wanted, **present}, {**present, **wanted}
     pdos = sorted({pdo for address in wanted if (pdo := pdo_of(address)) is not None})
     others = (Write(address, data) for address, data in wanted.items() if pdo_of(address) is None)
-    invalid = (Write((pdo, COB_ID), _invalid({**wanted, **present}[pdo, COB_ID])) for pdo in pdos)
+    entries = ((pdo, int.from_bytes(former[pdo, COB_ID], "little")) for pdo in pdos)
+    invalid = (Write((pdo, COB_ID), (entry | NOT_VALID).to_bytes(4, "little")) for pdo, entry in entries)
     mapped = (write for pdo in pdos for write in _mapping(pdo + MAPPING_OFFSET, wanted, final))
     communication = (Write(a, data) for a, data in sorted(wanted.items()) if a[0] in pdos and a[1] > COB_ID)
     valid = (Write((pdo, COB_ID), final[pdo, COB_ID]) for pdo in pdos)
-    return list(_effective((*others, *invalid, *mapped, *communication, *valid), present))
-
-
-def _invalid(cob_id: bytes) -> bytes:
-    return (int.from_bytes(cob_id, "little") | NOT_VALID).to_bytes(len(cob_id), "little")
+    needed, state = [], dict(present)
+    for write in (*others, *invalid, *mapped, *communication, *valid):
+        if state.get(write.address) != write.data:
+            needed.append(write)
+        state[write.address] = write.data
+    return needed
 
 
 def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
@@ -73,15 +64,6 @@ def _mapping(index: int, wanted: Bytes, final: Bytes) -> Iterator[Write]:
     if not entries:
         return
     count = final[index, 0]
-    yield Write((index, 0), NO_ENTRIES)
+    yield Write((index, 0), b"\0")
     yield from (Write(address, wanted[address]) for address in entries if 1 <= address[1] <= count[0])
     yield Write((index, 0), count)
-
-
-def _effective(writes: Iterable[Write], present: Bytes) -> Iterator[Write]:
-    """Leave out writes of what is there already."""
-    state = dict(present)
-    for write in writes:
-        if state.get(write.address) != write.data:
-            yield write
-        state[write.address] = write.data

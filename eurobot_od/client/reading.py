@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from canopen.objectdictionary import datatypes
-
 from eurobot_od.client.configure import is_parameter
 from eurobot_od.client.description import Description, device_name
 from eurobot_od.client.master import RemoteNode
@@ -17,7 +15,7 @@ from eurobot_od.client.objects import NamedObject, all_objects, at, decode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
 
 
@@ -57,7 +55,7 @@ def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, 
 def readable(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give the objects that can be read, files (DOMAIN) not among them."""
     for thing in all_objects(dictionary):
-        if thing.variable is not None and thing.variable.readable and thing.variable.data_type != datatypes.DOMAIN:
+        if thing.variable is not None and thing.variable.readable and thing.type != DOMAIN:
             yield thing
 
 

@@ -49,8 +49,8 @@ def scan(master: Master, node_ids: Iterable[int] = NODE_IDS, pace: float = PACE,
     for node_id in wanted:
         master.listeners[SDO_RESPONSE_BASE + node_id] = partial(received, node_id)
         master.send(SDO_REQUEST_BASE + node_id, initiate(ClientCommand.UPLOAD << 5, DEVICE_TYPE))
-        master.pump(_never, pace)
-    master.pump(_never, max(listen - pace * len(wanted), master.answer_wait))
+        master.pump(pace)
+    master.pump(max(listen - pace * len(wanted), master.answer_wait))
     return [_found(master, node_id) for node_id in sorted(answered | set(master.states)) if node_id in wanted]
 
 
@@ -73,7 +73,3 @@ def _found(master: Master, node_id: int) -> Found:
     except RemoteError:
         identity, name = None, ""
     return Found(node_id, node.last_state, identity, name)
-
-
-def _never() -> bool:
-    return False

@@ -12,23 +12,15 @@ from typing import NamedTuple
 
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
-from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, Reset, boot_state, command_in, error_control
-from eurobot_od.device.objects import EMCY_COB_ID, Objects, Reader, Writer
+from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
+from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
-from eurobot_od.device.store import Memory, Store
+from eurobot_od.device.storage import Store
 from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import (
-    ERROR_CONTROL_BASE,
-    NMT_COB_ID,
-    NOT_VALID,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
-    Address,
-    Value,
-)
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
@@ -68,13 +60,13 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
-    `frames` to send, the `message` for the application, a `reset` of it, the node-IDs whose heartbeat was `lost`, and
-    an SDO `answer` to the device as a client.
+    `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeat was
+    `lost`, and an SDO `answer` to the device as a client.
     """
 
     frames: list[Frame]
     message: Message | None = None
-    reset: Reset | None = None
+    reset: bool = False
     lost: tuple[int, ...] = ()
     answer: Frame | None = None
 
@@ -86,18 +78,17 @@ Ear = Callable[[Frame], Reaction]
 class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
-    `store` keeps what 0x1010 saves, `catalogue` has its message types. `operational` tells whether its NMT `state`
-    allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the COB-IDs of
-    all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and `sdo_answers`
-    are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro). `plan` has what
-    frames have made it plan, and `next_wakeup` everything.
+    `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types. `operational` tells whether its
+    NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the
+    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and
+    `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro).
+    `plan` has what frames have made it plan, and `next_wakeup` everything.
     """
 
     def __init__(self, dictionary: Dictionary, store: Store | None = None, catalogue: Catalogue = NOTHING) -> None:
         self._file, self._catalogue = dictionary, catalogue
-        self._store: Store = store or Memory()
-        self.plan = Plan()
-        self._stored = self._store.load()
+        self._store, self.plan = store, Plan()
+        self._stored = store.load() if store else {}
         self.state = NmtState.INITIALISING
         self._now = 0.0
         self._load(dict(self._stored))
@@ -118,12 +109,26 @@ class Device:
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
-        self.emergencies = Emergencies(lambda: self._cob_id(EMCY_COB_ID), self._emergency_inhibit)
-        self._writers: dict[int, Writer] = {}
-        self.objects = Objects(self.dictionary, self._readers(), self._writers)
+        self.emergencies = Emergencies(
+            lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
+        )
+        self._writers: dict[int, OnWrite] = {}
+        readers: dict[int, OnRead] = {
+            ERROR_REGISTER: lambda _: self.emergencies.register,
+            ERROR_FIELD: self.emergencies.read_field,
+            STORED_EDS: self._read_eds,
+        }
+        self.objects = Objects(self.dictionary, readers, self._writers)
         self.objects.values = values
         self._pdos = Pdos(self.objects, self._catalogue)
-        self._writers |= self._own_writers() | self._pdo_writers()
+        self._writers |= {
+            ERROR_FIELD: self.emergencies.clear_field,
+            STORE: self._save,
+            RESTORE: self._restore,
+            CONSUMED_HEARTBEATS: self._consume,
+            HEARTBEAT_TIME[0]: self._produce,
+            **{index: self._followed(write) for index, write in self._pdos.writers().items()},
+        }
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
         self._server = SdoServer(self.objects)
@@ -136,21 +141,18 @@ class Device:
         self._consumer.configure(self._consumed())
         self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE, SDO_REQUEST_BASE)
         self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT, SDO_RESPONSE_BASE)
-        self._ears = self._listeners()
+        answers = {self.objects.cob_id((index, 2)) for index in SDO_CLIENTS}
+        # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
+        ears: dict[int | None, Ear] = {
+            **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
+            **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
+            **dict.fromkeys(self._pdos.received, self._receive_pdo),
+            self.sdo_requests: self._receive_sdo,
+            NMT_COB_ID: self._receive_command,
+        }
+        self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
         self.identifiers = sorted(self._ears)
         self._pacing.restart(self._pdos.sent.values(), self._now)
-
-    def _listeners(self) -> dict[int, Ear]:
-        ears: dict[int, Ear] = dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat)
-        ears |= dict.fromkeys(self._answers(), self._receive_answer)
-        ears |= dict.fromkeys(self._pdos.received, self._receive_pdo)
-        if self.sdo_requests is not None:
-            ears[self.sdo_requests] = self._receive_sdo
-        return ears | {NMT_COB_ID: self._receive_command}
-
-    def _answers(self) -> list[int]:
-        """Return the COB-IDs on which SDO servers answer to this device as a client (CiA 301, 7.5.2.34)."""
-        return [cob_id for index in SDO_CLIENTS if (cob_id := self._cob_id((index, 2))) is not None]
 
     @property
     def protocol(self) -> Protocol:
@@ -158,11 +160,6 @@ class Device:
         return self._pdos.protocol
 
     # Values
-
-    def value(self, address: Address) -> Value:
-        """Return an object's present value: as written or received, else as in the file."""
-        self._process.settle()
-        return self.objects.value(address)
 
     def number(self, address: Address) -> int:
         """Return an object's present value as a number; raises DictionaryError if it has none."""
@@ -175,45 +172,20 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
-    def _cob_id(self, address: Address) -> int | None:
-        """Return an identifier that an object holds, None if it is not valid or there is none."""
-        entry = self.objects.value(address)
-        return entry if isinstance(entry, int) and not entry & NOT_VALID else None
-
     def _sdo_cob_id(self, address: Address, base: int) -> int | None:
         """Return an identifier of the SDO server; one without 0x1200 is the default one (CiA 301, 7.5.2.33)."""
-        return self._cob_id(address) if address[0] in self.dictionary.members else base + self.node_id
-
-    def _emergency_inhibit(self) -> float:
-        return self.objects.raw(EMCY_INHIBIT) / 10_000
+        return self.objects.cob_id(address) if address[0] in self.dictionary.members else base + self.node_id
 
     # Objects that do more than keep a value
 
-    def _readers(self) -> dict[int, Reader]:
-        return {
-            ERROR_REGISTER: lambda _: self.emergencies.register,
-            ERROR_FIELD: self.emergencies.read_field,
-            STORED_EDS: self._read_eds,
-        }
+    def _followed(self, write: OnWrite) -> OnWrite:
+        """Return what writes an object and then has the device listen to what is configured now."""
 
-    def _own_writers(self) -> dict[int, Writer]:
-        return {
-            ERROR_FIELD: self.emergencies.clear_field,
-            STORE: self._save,
-            RESTORE: self._restore,
-            CONSUMED_HEARTBEATS: self._consume,
-            HEARTBEAT_TIME[0]: self._produce,
-        }
+        def written(address: Address, value: Value) -> None:
+            write(address, value)
+            self._configure()
 
-    def _pdo_writers(self) -> dict[int, Writer]:
-        def followed(write: Writer) -> Writer:
-            def written(address: Address, value: Value) -> None:
-                write(address, value)
-                self._configure()
-
-            return written
-
-        return {index: followed(write) for index, write in self._pdos.writers().items()}
+        return written
 
     def _read_eds(self, _: int) -> Value:
         try:
@@ -237,7 +209,8 @@ class Device:
     def _keep(self, values: dict[Address, Value]) -> None:
         try:
             own = self._file.node_id_address
-            self._store.save(values, self.objects.number(own) if own else self.node_id)
+            if self._store:
+                self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
         self._stored = values
@@ -278,24 +251,16 @@ class Device:
         period = self.objects.raw(HEARTBEAT_TIME)
         self._next_heartbeat = now + period / 1000 if period else inf
 
-    def command(self, command: NmtCommand, now: float) -> Reaction:
-        """Carry out an NMT command."""
-        self._now = now
-        if command in TARGET:
-            self._enter(TARGET[command])
-            return Reaction([])
-        return self._reset(Reset(command), now)
-
-    def _reset(self, reset: Reset, now: float) -> Reaction:
+    def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
         values = dict(self._stored)
-        if reset is Reset.COMMUNICATION:
+        if command is NmtCommand.RESET_COMMUNICATION:
             values = {a: value for a, value in values.items() if a[0] in COMMUNICATION_PROFILE}
             values |= {a: v for a, v in self.objects.values.items() if a[0] not in COMMUNICATION_PROFILE}
         if self._file.node_id_address:
             values[self._file.node_id_address] = self.objects.value(self._file.node_id_address)
         self._load(values)
-        return Reaction(self.start(now), reset=reset)
+        return Reaction(self.start(self._now), reset=True)
 
     # Time
 
@@ -309,29 +274,22 @@ class Device:
     def tick(self, now: float) -> Reaction:
         """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""
         self._now = now
-        frames = self._heartbeat(now) + self._timed_pdos(now) + self._sdo_frames(self._server.tick(now))
+        frames = []
+        if now >= self._next_heartbeat:
+            # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
+            self._plan_heartbeat(self._next_heartbeat)
+            frames.append(error_control(self.node_id, self.state))
+        if self.operational:
+            frames += self._pacing.released(now)
+            frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
+        frames += self._sdo_frames(self._server.tick(now))
         lost = tuple(self._consumer.overdue(now))
         for node_id in lost:
-            self._lose(node_id)
-        return Reaction(frames + self.emergency_frames(now), lost=lost)
-
-    def _heartbeat(self, now: float) -> list[Frame]:
-        if now < self._next_heartbeat:
-            return []
-        self._plan_heartbeat(self._next_heartbeat)
-        return [error_control(self.node_id, self.state)]
-
-    def _timed_pdos(self, now: float) -> list[Frame]:
-        if not self.operational:
-            return []
-        return self._pacing.released(now) + [self._process.frame(binding) for binding in self._pacing.due(now)]
-
-    def _lose(self, node_id: int) -> None:
-        """Report a lost heartbeat and behave as 0x1029 says."""
-        self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
+            self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
         command = ON_COMMUNICATION_ERROR.get(self.objects.raw(COMMUNICATION_ERROR))
-        if command is not None and self.operational:
+        if lost and command is not None and self.operational:
             self._enter(TARGET[command])
+        return Reaction(frames + self.emergency_frames(now), lost=lost)
 
     def bus_error(self, code: int, now: float) -> None:
         """Note what the CAN controller reports; `tick` sends the EMCY."""
@@ -362,7 +320,9 @@ class Device:
 
     def _receive_command(self, frame: Frame) -> Reaction:
         command = command_in(frame, self.node_id)
-        return Reaction([]) if command is None else self.command(command, self._now)
+        if command in TARGET:
+            self._enter(TARGET[command])
+        return Reaction([]) if command is None or command in TARGET else self._reset(command)
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
@@ -370,18 +330,14 @@ class Device:
             self.emergencies.cleared((HeartbeatConsumer, node_id))
         return Reaction([])
 
-    def _receive_answer(self, frame: Frame) -> Reaction:
-        return Reaction([], answer=frame)
-
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if not self._serves:
             return Reaction([])
-        self._process.settle()
+        self._process.settle()  # first, so that a read gives what the latest PDO has brought
         return Reaction(self._sdo_frames(self._server.receive(frame.data, self._now)))
 
     def _sdo_frames(self, answers: list[bytes]) -> list[Frame]:
-        cob_id = self.sdo_answers
-        return [] if cob_id is None else [Frame(cob_id, data) for data in answers]
+        return [Frame(self.sdo_answers, data) for data in answers] if self.sdo_answers is not None else []
 
     def _receive_pdo(self, frame: Frame) -> Reaction:
         binding = self._pdos.received[frame.cob_id]
@@ -401,8 +357,7 @@ class Device:
         return Reaction([], message)
 
     def _raise_length(self, code: ErrorCode, binding: Binding, frame: Frame) -> None:
-        info = frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)])
-        self.emergencies.raised(code, binding.name, info)
+        self.emergencies.raised(code, binding.name, frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)]))
 
     def transmit(self, message: Message) -> Frame:
         """Return the frame of a message as this device would send it.

@@ -24,9 +24,7 @@ WAITING = 16
 PASSING = 1.0
 """Seconds that an error of a moment, such as an overrun, counts as present since it happened last."""
 
-GENERIC = 1 << 0
-COMMUNICATION = 1 << 4
-MANUFACTURER = 1 << 7
+GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
 """Bits of the error register (CiA 301, Table 48)."""
 
 
@@ -83,11 +81,6 @@ class Emergencies:
         self.history: list[int] = []
 
     @property
-    def active(self) -> tuple[int, ...]:
-        """The errors that are there now, oldest first."""
-        return tuple(self.errors.values())
-
-    @property
     def register(self) -> int:
         """Value of the error register 0x1001."""
         register = 0
@@ -140,8 +133,7 @@ class Emergencies:
         """When there will be something to send, in seconds; infinite if nothing is planned."""
         if self.quiet:
             return inf
-        free = [self._free] if self._waiting else []
-        return min([*self._passing.values(), *free])
+        return min([*self._passing.values(), self._free if self._waiting else inf])
 
     def due(self, now: float) -> list[Frame]:
         """Return the reports that the inhibit time lets go by now."""
@@ -150,11 +142,8 @@ class Emergencies:
             self.cleared(code)
         frames: list[Frame] = []
         while self._waiting and self._free <= now:
-            frames += self._frame(self._waiting.popleft())
+            data, cob_id = self._waiting.popleft(), self._cob_id()
+            frames += [] if cob_id is None else [Frame(cob_id, data)]
             self._free = now + inhibit if (inhibit := self._inhibit()) else self._free
         self.quiet = not self._waiting and not self._passing
         return frames
-
-    def _frame(self, data: bytes) -> list[Frame]:
-        cob_id = self._cob_id()
-        return [] if cob_id is None else [Frame(cob_id, data)]

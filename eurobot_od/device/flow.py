@@ -135,19 +135,16 @@ class Flow(Generic[Result]):
         except Exception as error:  # also a bug in a script: it belongs to the caller, and must not stop the node
             self._end(partial(self.call.set_exception, error))
         else:
-            self._await(wanted, now)
+            if isinstance(wanted, Pause):
+                self._timer = self._timers.at(now + wanted.seconds, self._go_on)
+            else:
+                self._ask, self._sent = wanted, 0
+                self._transmit(now)
 
     def _end(self, settle: Callable[[], None]) -> None:
         self._ended(self)
         if self.call.set_running_or_notify_cancel():  # from here on nobody can cancel it any more
             settle()
-
-    def _await(self, wanted: Ask | Pause, now: float) -> None:
-        if isinstance(wanted, Pause):
-            self._timer = self._timers.at(now + wanted.seconds, self._go_on)
-            return
-        self._ask, self._sent = wanted, 0
-        self._transmit(now)
 
     def _go_on(self, now: float) -> None:
         self._resume(lambda: self._script.send(now), now)

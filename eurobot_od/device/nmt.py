@@ -6,7 +6,7 @@ Rule of this file: no clock and no bus; the state machine is one table, and who 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import Enum, IntEnum
+from enum import IntEnum
 from typing import NamedTuple
 
 from eurobot_od.frame import Frame
@@ -24,12 +24,7 @@ class NmtState(IntEnum):
     PRE_OPERATIONAL = 127
 
 
-STATE_NAMES: Mapping[int, str] = {
-    NmtState.INITIALISING: "boot-up",
-    NmtState.STOPPED: "stopped",
-    NmtState.OPERATIONAL: "operational",
-    NmtState.PRE_OPERATIONAL: "pre-operational",
-}
+STATE_NAMES: Mapping[int, str] = {each: each.name.lower().replace("_", "-") for each in NmtState} | {0: "boot-up"}
 """What a heartbeat says, by the state in it: of INITIALISING nothing is ever heard but the boot-up message."""
 
 
@@ -68,13 +63,6 @@ COMMAND_NAMES: Mapping[int, str] = {
     NmtCommand.RESET_COMMUNICATION: "reset communication",
 }
 """What a person calls each command: on the command line, in suites, in logs."""
-
-
-class Reset(Enum):
-    """What an NMT command resets: only the communication objects, or the application with them."""
-
-    COMMUNICATION = NmtCommand.RESET_COMMUNICATION
-    NODE = NmtCommand.RESET_NODE
 
 
 TARGET = {

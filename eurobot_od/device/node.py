@@ -6,6 +6,7 @@ send; `next_wakeup` says when to call `tick`. A message whose value is out of ra
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from math import inf
@@ -13,7 +14,7 @@ from typing import Any, ClassVar
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer, TimerAction, Timers
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
@@ -42,9 +43,9 @@ class Node:
         self.now = 0.0
         self.ignored = self.withheld = 0
         self.guard: AbstractContextManager[object] = nullcontext()
-        self.wake: Callable[[], None] = _nobody
+        self.wake: Callable[[], object] = lambda: None
         self._operational = self._attended = False
-        self._soon: list[TimerAction] = []
+        self._soon: deque[TimerAction] = deque()
         self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
 
@@ -73,31 +74,29 @@ class Node:
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         """Take in one frame and return the frames to send."""
-        self.now = now
-        self._attended = True
-        try:
-            self._react(self.device.receive(frame, now))
-        finally:
-            self._attended = False
-        return self._flush()
+        return self._attend(lambda: self.device.receive(frame, now), now)
 
     def tick(self, now: float) -> list[Frame]:
         """Do what is due by now and return the frames to send."""
+
+        def do_due() -> Reaction:
+            for _ in range(len(self._soon)):  # what one of them plans anew is for the next time
+                self._soon.popleft()(now)
+            for action, time in self._timers.due(now):
+                action(time)
+            return self.device.tick(now)
+
+        return self._attend(do_due, now)
+
+    def _attend(self, step: Callable[[], Reaction], now: float) -> list[Frame]:
+        """Let the device take a step, and return the frames to send; meanwhile nobody has to be woken."""
         self.now = now
         self._attended = True
         try:
-            self._do_due(now)
-            self._react(self.device.tick(now))
+            self._react(step())
         finally:
             self._attended = False
         return self._flush()
-
-    def _do_due(self, now: float) -> None:
-        soon, self._soon = self._soon, []
-        for action in soon:
-            action(now)
-        for action, time in self._timers.due(now):
-            action(time)
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
         """Take in what the CAN controller reports, such as an overrun."""
@@ -204,7 +203,3 @@ class Node:
         if not self.device.emergencies.quiet:
             frames += self.device.emergency_frames(self.now)
         return self.outgoing(frames)
-
-
-def _nobody() -> None:
-    """Wake nobody: whoever runs the node calls `tick` by `next_wakeup`."""

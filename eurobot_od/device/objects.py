@@ -6,14 +6,13 @@ limits are the file's; what an object does beyond keeping its value comes in as 
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import NOT_VALID, Address, Value
 from eurobot_od.sdo.server import SIZE_LIMIT
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -29,10 +28,10 @@ EMCY_COB_ID: Address = (0x1014, 0)
 VERIFY_CONFIGURATION: tuple[Address, ...] = ((0x1020, 1), (0x1020, 2))
 """Date and time of the configuration (CiA 301, 7.5.2.21)."""
 
-Reader = Callable[[int], Value]
+OnRead = Callable[[int], Value]
 """Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
 
-Writer = Callable[[Address, Value], None]
+OnWrite = Callable[[Address, Value], None]
 """Does what writing an object means, keeping its value or not; raises Abort if it must not be."""
 
 
@@ -44,7 +43,7 @@ def is_configuration(address: Address) -> bool:
 class Objects:
     """Values of a device by address; `values` holds those that are not the file's."""
 
-    def __init__(self, dictionary: Dictionary, readers: Mapping[int, Reader], writers: Mapping[int, Writer]) -> None:
+    def __init__(self, dictionary: Dictionary, readers: Mapping[int, OnRead], writers: Mapping[int, OnWrite]) -> None:
         self.dictionary = dictionary
         self.values: dict[Address, Value] = {}
         self._readers, self._writers = readers, writers
@@ -70,6 +69,11 @@ class Objects:
         if not isinstance(value, int):
             raise DictionaryError(self.dictionary.file, address[0], f"sub {address[1]} has no number as its value")
         return value
+
+    def cob_id(self, address: Address) -> int | None:
+        """Return an identifier that an object holds, None if it is not valid or there is none."""
+        entry = self.value(address)
+        return entry if isinstance(entry, int) and not entry & NOT_VALID else None
 
     def put(self, address: Address, value: Value) -> None:
         """Keep a value, unchecked; a part of a value goes to its place in the whole."""
@@ -97,35 +101,41 @@ class Objects:
         if not variable.readable:
             raise Abort(AbortCode.WRITE_ONLY)
         reader = self._readers.get(address[0])
-        value = self.value(address) if reader is None else reader(address[1])
-        return _encoded(variable, value)
+        value, type_ = self.value(address) if reader is None else reader(address[1]), data_type(variable)
+        if value is None and type_.size:
+            return bytes(type_.size)  # what a file gives no value has 0; a text or a file may be there or not
+        try:
+            return type_.write(value)
+        except (ValueError, OverflowError) as error:  # the file's default does not fit the type that the file names
+            raise Abort(AbortCode.NO_DATA, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:
         """Return how many bytes an object takes; raises Abort if it is not to be written, or not with `size` bytes."""
         variable = self._variable(address)
         if not variable.writable:
             raise Abort(AbortCode.READ_ONLY)
-        room = len(variable) // 8 if variable.fixed_size else SIZE_LIMIT
-        if size is not None and size > room:
-            raise Abort(AbortCode.TOO_LONG if variable.fixed_size else AbortCode.OUT_OF_MEMORY)
-        if size is not None and variable.fixed_size and size < room:
+        room = data_type(variable).size
+        if size is not None and size > (room or SIZE_LIMIT):
+            raise Abort(AbortCode.TOO_LONG if room else AbortCode.OUT_OF_MEMORY)
+        if size is not None and size < room:
             raise Abort(AbortCode.TOO_SHORT)
-        return room
+        return room or SIZE_LIMIT
 
     def write(self, address: Address, data: bytes) -> None:
         """Give an object the value in its SDO form, with all that follows from it; raises Abort."""
         self.admit(address, len(data))
         variable, before = self._variable(address), self.value(address)
-        value = _decoded(variable, data)
-        _check_limits(variable, value)
+        value = data_type(variable).read(data)
+        if isinstance(value, (int, float)):
+            if variable.max is not None and value > variable.max:
+                raise Abort(AbortCode.TOO_HIGH)
+            if variable.min is not None and value < variable.min:
+                raise Abort(AbortCode.TOO_LOW)
         self._writers.get(address[0], self.put)(address, value)
         if is_configuration(address) and address not in VERIFY_CONFIGURATION and self.value(address) != before:
-            self._forget_verification()
-
-    def _forget_verification(self) -> None:
-        """A changed configuration is not the verified one any more (CiA 301, 7.5.2.21)."""
-        for address in VERIFY_CONFIGURATION:
-            self.values.pop(address, None)
+            # A changed configuration is not the verified one any more (CiA 301, 7.5.2.21).
+            for mark in VERIFY_CONFIGURATION:
+                self.values.pop(mark, None)
 
     def _variable(self, address: Address) -> ODVariable:
         variable = self.dictionary.variable(address)
@@ -133,37 +143,3 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
         return variable
-
-
-def _form(variable: ODVariable) -> struct.Struct | None:
-    """Return the form of a type of fixed size (CiA 301, 7.1.6), None for strings and domains."""
-    return variable.STRUCT_TYPES.get(variable.data_type or 0)
-
-
-def _encoded(variable: ODVariable, value: Value) -> bytes:
-    if isinstance(value, bytes):
-        return value
-    form = _form(variable)
-    try:
-        if form is not None:
-            return form.pack(value or 0)
-        if value is None:
-            raise Abort(AbortCode.NO_DATA)
-        return bytes(variable.encode_raw(value))
-    except (struct.error, ValueError, TypeError) as error:  # the file's default does not fit the type the file names
-        raise Abort(AbortCode.NO_DATA, str(error)) from error
-
-
-def _decoded(variable: ODVariable, data: bytes) -> Value:
-    form = _form(variable)
-    value: Value = variable.decode_raw(bytes(data)) if form is None else form.unpack(data)[0]  # type: ignore[assignment]
-    return value
-
-
-def _check_limits(variable: ODVariable, value: Value) -> None:
-    if not isinstance(value, (int, float)):
-        return
-    if variable.max is not None and value > variable.max:
-        raise Abort(AbortCode.TOO_HIGH)
-    if variable.min is not None and value < variable.min:
-        raise Abort(AbortCode.TOO_LOW)

@@ -10,33 +10,19 @@ from collections.abc import Callable, Collection, Iterator
 from itertools import accumulate
 from math import inf
 
-from eurobot_od.device.objects import EMCY_COB_ID, Objects, Writer
+from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
 from eurobot_od.errors import MappingError
 from eurobot_od.frame import Frame
+from eurobot_od.od import values
 from eurobot_od.od.pdos import MappedObject
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    CIA_EXTENSIONS,
-    DUMMIES,
-    MAPPABLE,
-    MAPPING_OFFSET,
-    NO_RTR,
-    NOT_VALID,
-    PDO_COUNT,
-    RESTRICTED,
-    Address,
-    PdoDirection,
-    Value,
-    owner,
-)
+from eurobot_od.od.values import DUMMIES, MAPPABLE, Address, PdoDirection, Value, owner
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.layout import MAX_BITS
-from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.wire import Abort, AbortCode
 
-REFUSED = (*RESTRICTED, CIA_EXTENSIONS)
+REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
 """Identifiers that no PDO may have; the low restricted ones are allowed, as this protocol has its messages there."""
 
 EVENT_DRIVEN = (254, 255)
@@ -44,9 +30,6 @@ EVENT_DRIVEN = (254, 255)
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
-
-TIMES = (INHIBIT_TIME, EVENT_TIMER)
-"""Sub-indices that mean nothing in an RPDO of ours: it watches no deadline."""
 
 
 class Pdos:
@@ -56,32 +39,19 @@ class Pdos:
     TPDOs by message type. `unusable` says what is wrong with those that the file does not describe well, by index.
     """
 
-    unusable: dict[int | None, MappingError]
-
-    protocol: Protocol
-    received: dict[int, Binding]
-    sent: dict[type[Message], Binding]
-
     def __init__(self, objects: Objects, catalogue: Catalogue) -> None:
         self._objects, self._catalogue = objects, catalogue
-        self.load()
+        self.unusable: dict[int | None, MappingError] = {}
+        # A PDO that the file does not describe well is left out, and the others work.
+        self._apply(self._built(objects.value, lambda error: self.unusable.update({error.index: error})))
 
-    def load(self) -> None:
-        """Take all PDOs from the objects' values; one that does not hold is left out, and the others work."""
-        dictionary, self.unusable = self._objects.dictionary, {}
-        pdos = dictionary.read_pdos(self._objects.value, self._leave_out)
-        self._apply(Protocol([(dictionary, pdos)], self._catalogue, self._leave_out))
-
-    def _leave_out(self, error: MappingError) -> None:
-        self.unusable[error.index] = error
-
-    def _built(self, value: Callable[[Address], Value]) -> Protocol:
-        """Return the messages with a change; raises MappingError if it does more harm than there is already."""
+    def _built(self, value: Callable[[Address], Value], harm: Callable[[MappingError], object]) -> Protocol:
+        """Return the messages by these values of objects; `harm` is told of what does not hold, and may raise that."""
         dictionary = self._objects.dictionary
-        pdos = dictionary.read_pdos(value, self._refuse_new_harm)
-        return Protocol([(dictionary, pdos)], self._catalogue, self._refuse_new_harm)
+        return Protocol([(dictionary, dictionary.read_pdos(value, harm))], self._catalogue, harm)
 
     def _refuse_new_harm(self, error: MappingError) -> None:
+        """Refuse a change that does more harm than there is already."""
         if error.index not in self.unusable:
             raise error
 
@@ -101,12 +71,12 @@ class Pdos:
 
     # Written over SDO
 
-    def writers(self) -> dict[int, Writer]:
+    def writers(self) -> dict[int, OnWrite]:
         """Return what writing a record of a PDO does, by its index."""
         members = self._objects.dictionary.members
-        records = [n for each in PdoDirection for n in range(each.value, each.value + PDO_COUNT) if n in members]
-        communication: dict[int, Writer] = dict.fromkeys(records, self._write_communication)
-        return communication | {index + MAPPING_OFFSET: self._write_mapping for index in records}
+        records = [n for each in PdoDirection for n in range(each.value, each.value + values.PDO_COUNT) if n in members]
+        mappings = [index + values.MAPPING_OFFSET for index in records]
+        return {**dict.fromkeys(records, self._write_communication), **dict.fromkeys(mappings, self._write_mapping)}
 
     def _write_communication(self, address: Address, value: Value) -> None:
         index, subindex = address
@@ -116,56 +86,51 @@ class Pdos:
             return
         if subindex == TRANSMISSION_TYPE and number not in EVENT_DRIVEN:
             raise Abort(AbortCode.VALUE, "there is no SYNC: event-driven only")
-        if subindex in TIMES and number and index < PdoDirection.TPDO.value:
-            raise Abort(AbortCode.VALUE, "an RPDO has no times")
+        if subindex in (INHIBIT_TIME, EVENT_TIMER) and number and index < PdoDirection.TPDO.value:
+            raise Abort(AbortCode.VALUE, "an RPDO has no times")  # of ours: it watches no deadline
         if subindex == INHIBIT_TIME and self._is_valid(index):
-            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+            raise Abort(AbortCode.STATE, "the PDO is valid")
         self._objects.put(address, number)
 
     def _is_valid(self, index: int) -> bool:
-        return not self._objects.raw((index, COB_ID)) & NOT_VALID
+        return not self._objects.raw((index, COB_ID)) & values.NOT_VALID
 
     def _write_cob_id(self, index: int, entry: int) -> None:
         """Change validity and identifier; the identifier of a PDO that is and stays valid is fixed."""
         address = index, COB_ID
-        valid = not entry & NOT_VALID
-        if entry & ~(NOT_VALID | NO_RTR | BASE_IDENTIFIER):
+        valid = not entry & values.NOT_VALID
+        if entry & ~(values.NOT_VALID | values.NO_RTR | values.BASE_IDENTIFIER):
             raise Abort(AbortCode.VALUE, "base frames only")
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
-            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
-        if valid and self._is_taken(entry & BASE_IDENTIFIER):
+            raise Abort(AbortCode.STATE, "the PDO is valid")
+        cob_id = entry & values.BASE_IDENTIFIER
+        if valid and (cob_id == self._objects.raw(EMCY_COB_ID) or owner(cob_id, REFUSED)):
             raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
         try:
-            protocol = self._built(lambda asked: entry if asked == address else self._objects.value(asked))
+            protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
             raise Abort(AbortCode.INCOMPATIBLE, str(error)) from error
         self._objects.put(address, entry)
         self._apply(protocol)
 
-    def _is_taken(self, cob_id: int) -> bool:
-        return cob_id == self._objects.raw(EMCY_COB_ID) or owner(cob_id, REFUSED) is not None
-
     def _write_mapping(self, address: Address, value: Value) -> None:
         index, subindex = address
         number = value if isinstance(value, int) else 0
-        if self._is_valid(index - MAPPING_OFFSET):
-            raise Abort(AbortCode.DEVICE_STATE, "the PDO is valid")
+        if self._is_valid(index - values.MAPPING_OFFSET):
+            raise Abort(AbortCode.STATE, "the PDO is valid")
         if subindex == 0:
-            self._check_count(index, number)
+            entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
+            if sum(self._mapped(index, entry).bits for entry in entries) > MAX_BITS:
+                raise Abort(AbortCode.MAPPING_TOO_LONG)
         elif self._objects.raw((index, 0)):
-            raise Abort(AbortCode.DEVICE_STATE, "the mapping is in use: sub-index 0 is not 0")
+            raise Abort(AbortCode.STATE, "the mapping is in use: sub-index 0 is not 0")
         elif number:
             self._mapped(index, number)
         self._objects.put(address, number)
 
-    def _check_count(self, index: int, count: int) -> None:
-        entries = (self._objects.raw((index, subindex)) for subindex in range(1, count + 1))
-        if sum(self._mapped(index, entry).bits for entry in entries) > MAX_BITS:
-            raise Abort(AbortCode.MAPPING_TOO_LONG)
-
     def _mapped(self, index: int, entry: int) -> MappedObject:
         """Return what a mapping entry stands for; raises Abort if that cannot be mapped there."""
-        direction = PdoDirection(index - MAPPING_OFFSET & ~(PDO_COUNT - 1))
+        direction = PdoDirection(index - values.MAPPING_OFFSET & ~(values.PDO_COUNT - 1))
         dictionary = self._objects.dictionary
         variable = dictionary.variable((entry >> 16, entry >> 8 & 0xFF))
         if variable is None:

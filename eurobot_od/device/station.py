@@ -22,6 +22,8 @@ class Station:
     """One node with its own gatekeeper, to which more listeners may be added.
 
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
+    `has_failed` takes an exception that `tick` has raised, and when: it counts and is reported like one that the node
+    raises when it gets a frame.
     """
 
     def __init__(
@@ -39,7 +41,7 @@ class Station:
             **_sizes(node),
         )
         self._identifiers = node.device.identifiers
-        self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
+        self.has_failed = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name).has_failed
 
     def start(self, now: float) -> None:
         """Switch the node on."""
@@ -66,13 +68,9 @@ class Station:
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
             self._submit(self.node.receive(frame, now), now)
-            if self.node.device.identifiers is not self._identifiers:
-                self._follow()
-
-    def _follow(self) -> None:
-        """Listen to what the node listens to now: a master has changed that with this frame."""
-        self._identifiers = self.node.device.identifiers
-        self.gatekeeper.reroute(self.node.device.protocol)
+            if self.node.device.identifiers is not self._identifiers:  # a master has changed them with this frame
+                self._identifiers = self.node.device.identifiers
+                self.gatekeeper.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         for frame in frames:

@@ -1,6 +1,6 @@
-"""A device's settings in a DCF file, which survive a restart (the file side of objects 0x1010 and 0x1011).
+"""Where a device's settings are kept over power-off: in a DCF file (objects 0x1010 and 0x1011).
 
-Rule of this file: the file is there whole or not at all. A new one is written beside the old one, brought to the disk,
+Rule of this file: the DCF is there whole or not at all. A new one is written next to the old one, brought to the disk,
 and takes its place in one step, so that a crash at any moment leaves the old one or the new one.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Protocol
 
 from eurobot_od.device.objects import is_configuration
 from eurobot_od.errors import DictionaryError
@@ -23,8 +24,18 @@ ANY_BYTES = "latin-1"
 """The encoding that keeps every byte of an EDS as it is; CiA 306 asks for ASCII, which is part of it."""
 
 
+class Store(Protocol):
+    """Keeps the values that a device's configuration has beyond its file's."""
+
+    def load(self) -> dict[Address, Value]:
+        """Return what was saved last, nothing if nothing was; raises DictionaryError if it cannot be used."""
+
+    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+        """Keep these values in place of the earlier ones; raises OSError or DictionaryError if that fails."""
+
+
 class FileStore:
-    """Keeps the settings of the device that `dictionary` describes in the DCF `file`; see device.store.Store."""
+    """Keeps the settings of the device that `dictionary` describes in the DCF `file`, see Store."""
 
     def __init__(self, file: str | Path, dictionary: Dictionary, baudrate_kbit: int = 500) -> None:
         self.file = Path(file)
@@ -41,15 +52,14 @@ class FileStore:
         missing = dcf.missing(stored.content.decode(ANY_BYTES))
         if missing:
             raise DictionaryError(self.file, None, f"incomplete: [{missing[0]}] is missing")
-        for address in IDENTITY:
-            self._check_identity(stored, address)
-        return _settings(stored)
-
-    def _check_identity(self, stored: Dictionary, address: Address) -> None:
-        ours, theirs = self._dictionary.default(address), stored.default(address)
-        if ours != theirs:
-            what = f"sub {address[1]} is {theirs!r}, not {ours!r}: the configuration of another device"
-            raise DictionaryError(self.file, address[0], what)
+        for index, sub in IDENTITY:
+            ours, theirs = self._dictionary.default((index, sub)), stored.default((index, sub))
+            if ours != theirs:
+                what = f"sub {sub} is {theirs!r}, not {ours!r}: the configuration of another device"
+                raise DictionaryError(self.file, index, what)
+        variables = {address: stored.variable(address) for address in stored.addresses() if is_configuration(address)}
+        # what the file's own EDS says by DefaultValue alone is not stored: a later EDS may say something else
+        return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
 
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Replace the file by one with these settings.
@@ -61,16 +71,6 @@ class FileStore:
         write_whole(self.file, text.encode(ANY_BYTES))
 
 
-def _settings(stored: Dictionary) -> dict[Address, Value]:
-    found: dict[Address, Value] = {}
-    for entry in stored.objects.values():
-        for variable in getattr(entry, "subindices", {0: entry}).values():
-            address = variable.index, variable.subindex
-            if variable.value is not None and variable.writable and is_configuration(address):
-                found[address] = variable.value
-    return found
-
-
 def write_whole(file: Path, content: bytes) -> None:
     """Put a file in place of another in one step, safe on the disk; raises OSError, and leaves the other then."""
     beside = file.with_name(f"{file.name}.new")
@@ -79,13 +79,9 @@ def write_whole(file: Path, content: bytes) -> None:
         new.flush()
         os.fsync(new.fileno())
     beside.replace(file)
-    if os.name == "posix":  # elsewhere a folder cannot be brought to the disk
-        _sync(file.parent)
-
-
-def _sync(folder: Path) -> None:
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    if os.name == "posix":  # the new name is in the folder, which elsewhere cannot be brought to the disk
+        folder = os.open(file.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)

@@ -11,12 +11,12 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from eurobot_od.errors import FrameLengthError
+from eurobot_od.errors import FrameLengthError, ListenerError, StateError
 from eurobot_od.frame import Data, Frame
 from eurobot_od.gatekeeper.listeners import Function, FunctionListener, ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
-from eurobot_od.gatekeeper.routes import Kind, ListenerTable, Registration, Route, routes_to
+from eurobot_od.gatekeeper.routes import Delivery, ListenerKind, Registration, deliveries_to
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.pdo.protocol import Protocol
 
@@ -78,8 +78,9 @@ class Gatekeeper:
         self.rerouted: Callable[[], object] = lambda: None
         self.clock = clock
         self._protocol, self._slow_after = protocol, slow_after
-        self._table = ListenerTable(table_size)
-        self._routes: dict[int, Route] = {}
+        self._table_size, self._started = table_size, False
+        self._registrations: list[Registration] = []
+        self._routes: dict[int, Delivery] = {}
         self._refused = self._unheard = 0
 
     # Registration, before the start: raises ListenerError afterwards, and when the table is full
@@ -93,7 +94,7 @@ class Gatekeeper:
         """
         message = self._name(message_type)
         queue = MessageQueue[MessageT](name or f"queue of {message}", maxsize, self.report)
-        self._table.add(Registration(queue, Kind.QUEUE, self._cob_ids(message), queue.put))
+        self._register(Registration(queue, ListenerKind.QUEUE, self._cob_ids(message), queue.put))
         return queue
 
     def add_function(
@@ -104,7 +105,7 @@ class Gatekeeper:
         Functions are called one after the other, those of one message in the order of their registration. `name` is for
         reports. Raises UnknownName if there is no such type.
         """
-        self._add_function(Kind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
+        self._add_function(ListenerKind.FUNCTION, self._cob_ids(self._name(message_type)), function, name)
 
     def add_frames(
         self, cob_ids: Callable[[], Iterable[int]], function: Function[Frame], name: str | None = None
@@ -113,15 +114,21 @@ class Gatekeeper:
 
         `cob_ids` is asked at the start, and whenever the protocol has changed.
         """
-        self._add_function(Kind.FRAME_FUNCTION, cob_ids, function, name)
+        self._add_function(ListenerKind.FRAME_FUNCTION, cob_ids, function, name)
 
-    def add_node(self, cob_ids: Callable[[], Iterable[int]], receive: Function[Frame], name: str) -> None:
-        """Have a CANopen node get its frames: like `add_frames`, but always in the thread that receives."""
+    def add_node(
+        self, cob_ids: Callable[[], Iterable[int]], receive: Function[Frame], name: str
+    ) -> FunctionListener[Frame]:
+        """Have a CANopen node get its frames: like `add_frames`, but always in the thread that receives.
+
+        Returns the listener that is made of it.
+        """
         listener = self._listener(receive, name)
-        self._table.add(Registration(listener, Kind.NODE, cob_ids, listener.call))
+        self._register(Registration(listener, ListenerKind.NODE, cob_ids, listener.call))
+        return listener
 
     def _add_function(
-        self, kind: Kind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
+        self, kind: ListenerKind, cob_ids: Callable[[], Iterable[int]], function: Function[Any], name: str | None
     ) -> None:
         listener = self._listener(function, name or getattr(function, "__qualname__", None) or repr(function))
 
@@ -129,7 +136,15 @@ class Gatekeeper:
             # looked up at each call, as a Live replaces it after the registration
             self.call_function(listener, message, timestamp)
 
-        self._table.add(Registration(listener, kind, cob_ids, deliver))
+        self._register(Registration(listener, kind, cob_ids, deliver))
+
+    def _register(self, registration: Registration) -> None:
+        name = registration.listener.name
+        if self._started:
+            raise ListenerError(f"{name}: the gatekeeper has started; listeners are registered before")
+        if 0 < self._table_size <= len(self._registrations):
+            raise ListenerError(f"{name}: the listener table is full, it has {self._table_size} places")
+        self._registrations.append(registration)
 
     def _listener(self, function: Function[Any], name: str) -> FunctionListener[Any]:
         return FunctionListener(name, function, self.report, self.clock, self._slow_after)
@@ -151,7 +166,9 @@ class Gatekeeper:
         They let through what is listened to and nothing else; without any listener the list is empty, which python-can
         takes for "everything". Raises StateError when called again.
         """
-        self._table.close()
+        if self._started:
+            raise StateError("the gatekeeper has started already")
+        self._started = True
         return self.reroute(self._protocol)
 
     def reroute(self, protocol: Protocol) -> list[CanFilter]:
@@ -160,7 +177,7 @@ class Gatekeeper:
         For the thread that receives: a master has changed a node's PDOs, SDO or heartbeat identifiers.
         """
         self._protocol = protocol
-        self._routes = routes_to(self._table.registrations, protocol)
+        self._routes = deliveries_to(self._registrations, protocol)
         self.rerouted()
         return self.filters()
 
@@ -200,15 +217,11 @@ class Gatekeeper:
 
     def send(self, message: Message, now: float) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for values out of range."""
-        self.send_frame(self._protocol.encode(message), now)
-
-    def send_frame(self, frame: Frame, now: float, lasting: bool = False) -> None:
-        """Leave a frame to the mailboxes; never waits. A `lasting` one is not dropped, see Mailboxes."""
-        self.mailboxes.submit(frame, now, lasting)
+        self.mailboxes.submit(self._protocol.encode(message), now)
 
     # Counts
 
     def statistics(self) -> Statistics:
         """Return the counts so far."""
-        listeners = tuple(each.listener.statistics() for each in self._table.registrations)
+        listeners = tuple(each.listener.statistics() for each in self._registrations)
         return Statistics(listeners, self._refused, self._unheard, self.mailboxes.statistics())

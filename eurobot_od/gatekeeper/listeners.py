@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
-from typing import Generic, TypeAlias, TypeVar, overload
+from typing import Generic, TypeAlias, TypeVar
 
 from typing_extensions import NamedTuple
 
@@ -53,27 +53,14 @@ class MessageQueue(Generic[T]):
 
     def put(self, message: T, timestamp: float) -> None:
         """Append a message; never waits."""
-        if 0 < self.maxsize <= self._items.qsize():
-            self._drop_oldest(timestamp)
+        # Full, unless a reader has made room in the meantime.
+        if 0 < self.maxsize <= self._items.qsize() and self.get_nowait() is not None:
+            self.lost += 1
+            if has_doubled(self.lost):
+                text = f"full with {self.maxsize} messages, {self.lost} lost so far; the newest are kept"
+                self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
         self._items.put((message, timestamp))  # the program that reads makes a Received of it, not the bus's thread
         self.delivered += 1
-
-    def _drop_oldest(self, now: float) -> None:
-        if self.get_nowait() is None:
-            return  # a reader has made room in the meantime
-        self.lost += 1
-        if has_doubled(self.lost):
-            text = f"full with {self.maxsize} messages, {self.lost} lost so far; the newest are kept"
-            self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, now))
-
-    @overload
-    def get(self) -> Received[T]: ...
-
-    @overload
-    def get(self, timeout: None) -> Received[T]: ...
-
-    @overload
-    def get(self, timeout: float) -> Received[T] | None: ...
 
     def get(self, timeout: float | None = None) -> Received[T] | None:
         """Take the oldest message, waiting at most `timeout` seconds for one (None: for ever); None if none came."""
@@ -84,10 +71,7 @@ class MessageQueue(Generic[T]):
 
     def get_nowait(self) -> Received[T] | None:
         """Take the oldest message, None if there is none."""
-        try:
-            return Received(*self._items.get_nowait())
-        except Empty:
-            return None
+        return self.get(timeout=0.0)
 
     def drain(self) -> list[Received[T]]:
         """Take all messages that are there, the oldest first."""
@@ -118,19 +102,16 @@ class FunctionListener(Generic[T]):
         self.delivered += 1
         seconds = self._clock() - begin
         if seconds > self._slow_after:
-            self._was_slow(seconds, timestamp)
+            self.slow += 1
+            if has_doubled(self.slow):
+                text = f"held up the others for {seconds * 1000:.1f} ms, {self.slow} times so far"
+                self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
 
     def has_failed(self, error: BaseException, timestamp: float) -> None:
         """Note that a call raised an exception."""
         self.failed += 1
         text = f"{type(error).__name__}: {error}"
         self._report(Report(Event.LISTENER_FAILED, self.name, text, timestamp, error))
-
-    def _was_slow(self, seconds: float, timestamp: float) -> None:
-        self.slow += 1
-        if has_doubled(self.slow):
-            text = f"held up the others for {seconds * 1000:.1f} ms, {self.slow} times so far"
-            self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
 
     def has_lost(self, timestamp: float) -> None:
         """Note that a message was dropped before the function could be called with it."""

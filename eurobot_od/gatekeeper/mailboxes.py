@@ -38,10 +38,6 @@ class Waiting(NamedTuple):
     frame: Frame
     lasting: bool
 
-    def until(self, latest: float) -> Waiting:
-        """Return it with a deadline that is not after `latest`, unless it waits as long as it takes."""
-        return self if self.lasting else self._replace(deadline=min(self.deadline, latest))
-
 
 class TransmitStatistics(NamedTuple):
     """Frames submitted, and what became of them: submitted = completed + dropped + waiting + loaded."""
@@ -86,17 +82,12 @@ class Mailboxes:
                 loaded.append(first.frame)
             del self._waiting[0]
         if self._waiting:
-            self._limit(now)
+            self.expire(now)
+            # Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place, so that
+            # they may wait as long as any other from now on.
+            late = now + self.wait
+            self._waiting = [w if w.lasting else w._replace(deadline=min(w.deadline, late)) for w in self._waiting]
         return loaded
-
-    def _limit(self, now: float) -> None:
-        """Have the frames that found no room wait no longer than they may from now on.
-
-        Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place.
-        """
-        self.expire(now)
-        late = now + self.wait
-        self._waiting = [each.until(late) for each in self._waiting]
 
     def next(self, now: float) -> Frame | None:
         """Load what there is room for, and return what is to be sent first, None without a frame.

@@ -40,9 +40,11 @@ Who wakes whom
 
 When something fails
 --------------------
-A listener's exception ends in the gatekeeper. A driver that fails is reported once and noted in `Live.failure`. Reading
-ends with it. Sending is tried again after growing pauses: a stop that has a mailbox stays there, and leaves when the
-driver is back. Ctrl-C may hit the thread that has the turn anywhere; it gives the turn back, its frame stays loaded.
+A listener's exception ends in the gatekeeper, and so does a node's when it gets a frame. One in what a node does at a
+time is reported the same way by the keeper, which then leaves the node alone for 0.1 s. A driver that fails is reported
+once and noted in `Live.failure`. Reading ends with it. Sending is tried again after growing pauses: a stop that has a
+mailbox stays there, and leaves when the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it gives
+the turn back, its frame stays loaded.
 """
 
 from eurobot_od.live.buses import BITRATE as BITRATE

@@ -19,7 +19,7 @@ PATIENCE = 1.0
 """Seconds that the end waits for the calls that are left."""
 
 
-class Call(NamedTuple):
+class DueCall(NamedTuple):
     """A call that is due."""
 
     listener: FunctionListener[Any]
@@ -35,10 +35,10 @@ class FunctionThread:
 
     def __init__(self, name: str, report: Reporter, clock: Callable[[], float], backlog: int = BACKLOG) -> None:
         self._report, self._clock, self._backlog = report, clock, backlog
-        self._waiting: SimpleQueue[Call | None] = SimpleQueue()
-        self._running: tuple[Call, float] | None = None
+        self._waiting: SimpleQueue[DueCall | None] = SimpleQueue()
+        self._running: tuple[DueCall, float] | None = None
         """The call under way and since when; one value, as another thread reads it."""
-        self._reported: Call | None = None
+        self._reported: DueCall | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
@@ -49,9 +49,9 @@ class FunctionThread:
         """Have a function called soon; never waits."""
         if self._waiting.qsize() >= self._backlog and (oldest := self._take()) is not None:
             oldest.listener.has_lost(oldest.timestamp)
-        self._waiting.put(Call(listener, message, timestamp))
+        self._waiting.put(DueCall(listener, message, timestamp))
 
-    def _take(self) -> Call | None:
+    def _take(self) -> DueCall | None:
         try:
             return self._waiting.get_nowait()
         except Empty:  # the thread was quicker

@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import BusError
@@ -32,26 +32,15 @@ PATIENCE = 1.0
 """Seconds that the end waits for each thread."""
 
 
-class ErrorFrame(NamedTuple):
-    """What an error frame says: a class bit in its identifier, bits of one data byte (0: any), and our error code."""
-
-    class_bit: int
-    byte: int
-    bits: int
-    code: ErrorCode
-
-    def in_frame(self, message: can.Message) -> bool:
-        """Tell whether an error frame says this."""
-        details = int.from_bytes(message.data[self.byte : self.byte + 1], "little")
-        return bool(message.arbitration_id & self.class_bit and (details & self.bits or not self.bits))
-
-
 ERROR_FRAMES = (
-    ErrorFrame(0x004, 1, 0x03, ErrorCode.OVERRUN),
-    ErrorFrame(0x004, 1, 0x30, ErrorCode.ERROR_PASSIVE),
-    ErrorFrame(0x100, 0, 0x00, ErrorCode.RECOVERED_FROM_BUS_OFF),
+    (0x004, 0x03, ErrorCode.OVERRUN),
+    (0x004, 0x30, ErrorCode.ERROR_PASSIVE),
+    (0x100, 0x00, ErrorCode.RECOVERED_FROM_BUS_OFF),
 )
-"""Error frames that become an EMCY, in the form of Linux's `can/error.h`, which python-can's drivers pass on."""
+"""Error frames that become an EMCY, in the form of Linux's `can/error.h`, which python-can's drivers pass on.
+
+Each has a class bit in the identifier, bits of data byte 1 of which one is set (0: any or none), and our error code.
+"""
 
 
 class Live:
@@ -81,7 +70,7 @@ class Live:
         self._functions = FunctionThread(f"{bus.channel_info} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
         self._running = False
-        self._looks_at = 0.0
+        self._looks_at = self._rests_until = 0.0
         self._threads: list[threading.Thread] = []
         if station is not None:
             station.node.guard = self._lock
@@ -99,25 +88,22 @@ class Live:
 
     def start(self) -> Live:
         """Hand the receive filters to the bus, switch the node on, start reading."""
-        self.gatekeeper.start()
-        self._filter()
-        self.gatekeeper.rerouted = self._refilter
         self._running = True
+        self.gatekeeper.rerouted = self._filter
+        self.gatekeeper.start()
         if self.station is not None:
             self.station.start(self.clock())
         self._functions.start()
-        self._spawn(self._reader.read)
-        self._spawn(self._keep)
+        for run in (self._reader.read, self._keep):
+            thread = threading.Thread(target=run, name=f"{self.bus.channel_info} {run.__name__}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
         return self
 
     def _filter(self) -> None:
         """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing."""
-        self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
-
-    def _refilter(self) -> None:
-        """Follow a master who has changed what a node listens to."""
         try:
-            self._filter()
+            self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
             self._fail(failure(self.bus, error))
 
@@ -136,15 +122,12 @@ class Live:
                 if thread is not threading.current_thread():
                     thread.join(PATIENCE)
         finally:
-            self._shut_down()
-
-    def _shut_down(self) -> None:
-        try:
-            self.bus.shutdown()
-        except Exception as error:
-            if self.failure is None:  # else it is only a consequence
-                self.failure = failure(self.bus, error)
-                raise self.failure from error
+            try:
+                self.bus.shutdown()
+            except Exception as error:
+                if self.failure is None:  # else it is only a consequence
+                    self.failure = failure(self.bus, error)
+                    raise self.failure from error
 
     def __enter__(self) -> Live:
         return self.start()
@@ -155,11 +138,6 @@ class Live:
         except BusError:
             if cause is None:  # else the error that has ended the block is the one to be seen
                 raise
-
-    def _spawn(self, target: Callable[[], None]) -> None:
-        thread = threading.Thread(target=target, name=f"{self.bus.channel_info} {target.__name__}", daemon=True)
-        self._threads.append(thread)
-        thread.start()
 
     def _wake(self) -> None:
         with self._changed:
@@ -178,11 +156,10 @@ class Live:
 
         With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it.
         """
-        if self.station is not None:
-            with self._lock:
-                self.station.node.send(message)  # and that wakes the keeper
-            return
         with self._lock:
+            if self.station is not None:
+                self.station.node.send(message)  # and that wakes the keeper
+                return
             self.gatekeeper.send(message, self.clock())
         if self._driver.prompt:
             self._sender.pump()  # here and now: to wake the keeper takes as long as the frame on the bus
@@ -205,16 +182,18 @@ class Live:
     def _note_foreign(self, message: can.Message) -> None:
         """Count what is not a classic base data frame, and tell the node what the controller reports."""
         self.foreign += 1
-        for error in ERROR_FRAMES:
-            if self.station is not None and message.is_error_frame and error.in_frame(message):
-                self.station.bus_error(error.code, self.clock())
+        if self.station is None or not message.is_error_frame:
+            return
+        details = int.from_bytes(message.data[1:2], "little")
+        for class_bit, bits, code in ERROR_FRAMES:
+            if message.arbitration_id & class_bit and (details & bits or not bits):
+                self.station.bus_error(code, self.clock())
 
     # The keeper's thread
 
     def _keep(self) -> None:
         while self._running:
-            if self.station is not None and self.station.next_wakeup <= self.clock():
-                self.station.tick(self.clock())
+            self._tick()
             self._sender.retry()
             self._functions.watch()
             with self._changed:
@@ -223,12 +202,22 @@ class Live:
                 if self._running and pause > 0:
                     self._changed.wait(pause)
 
+    def _tick(self) -> None:
+        """Let the node do what is due; an exception of its own ends neither this thread nor the node."""
+        if self.station is not None and max(self.station.next_wakeup, self._rests_until) <= self.clock():
+            try:
+                self.station.tick(self.clock())
+            except Exception as error:
+                self.station.has_failed(error, self.clock())
+                # What has failed may be due still: without a rest this thread would do nothing but fail.
+                self._rests_until = self.clock() + POLL
+
     def _next_look(self) -> float:
         """Return when there is something to do again; called with the lock held, so that no wake-up is missed."""
         now = self.clock()
         looks = [now + POLL]
         if self.station is not None:
-            looks.append(self.station.next_wakeup)
+            looks.append(max(self.station.next_wakeup, self._rests_until))
         expiry = self.gatekeeper.mailboxes.next_expiry
         if self._sender.blocked:
             looks += [now + self._sender.pause, now + POLL if expiry is None else expiry]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Data, Frame
@@ -16,21 +16,19 @@ if TYPE_CHECKING:
 POLL = 0.1
 """Longest time in seconds that a thread waits before it looks whether it is to end."""
 
-Receive: TypeAlias = Callable[[int, Data, float], object]
-"""Takes a frame's COB-ID, its data in the driver's buffer, and the time in seconds at which it was read."""
-
 
 class Reader:
     """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
 
-    `clock` says when a frame was read; without one the driver's time stamps count, which start anywhere. `failed` gets
-    the error that has ended the reading; not if `running` was set to False before.
+    `receive` takes the COB-ID, the data in the driver's buffer, and when the frame was read, in seconds of `clock`;
+    without one the driver's time stamps count, which start anywhere. `failed` gets the error that has ended the
+    reading; not if `running` was set to False before.
     """
 
     def __init__(
         self,
         bus: can.BusABC,
-        receive: Receive,
+        receive: Callable[[int, Data, float], object],
         clock: Callable[[], float] | None,
         foreign: Callable[[can.Message], object],
         failed: Callable[[BusError], object],
@@ -41,22 +39,19 @@ class Reader:
 
     def read(self) -> None:
         """Read in this thread until `running` is False."""
+        recv, receive, clock = self._bus.recv, self._receive, self._clock
         try:
-            self._read()
+            while self.running:
+                message = recv(POLL)
+                if message is None:
+                    continue
+                if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+                    self._foreign(message)
+                else:
+                    receive(message.arbitration_id, message.data, clock() if clock else message.timestamp)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
             if self.running:  # some raise when the bus is shut down meanwhile
                 self._failed(failure(self._bus, error))
-
-    def _read(self) -> None:
-        recv, receive, clock = self._bus.recv, self._receive, self._clock
-        while self.running:
-            message = recv(POLL)
-            if message is None:
-                continue
-            if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
-                self._foreign(message)
-            else:
-                receive(message.arbitration_id, message.data, clock() if clock else message.timestamp)
 
 
 class Watch:
@@ -73,12 +68,12 @@ class Watch:
         failed: Callable[[BusError], object] = lambda _: None,
         foreign: Callable[[can.Message], object] = lambda _: None,
     ) -> None:
-        self._bus, self._seen = bus, seen
-        self._reader = Reader(bus, self._see, clock, foreign, failed)
-        self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
+        def receive(cob_id: int, data: Data, now: float) -> None:
+            seen(now, Frame(cob_id, bytes(data)))
 
-    def _see(self, cob_id: int, data: Data, now: float) -> None:
-        self._seen(now, Frame(cob_id, bytes(data)))
+        self._bus = bus
+        self._reader = Reader(bus, receive, clock, foreign, failed)
+        self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
     def __enter__(self) -> Watch:
         self._thread.start()

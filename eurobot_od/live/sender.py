@@ -65,10 +65,8 @@ class Sender:
         token = object()
         try:
             frame = self._begin(token)
-            while frame is not None and self._hand_over(frame):
-                frame = self._after(frame)
-            if frame is not None:
-                self._give_up()
+            while frame is not None:
+                frame = self._after(frame, self._hand_over(frame))
         finally:
             if self._turn is token:
                 self._turn = None
@@ -82,17 +80,24 @@ class Sender:
 
     def _hand_over(self, frame: Frame) -> bool:
         """Hand a frame to the driver; False if that has not taken it."""
+        # Not written out in `pump`: CPython 3.11 does not guard the line of an inner `try` by the outer one.
         try:
             return self._driver.send(frame)
         except BusError as failure:
             self._failed(failure)
             return False
 
-    def _after(self, frame: Frame) -> Frame | None:
+    def _after(self, frame: Frame, taken: bool) -> Frame | None:
+        """Return the frame after one that the driver has `taken`; otherwise give up, and wait longer each time."""
         with self._lock:
-            self._mailboxes.complete(frame)
-            self.pause = 0.0
-            return self._next()
+            if taken:
+                self._mailboxes.complete(frame)
+                self.pause = 0.0
+                return self._next()
+            self._turn, self.blocked = None, True  # the frame stays in its mailbox
+            self.pause = min(max(2 * self.pause, FIRST_PAUSE), LONGEST_PAUSE)
+        self._wake()
+        return None
 
     def _next(self) -> Frame | None:
         """Return the most urgent frame; without one, give the turn back before anyone can submit another."""
@@ -100,10 +105,3 @@ class Sender:
         if frame is None:
             self._turn = None
         return frame
-
-    def _give_up(self) -> None:
-        """Leave the frame that the driver has not taken in its mailbox, and wait longer each time."""
-        with self._lock:
-            self._turn, self.blocked = None, True
-            self.pause = min(max(2 * self.pause, FIRST_PAUSE), LONGEST_PAUSE)
-        self._wake()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from eurobot_od.od.values import Address
 
@@ -20,19 +21,26 @@ class Truncated(ValueError):
     """Bytes that end before what they announce, or go on after it; the text says where."""
 
 
+class Write(NamedTuple):
+    """One write: an object's address, and the bytes it is to have."""
+
+    address: Address
+    data: bytes
+
+
 def pack(entries: Iterable[tuple[Address, bytes]]) -> bytes:
     """Return the concise DCF of writes in their order."""
     packed = [HEAD.pack(*address, len(data)) + data for address, data in entries]
     return COUNT.pack(len(packed)) + b"".join(packed)
 
 
-def unpack(data: bytes) -> list[tuple[Address, bytes]]:
-    """Return the writes of a concise DCF, each an object's address and its bytes; raises Truncated."""
+def unpack(data: bytes) -> list[Write]:
+    """Return the writes of a concise DCF; raises Truncated."""
     (count,) = COUNT.unpack(_part(data, 0, COUNT.size))
-    place, entries = COUNT.size, []
+    place, entries = COUNT.size, list[Write]()
     for _ in range(count):
         index, subindex, length = HEAD.unpack(_part(data, place, HEAD.size))
-        entries.append(((index, subindex), _part(data, place + HEAD.size, length)))
+        entries.append(Write((index, subindex), _part(data, place + HEAD.size, length)))
         place += HEAD.size + length
     if place != len(data):
         raise Truncated(f"{len(data) - place} bytes after the last of {count} entries")

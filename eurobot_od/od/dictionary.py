@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.od.description import DescribedDevice, DescribedVariable, ObjectCode
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.outline import Outline
-from eurobot_od.od.values import DUMMIES, NODE_ID, Address, parse_number
+from eurobot_od.od.values import DATA_TYPES, DOMAIN, DUMMIES, NODE_ID, Address, DataType, parse_number
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -89,6 +89,11 @@ class Dictionary(Outline):
                 setattr(made, f"{attribute}_raw", each.section.text(key))
         made.relative = NODE_ID in each.section.text("defaultvalue").upper()
         return made
+
+
+def data_type(variable: ODVariable) -> DataType:
+    """Return the data type of one of canopen's variables."""
+    return DATA_TYPES.get(variable.data_type or 0, DOMAIN)
 
 
 @cache

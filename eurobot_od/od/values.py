@@ -114,6 +114,21 @@ class DataType(NamedTuple):
         encoding = _TEXT_ENCODINGS.get(self.code)
         return data.decode(encoding, "ignore").rstrip("\0") if encoding else data
 
+    def write(self, value: Value) -> bytes:
+        """Return the bytes of a value in an SDO; bytes are taken as they are.
+
+        Raises ValueError for what is not a value of the type, OverflowError for a number too large for a REAL.
+        """
+        if isinstance(value, bytes):
+            return value
+        if isinstance(value, int) and self.low <= value <= self.high:
+            return value.to_bytes(self.size, "little", signed=self.is_signed)
+        if isinstance(value, (int, float)) and self.code in _REAL_FORMATS:
+            return struct.pack(_REAL_FORMATS[self.code], value)
+        if isinstance(value, str) and self.code in _TEXT_ENCODINGS:
+            return value.encode(_TEXT_ENCODINGS[self.code])
+        raise ValueError(f"{value!r} is not {self.name}")
+
 
 _REAL_FORMATS = {0x08: "<f", 0x11: "<d"}
 _TEXT_ENCODINGS = {0x09: "ascii", 0x0B: "utf-16-le"}

@@ -200,16 +200,13 @@ def _block_upload(address: Address, segments: int) -> Steps:
     return Ended(bytes(content), [wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.END)])
 
 
-class ReceivedBlock(NamedTuple):
-    """A block as it came: segments in sequence, whether they end with the last of all, and the frame heard last."""
+def _receive_block(
+    request: bytes, content: bytearray, segments: int
+) -> Generator[list[bytes], bytes, tuple[int, bool, bytes]]:
+    """Ask for a block and take it in.
 
-    arrived: int
-    complete: bool
-    latest: bytes
-
-
-def _receive_block(request: bytes, content: bytearray, segments: int) -> Generator[list[bytes], bytes, ReceivedBlock]:
-    """Ask for a block and take it in."""
+    Returns how many segments came in sequence, whether they end with the last of all, and the frame heard last.
+    """
     requests, latest, last = [request], b"", False
     arrived, number, complete = 0, 0, False
     try:
@@ -224,7 +221,7 @@ def _receive_block(request: bytes, content: bytearray, segments: int) -> Generat
         # nothing did, our request may be lost: the server would take the next one for an answer to the block before.
         if not latest:
             raise
-    return ReceivedBlock(arrived, complete, latest)
+    return arrived, complete, latest
 
 
 def _block_download(address: Address, content: bytes) -> Steps:

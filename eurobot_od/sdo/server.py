@@ -2,15 +2,17 @@
 
 Rule of this file: requests and the time in seconds go in, answers come out, each 8 bytes. One transfer at a time; a new
 one replaces it. What an object is, who may access it and how long it is, the object access says; here are only bytes.
+
+As in the client, each kind of transfer is a generator that reads as CiA 301 draws it: it is given a request and yields
+the answers.
 """
 
 from __future__ import annotations
 
 from binascii import crc_hqx
-from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from math import inf
-from typing import ClassVar, Protocol, TypeAlias
+from typing import NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.od.values import Address
 from eurobot_od.sdo import wire
@@ -39,182 +41,15 @@ class ObjectAccess(Protocol):
         """Give an object its value."""
 
 
-# Transfers under way
+class Answer(NamedTuple):
+    """The `frames` that answer a request, and which command bytes then go on with the transfer; None at its end."""
+
+    frames: list[bytes]
+    takes: Callable[[int], bool] | None = None
 
 
-class ServedTransfer(Protocol):
-    """A transfer that takes more than one request; `done` once it needs no more."""
-
-    address: Address
-    done: bool
-
-    def takes(self, command: int) -> bool:
-        """Tell whether a request with this command byte goes on with the transfer."""
-
-    def receive(self, data: bytes) -> list[bytes]:
-        """Return the answers to a request; raises Abort."""
-
-
-class SegmentedUpload:
-    """Sends an object in segments of 7 bytes, one for each request (CiA 301, 7.2.4.3.6)."""
-
-    def __init__(self, address: Address, content: bytes) -> None:
-        self.address, self.done = address, False
-        self._left, self._toggle = deque(wire.parts(content)), 0
-
-    def takes(self, command: int) -> bool:
-        return command >> 5 == ClientCommand.UPLOAD_SEGMENT
-
-    def receive(self, data: bytes) -> list[bytes]:
-        if data[0] & wire.TOGGLE != self._toggle:
-            raise Abort(AbortCode.TOGGLE_BIT)
-        part = self._left.popleft()
-        self.done = not self._left
-        answer = wire.segment(ServerCommand.UPLOAD_SEGMENT, self._toggle, part, last=self.done)
-        self._toggle ^= wire.TOGGLE
-        return [answer]
-
-
-class Download:
-    """Collects the bytes of an object; `size` is what the client said, `room` what the object takes."""
-
-    def __init__(self, access: ObjectAccess, address: Address, size: int | None) -> None:
-        self.address, self.done = address, False
-        self._access, self._size = access, size
-        self._room = access.admit(address, size)
-        self._content = bytearray()
-
-    def _check_room(self, surplus: int = 0) -> None:
-        limit = self._room if self._size is None else self._size
-        if len(self._content) > limit + surplus:
-            raise Abort(AbortCode.TOO_LONG)
-
-    def _finish(self) -> None:
-        if self._size is not None and len(self._content) < self._size:
-            raise Abort(AbortCode.TOO_SHORT)
-        self._access.write(self.address, bytes(self._content))
-        self.done = True
-
-
-class SegmentedDownload(Download):
-    """Takes an object in segments of up to 7 bytes, each answered (CiA 301, 7.2.4.3.4)."""
-
-    _toggle = 0
-
-    def takes(self, command: int) -> bool:
-        return command >> 5 == ClientCommand.DOWNLOAD_SEGMENT
-
-    def receive(self, data: bytes) -> list[bytes]:
-        command = data[0]
-        if command & wire.TOGGLE != self._toggle:
-            raise Abort(AbortCode.TOGGLE_BIT)
-        self._content += wire.part_in(data)
-        self._check_room()
-        if command & wire.LAST:
-            self._finish()
-        answer = wire.plain(ServerCommand.DOWNLOAD_SEGMENT << 5 | self._toggle)
-        self._toggle ^= wire.TOGGLE
-        return [answer]
-
-
-class BlockUpload:
-    """Sends an object in blocks of segments, each block acknowledged, the whole under a CRC (CiA 301, 7.2.4.3.12)."""
-
-    def __init__(self, address: Address, content: bytes, segments: int, crc: bool) -> None:
-        self.address, self.done = address, False
-        self._segments = _checked_block_size(segments)
-        self._parts = wire.parts(content)
-        self._crc = crc_hqx(content, 0) if crc else 0
-        self._acknowledged, self._sent = 0, 0
-        self._next: dict[Block, Callable[[bytes], list[bytes]]] = {Block.START: self._start}
-
-    def takes(self, command: int) -> bool:
-        return command >> 5 == ClientCommand.BLOCK_UPLOAD and command & 3 != Block.INITIATE
-
-    def receive(self, data: bytes) -> list[bytes]:
-        step = self._next.get(Block(data[0] & 3))
-        if step is None:
-            raise Abort(AbortCode.UNKNOWN_COMMAND)
-        return step(data)
-
-    def _start(self, _: bytes) -> list[bytes]:
-        return self._block()
-
-    def _block(self) -> list[bytes]:
-        """Return the segments after the last one acknowledged, as many as the client takes."""
-        sent = self._parts[self._acknowledged : self._acknowledged + self._segments]
-        self._sent = len(sent)
-        self._next = {Block.ACKNOWLEDGE: self._acknowledge}
-        return wire.block(sent, last=self._acknowledged + len(sent) == len(self._parts))
-
-    def _acknowledge(self, data: bytes) -> list[bytes]:
-        """Go on after the segments that arrived, at the end with the CRC."""
-        arrived, self._segments = data[1], _checked_block_size(data[2])
-        if arrived > self._sent:
-            raise Abort(AbortCode.SEQUENCE_NUMBER)
-        self._acknowledged += arrived
-        if self._acknowledged < len(self._parts):
-            return self._block()
-        self._next = {Block.END: self._end}
-        return [wire.block_end(ServerCommand.BLOCK_UPLOAD, self._parts[-1], self._crc)]
-
-    def _end(self, _: bytes) -> list[bytes]:
-        self.done = True
-        return []
-
-
-def _checked_block_size(segments: int) -> int:
-    if not 1 <= segments <= wire.BLOCK_SEGMENTS:
-        raise Abort(AbortCode.BLOCK_SIZE)
-    return segments
-
-
-class BlockDownload(Download):
-    """Takes an object in blocks of segments; what arrives after a gap is asked for again (CiA 301, 7.2.4.3.8)."""
-
-    def __init__(self, access: ObjectAccess, address: Address, size: int | None, crc: bool) -> None:
-        super().__init__(access, address, size)
-        self._crc = crc
-        self._arrived = 0
-        self._complete = False
-
-    def takes(self, command: int) -> bool:
-        # A segment has no command, only its number: until the last one has come, a frame cannot be anything else.
-        return not self._complete or (command >> 5 == ClientCommand.BLOCK_DOWNLOAD and command & 3 == Block.END)
-
-    def receive(self, data: bytes) -> list[bytes]:
-        return self._end(data) if self._complete else self._segment(data)
-
-    def _segment(self, data: bytes) -> list[bytes]:
-        number, last = data[0] & ~wire.BLOCK_LAST, bool(data[0] & wire.BLOCK_LAST)
-        if number == 0:
-            raise Abort(AbortCode.SEQUENCE_NUMBER)
-        if number == self._arrived + 1:
-            self._arrived = number
-            self._content += data[1:]
-            self._check_room(surplus=wire.SEGMENT_SIZE)
-            self._complete = last
-        if not last and number != wire.BLOCK_SEGMENTS:
-            return []
-        arrived, self._arrived = self._arrived, 0
-        return [
-            wire.plain(ServerCommand.BLOCK_DOWNLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, wire.BLOCK_SEGMENTS]))
-        ]
-
-    def _end(self, data: bytes) -> list[bytes]:
-        del self._content[len(self._content) - wire.unused_in(data) :]
-        self._check_room()
-        if self._crc and crc_hqx(self._content, 0) != wire.crc_in(data):
-            raise Abort(AbortCode.CRC)
-        self._finish()
-        return [wire.plain(ServerCommand.BLOCK_DOWNLOAD << 5 | Block.END)]
-
-
-# The server
-
-
-Initiator: TypeAlias = "Callable[[SdoServer, Initiate], bytes]"
-"""Begins a transfer with its first request, or does it all; returns the answer."""
+Steps: TypeAlias = Generator[Answer, bytes, None]
+"""A transfer step by step; a step may raise Abort."""
 
 
 class SdoServer:
@@ -222,8 +57,13 @@ class SdoServer:
 
     def __init__(self, access: ObjectAccess) -> None:
         self._access = access
-        self._transfer: ServedTransfer | None = None
-        self.deadline = inf
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop the transfer under way without a word."""
+        self._address, self.deadline = NO_ADDRESS, inf
+        self._steps: Steps | None = None
+        self._takes: Callable[[int], bool] | None = None
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
         """Return the answers to a request; what is not a request has none, nor has a client's abort."""
@@ -233,91 +73,171 @@ class SdoServer:
         if data[0] == wire.ABORT:
             self.forget()
             return []
-        transfer = self._transfer
-        if transfer is not None and transfer.takes(data[0]):
-            return self._answered(transfer.address, lambda: self._go_on(transfer, data), now)
-        begin = self._initiator(data[0])
-        if begin is not None:
+        steps = self._steps
+        if steps is not None and self._takes is not None and self._takes(data[0]):
+            return self._answered(lambda: steps.send(data), now)
+        specifier = data[0] >> 5
+        if specifier in INITIATE and not data[0] & wire.REQUEST_SUB_COMMAND.get(specifier, 0):
             request = Initiate.of(data)
-            return self._answered(request.address, lambda: [begin(self, request)], now)
+            begun = self._steps = INITIATE[specifier](self._access, request)
+            self._address = request.address
+            return self._answered(lambda: next(begun), now)
         # Neither a step of the transfer nor the first request of another: its client has lost its way.
-        self.forget()
-        return [wire.aborted(transfer.address if transfer else NO_ADDRESS, AbortCode.UNKNOWN_COMMAND)]
+        return self._aborted(AbortCode.UNKNOWN_COMMAND)
 
     def tick(self, now: float) -> list[bytes]:
         """Return the abort of a transfer whose client fell silent."""
-        if self._transfer is None or now < self.deadline:
-            return []
-        address = self._transfer.address
-        self.forget()
-        return [wire.aborted(address, AbortCode.TIMEOUT)]
+        return self._aborted(AbortCode.TIMEOUT) if now >= self.deadline else []
 
-    def forget(self) -> None:
-        """Drop the transfer under way without a word."""
-        self._transfer, self.deadline = None, inf
-
-    def _answered(self, address: Address, answer: Callable[[], list[bytes]], now: float) -> list[bytes]:
+    def _answered(self, step: Callable[[], Answer], now: float) -> list[bytes]:
         """Return the answers, or the abort that takes their place and ends the transfer."""
         try:
-            answers = answer()
+            frames, self._takes = step()
         except Abort as abort:
+            return self._aborted(abort.code)
+        self.deadline = now + TIMEOUT
+        if self._takes is None:
             self.forget()
-            return [wire.aborted(address, abort.code)]
-        self.deadline = now + TIMEOUT if self._transfer else inf
-        return answers
+        return frames
 
-    def _go_on(self, transfer: ServedTransfer, data: bytes) -> list[bytes]:
-        answers = transfer.receive(data)
-        if transfer.done:
-            self._transfer = None
-        return answers
+    def _aborted(self, code: AbortCode) -> list[bytes]:
+        address = self._address
+        self.forget()
+        return [wire.aborted(address, code)]
 
-    def _initiator(self, command: int) -> Initiator | None:
-        """Return what begins a transfer for a command byte, None if it begins none."""
-        specifier = command >> 5
-        return None if command & wire.REQUEST_SUB_COMMAND.get(specifier, 0) else self.INITIATE.get(specifier)
 
-    # The first request of a transfer
+# Uploads
 
-    def _upload(self, request: Initiate) -> bytes:
-        self._transfer = None
-        content = self._access.read(request.address)
-        answer = wire.carrying(ServerCommand.UPLOAD, request.address, content)
-        if not answer[0] & wire.EXPEDITED:
-            self._transfer = SegmentedUpload(request.address, content)
-        return answer
 
-    def _download(self, request: Initiate) -> bytes:
-        self._transfer = None
-        if request.command & wire.EXPEDITED:
-            self._write_expedited(request)
-        else:
-            self._transfer = SegmentedDownload(self._access, request.address, request.size)
-        return wire.initiate(ServerCommand.DOWNLOAD << 5, request.address)
+def _upload(access: ObjectAccess, request: Initiate) -> Steps:
+    """Send up to 4 bytes at once, or segments of 7 bytes, one for each request (CiA 301, 7.2.4.3.6)."""
+    content = access.read(request.address)
+    answer, toggle = wire.carrying(ServerCommand.UPLOAD, request.address, content), 0
+    left = [] if answer[0] & wire.EXPEDITED else wire.parts(content)
+    for number, part in enumerate(left, 1):
+        _check_toggle((yield Answer([answer], lambda c: c >> 5 == ClientCommand.UPLOAD_SEGMENT)), toggle)
+        answer = wire.segment(ServerCommand.UPLOAD_SEGMENT, toggle, part, last=number == len(left))
+        toggle ^= wire.TOGGLE
+    yield Answer([answer])
 
-    def _write_expedited(self, request: Initiate) -> None:
-        """Write up to 4 bytes; a client that does not say how many means as many as the object has."""
-        size = request.size
-        room = self._access.admit(request.address, size)
-        self._access.write(request.address, request.rest[: min(room, wire.EXPEDITED_SIZE) if size is None else size])
 
-    def _block_upload(self, request: Initiate) -> bytes:
-        content = self._access.read(request.address)
-        crc = bool(request.command & wire.BLOCK_CRC)
-        self._transfer = BlockUpload(request.address, content, request.rest[0], crc)
-        command = ServerCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
-        return wire.initiate(command, request.address, len(content).to_bytes(4, "little"))
+def _block_upload(access: ObjectAccess, request: Initiate) -> Steps:
+    """Send blocks of segments, each block acknowledged, the whole under a CRC (CiA 301, 7.2.4.3.12)."""
 
-    def _block_download(self, request: Initiate) -> bytes:
-        size = request.number if request.command & wire.BLOCK_SIZE_GIVEN else None
-        self._transfer = BlockDownload(self._access, request.address, size, bool(request.command & wire.BLOCK_CRC))
-        return wire.initiate(
-            ServerCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC, request.address, bytes([wire.BLOCK_SEGMENTS])
-        )
+    def takes(command: int) -> bool:
+        return command >> 5 == ClientCommand.BLOCK_UPLOAD and command & 3 != Block.INITIATE
 
-    INITIATE: ClassVar[Mapping[int, Initiator]] = {
-        ClientCommand.DOWNLOAD: _download,
-        ClientCommand.UPLOAD: _upload,
-        ClientCommand.BLOCK_UPLOAD: _block_upload,
-        ClientCommand.BLOCK_DOWNLOAD: _block_download,
-    }
+    content = access.read(request.address)
+    left, segments = wire.parts(content), _checked_block_size(request.rest[0])
+    command = ServerCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
+    end = wire.block_end(
+        ServerCommand.BLOCK_UPLOAD, left[-1], crc_hqx(content, 0) if request.command & wire.BLOCK_CRC else 0
+    )
+    first = wire.initiate(command, request.address, len(content).to_bytes(4, "little"))
+    _check_block((yield Answer([first], takes)), Block.START)
+    while left:
+        sent = left[:segments]
+        data = yield Answer(wire.block(sent, last=len(sent) == len(left)), takes)
+        _check_block(data, Block.ACKNOWLEDGE)
+        arrived, segments = data[1], _checked_block_size(data[2])
+        if arrived > len(sent):
+            raise Abort(AbortCode.SEQUENCE_NUMBER)
+        del left[:arrived]
+    _check_block((yield Answer([end], takes)), Block.END)
+    yield Answer([])
+
+
+def _check_toggle(data: bytes, toggle: int) -> None:
+    if data[0] & wire.TOGGLE != toggle:
+        raise Abort(AbortCode.TOGGLE_BIT)
+
+
+def _check_block(data: bytes, sub_command: Block) -> None:
+    if data[0] & 3 != sub_command:
+        raise Abort(AbortCode.UNKNOWN_COMMAND)
+
+
+def _checked_block_size(segments: int) -> int:
+    if not 1 <= segments <= wire.BLOCK_SEGMENTS:
+        raise Abort(AbortCode.BLOCK_SIZE)
+    return segments
+
+
+# Downloads
+
+
+class Download:
+    """The bytes of an object as they come; `size` is what the client said, `room` what the object takes."""
+
+    def __init__(self, access: ObjectAccess, address: Address, size: int | None) -> None:
+        self.content = bytearray()
+        self._access, self._address, self._size = access, address, size
+        self._room = access.admit(address, size)
+
+    def check_room(self, surplus: int = 0) -> None:
+        limit = self._room if self._size is None else self._size
+        if len(self.content) > limit + surplus:
+            raise Abort(AbortCode.TOO_LONG)
+
+    def finish(self) -> None:
+        if self._size is not None and len(self.content) < self._size:
+            raise Abort(AbortCode.TOO_SHORT)
+        self._access.write(self._address, bytes(self.content))
+
+
+def _download(access: ObjectAccess, request: Initiate) -> Steps:
+    """Take up to 4 bytes at once, or segments of up to 7 bytes, each answered (CiA 301, 7.2.4.3.4)."""
+    answer = wire.initiate(ServerCommand.DOWNLOAD << 5, request.address)
+    if request.command & wire.EXPEDITED:
+        # A client that does not say how many bytes it means has as many as the object.
+        room = access.admit(request.address, request.size)
+        access.write(request.address, request.rest[: request.size or min(room, wire.EXPEDITED_SIZE)])
+    else:
+        download, toggle, last = Download(access, request.address, request.size), 0, 0
+        while not last:
+            data = yield Answer([answer], lambda c: c >> 5 == ClientCommand.DOWNLOAD_SEGMENT)
+            _check_toggle(data, toggle)
+            download.content += wire.part_in(data)
+            download.check_room()
+            answer, last = wire.plain(ServerCommand.DOWNLOAD_SEGMENT << 5 | toggle), data[0] & wire.LAST
+            toggle ^= wire.TOGGLE
+        download.finish()
+    yield Answer([answer])
+
+
+def _block_download(access: ObjectAccess, request: Initiate) -> Steps:
+    """Take blocks of segments; what arrives after a gap is asked for again (CiA 301, 7.2.4.3.8)."""
+    size = request.number if request.command & wire.BLOCK_SIZE_GIVEN else None
+    download, arrived, complete = Download(access, request.address, size), 0, False
+    command = ServerCommand.BLOCK_DOWNLOAD << 5
+    answers = [wire.initiate(command | wire.BLOCK_CRC, request.address, bytes([wire.BLOCK_SEGMENTS]))]
+    while not complete:
+        # A segment has no command, only its number: until the last one has come, a frame cannot be anything else.
+        data = yield Answer(answers, lambda _: True)
+        number, last = data[0] & ~wire.BLOCK_LAST, bool(data[0] & wire.BLOCK_LAST)
+        if number == 0:
+            raise Abort(AbortCode.SEQUENCE_NUMBER)
+        if number == arrived + 1:
+            arrived, complete = number, last
+            download.content += data[1:]
+            download.check_room(surplus=wire.SEGMENT_SIZE)
+        answers = []
+        if last or number == wire.BLOCK_SEGMENTS:
+            answers = [wire.plain(command | Block.ACKNOWLEDGE, bytes([arrived, wire.BLOCK_SEGMENTS]))]
+            arrived = 0
+    data = yield Answer(answers, lambda c: c >> 5 == ClientCommand.BLOCK_DOWNLOAD and c & 3 == Block.END)
+    del download.content[len(download.content) - wire.unused_in(data) :]
+    download.check_room()
+    if request.command & wire.BLOCK_CRC and crc_hqx(download.content, 0) != wire.crc_in(data):
+        raise Abort(AbortCode.CRC)
+    download.finish()
+    yield Answer([wire.plain(command | Block.END)])
+
+
+INITIATE: Mapping[int, Callable[[ObjectAccess, Initiate], Steps]] = {
+    ClientCommand.DOWNLOAD: _download,
+    ClientCommand.UPLOAD: _upload,
+    ClientCommand.BLOCK_UPLOAD: _block_upload,
+    ClientCommand.BLOCK_DOWNLOAD: _block_download,
+}
+"""What begins with each first request."""

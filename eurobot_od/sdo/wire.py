@@ -15,19 +15,13 @@ from eurobot_od.od.values import Address
 LENGTH = 8
 """Bytes of every SDO request and answer; frames of another length are not SDO (CiA 301, 7.2.4.3.1)."""
 
-EXPEDITED_SIZE = 4
-SEGMENT_SIZE = 7
-BLOCK_SEGMENTS = 127
+EXPEDITED_SIZE, SEGMENT_SIZE, BLOCK_SEGMENTS = 4, 7, 127
 """Most bytes in an expedited transfer and in a segment, most segments in a block."""
 
-TOGGLE = 0x10
-LAST = 0x01
-EXPEDITED = 0x02
-SIZE_GIVEN = 0x01
-BLOCK_SIZE_GIVEN = 0x02
-BLOCK_CRC = 0x04
-BLOCK_LAST = 0x80
-"""Bits of command bytes (CiA 301, Figures 23 to 36)."""
+EXPEDITED, SIZE_GIVEN = 0x02, 0x01
+TOGGLE, LAST = 0x10, 0x01
+BLOCK_CRC, BLOCK_SIZE_GIVEN, BLOCK_LAST = 0x04, 0x02, 0x80
+"""Bits of command bytes: of the first request and its answer, of segments, of blocks (CiA 301, Figures 23 to 36)."""
 
 
 class ClientCommand(IntEnum):
@@ -110,10 +104,7 @@ class AbortCode(IntEnum):
     GENERAL = 0x0800_0000, "General error"
     NOT_TRANSFERRED = 0x0800_0020, "Data cannot be transferred or stored to the application"
     LOCAL_CONTROL = 0x0800_0021, "Data cannot be transferred or stored to the application because of local control"
-    DEVICE_STATE = (
-        0x0800_0022,
-        "Data cannot be transferred or stored to the application because of the present device state",
-    )
+    STATE = 0x0800_0022, "Data cannot be transferred or stored to the application because of the present device state"
     NO_DICTIONARY = 0x0800_0023, "Object dictionary dynamic generation fails or no object dictionary is present"
     NO_DATA = 0x0800_0024, "No data available"
 

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from math import inf
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.simulation.bits import frame_bits
-
-Observer: TypeAlias = Callable[[float, Frame], None]
-"""Called with the time a frame's transmission ended, in seconds, and the frame."""
 
 
 class Sending(NamedTuple):
@@ -31,13 +28,14 @@ class Sending(NamedTuple):
 class Network:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
-    `reports` are the gatekeepers' reports.
+    `reports` are the gatekeepers' reports. `observers` are called with each frame and the time, in seconds, at which
+    its transmission ended.
     """
 
     def __init__(self, bitrate: int = 500_000) -> None:
         self.bitrate = bitrate
         self.now = 0.0
-        self.observers: list[Observer] = []
+        self.observers: list[Callable[[float, Frame], None]] = []
         self.reports: list[Report] = []
         self._stations: list[Station] = []
         self._starting: list[tuple[float, Station]] = []
@@ -75,7 +73,9 @@ class Network:
             return False
         self.now = event
         changed = [self._end_sending(), self._start_stations()]
-        self._tick(self._wakeups() if any(changed) else wakeups)
+        for station, wakeup in zip(self._stations, self._wakeups() if any(changed) else wakeups):
+            if wakeup <= self.now:
+                station.tick(self.now)
         self._arbitrate()
         return True
 
@@ -92,11 +92,6 @@ class Network:
             self._stations.append(each[1])
             each[1].start(self.now)
         return bool(due)
-
-    def _tick(self, wakeups: Iterable[float]) -> None:
-        for station, wakeup in zip(self._stations, wakeups):
-            if wakeup <= self.now:
-                station.tick(self.now)
 
     def _end_sending(self) -> bool:
         """Deliver the frame on the bus if it is through; tell whether it was."""

@@ -105,7 +105,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
         master.listeners[confirm] = lambda data: heard.append(Frame(confirm, data))
         master.send(*protocol.encode(GotoXY(1500, 1000, 90, 50)))
         assert protocol.cob_id(GotoXY) == 0x18
-        assert master.pump(lambda: heard == [Frame(confirm)], 1)
+        assert master.pump(1, lambda: heard == [Frame(confirm)])
 
 
 def test_the_order_of_writes_is_that_of_cia_301(
@@ -239,8 +239,8 @@ def test_a_refusal_anywhere_leaves_the_node_as_it_was(make: Callable[..., Descri
 def test_silence_anywhere_names_what_is_written_and_what_is_not(
     make: Callable[..., Description], monkeypatch: pytest.MonkeyPatch, place: int
 ) -> None:
-    monkeypatch.setattr("eurobot_od.client.configure.STORE_WAIT", 0.05)
-    with stock_drive() as (channel, node), master_on(channel, 0.05) as master:
+    monkeypatch.setattr("eurobot_od.client.configure.STORE_WAIT", 0.2)
+    with stock_drive() as (channel, node), master_on(channel, 0.2) as master:
         Writes(node).silent_after = place
         with pytest.raises(ConfigurationError) as told:
             configure(master.node(2), make(NEW), NOW)

@@ -102,7 +102,7 @@ def test_a_bus_that_fails_is_a_bus_error() -> None:
         with pytest.raises(BusError, match="closed bus"):
             master.node(2).upload(HEARTBEAT_TIME)
         with pytest.raises(BusError, match="closed bus"):
-            master.pump(lambda: False, 1)
+            master.pump(1)
 
 
 def test_nmt_commands_act_and_the_heartbeat_tells() -> None:
@@ -134,10 +134,10 @@ def test_only_classic_base_data_frames_are_heard() -> None:
         sender.send(can.Message(arbitration_id=0x702, is_remote_frame=True, is_extended_id=False))
         sender.send(can.Message(arbitration_id=0x702, data=b"\x05\0", is_extended_id=False))  # two bytes
         sender.send(can.Message(arbitration_id=0x702, data=b"\x33", is_extended_id=False))  # no state
-        master.pump(lambda: False, 0.01)
+        master.pump(0.01)
         assert master.states == {}
         sender.send(can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=False))
-        assert master.pump(lambda: master.states == {2: NmtState.OPERATIONAL}, 1)
+        assert master.pump(1, lambda: master.states == {2: NmtState.OPERATIONAL})
 
 
 def test_an_address_for_a_person() -> None:

@@ -5,6 +5,7 @@ Rule of this file: what canopen sends goes into the device at once, and what the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import canopen
@@ -13,12 +14,25 @@ from canopen import SdoAbortedError
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import NMT_COB_ID, Address
+from eurobot_od.od.values import NMT_COB_ID, Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.sdo.wire import AbortCode
+
+
+class Memory:
+    """A store for as long as the test runs."""
+
+    def __init__(self) -> None:
+        self._values: dict[Address, Value] = {}
+
+    def load(self) -> dict[Address, Value]:
+        return dict(self._values)
+
+    def save(self, values: Mapping[Address, Value], node_id: int) -> None:
+        self._values = dict(values)
 
 
 class Wire(canopen.Network):

@@ -8,14 +8,13 @@ import pytest
 
 from eurobot_od.device.device import LOAD, SAVE, Device, Reaction
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
-from eurobot_od.device.store import Memory
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID, Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
 from eurobot_od.sdo.wire import AbortCode
-from tests.device.master import Wire, wired
+from tests.device.master import Memory, Wire, wired
 
 BOOT_UP = Frame(0x702, b"\x00")
 GOTO = Frame(0x008, bytes(8))

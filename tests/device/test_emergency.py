@@ -140,7 +140,7 @@ def test_a_stopped_device_keeps_its_reports_until_it_may_talk() -> None:
     wire = wired()
     wire.command(NmtCommand.STOP)
     wire.send(Frame(0x004, bytes(1)))
-    assert wire.device.emergencies.active == (ErrorCode.PDO_TOO_LONG,)
+    assert [*wire.device.emergencies.errors.values()] == [ErrorCode.PDO_TOO_LONG]
     wire.sent()
     assert wire.command(NmtCommand.START).frames == [report(0x8220, 0x11, "040001")]
 

@@ -114,17 +114,17 @@ def test_stock_canopen_moves_a_pdo() -> None:
 # What is refused
 
 REFUSED: list[tuple[str, Address, int, int, AbortCode, str]] = [
-    ("core", (0x1803, 1), 0x009, 4, AbortCode.DEVICE_STATE, "another identifier while the PDO is valid"),
-    ("core", (0x1803, 1), 0x0000_0008, 4, AbortCode.DEVICE_STATE, "another RTR bit while the PDO is valid"),
+    ("core", (0x1803, 1), 0x009, 4, AbortCode.STATE, "another identifier while the PDO is valid"),
+    ("core", (0x1803, 1), 0x0000_0008, 4, AbortCode.STATE, "another RTR bit while the PDO is valid"),
     ("core", (0x1803, 1), 0xA000_0008, 4, AbortCode.VALUE, "a 29-bit identifier"),
     ("core", (0x1803, 1), 0x8000_0800, 4, AbortCode.VALUE, "more than 11 bits"),
     ("core", (0x1803, 2), 1, 1, AbortCode.VALUE, "synchronous, without SYNC"),
     ("core", (0x1803, 2), 252, 1, AbortCode.VALUE, "on remote request"),
-    ("core", (0x1803, 3), 10, 2, AbortCode.DEVICE_STATE, "an inhibit time while the PDO is valid"),
+    ("core", (0x1803, 3), 10, 2, AbortCode.STATE, "an inhibit time while the PDO is valid"),
     ("drive", (0x1403, 3), 10, 2, AbortCode.VALUE, "an inhibit time of an RPDO"),
     ("drive", (0x1403, 5), 10, 2, AbortCode.VALUE, "a deadline of an RPDO"),
-    ("core", (0x1A03, 0), 0, 1, AbortCode.DEVICE_STATE, "the mapping's length while the PDO is valid"),
-    ("core", (0x1A03, 1), 0x20000110, 4, AbortCode.DEVICE_STATE, "a mapping entry while the PDO is valid"),
+    ("core", (0x1A03, 0), 0, 1, AbortCode.STATE, "the mapping's length while the PDO is valid"),
+    ("core", (0x1A03, 1), 0x20000110, 4, AbortCode.STATE, "a mapping entry while the PDO is valid"),
     ("core", (0x1A03, 0), 99, 1, AbortCode.TOO_HIGH, "more entries than there are"),
     ("core", (0x1A03, 99), 0, 4, AbortCode.NO_SUBINDEX, "an entry that is not there"),
 ]
@@ -180,7 +180,7 @@ def test_over_64_bits_are_refused() -> None:
 def test_an_entry_in_use_is_fixed() -> None:
     wire = open_goto(*WIDE_X)
     wire.write(GOTO_TPDO + 0x200, 0, 5, size=1)
-    assert wire.refused((GOTO_TPDO + 0x200, 1), 0x2000010C, size=4) == AbortCode.DEVICE_STATE
+    assert wire.refused((GOTO_TPDO + 0x200, 1), 0x2000010C, size=4) == AbortCode.STATE
 
 
 def test_an_empty_entry_in_the_middle_is_refused() -> None:

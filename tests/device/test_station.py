@@ -84,7 +84,7 @@ def test_settings_size_mailboxes_and_wait(spoil_eds: Callable[..., Path]) -> Non
     station = Station(Drive(dialects.load("drive", folder)), report=reports.append)
     station.gatekeeper.start()
     for number in range(3):
-        station.gatekeeper.send_frame(Frame(number), 0.0)
+        station.gatekeeper.mailboxes.submit(Frame(number), 0.0)
     assert station.gatekeeper.mailboxes.load(0.0) == [Frame(0)]
     station.gatekeeper.mailboxes.load(0.019)
     assert reports == []

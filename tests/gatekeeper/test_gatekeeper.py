@@ -436,7 +436,7 @@ def test_messages_leave_by_their_priority() -> None:
 def test_frames_and_messages_share_the_mailboxes() -> None:
     gatekeeper = Gatekeeper(PROTOCOL, mailboxes=1)
     gatekeeper.send(GOTO, 0.0)
-    gatekeeper.send_frame(STOP_FRAME, 0.0)
+    gatekeeper.mailboxes.submit(STOP_FRAME, 0.0)
     assert gatekeeper.mailboxes.load(0.0) == [STOP_FRAME]
     assert gatekeeper.statistics().transmit == TransmitStatistics(2, completed=0, dropped=0, waiting=1, loaded=1)
 

@@ -78,7 +78,7 @@ def test_many_readers_share_what_is_put_and_what_is_missing_is_counted() -> None
     taken: list[int] = []
 
     def read() -> None:
-        while (received := queue.get()).message >= 0:
+        while (received := queue.get()) is not None and received.message >= 0:
             taken.append(received.message)
 
     readers = [threading.Thread(target=read) for _ in range(3)]

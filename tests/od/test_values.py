@@ -68,6 +68,34 @@ def test_bytes_are_read_by_their_type(type_: DataType, data: str, value: Value) 
     assert type_.read(bytes.fromhex(data)) == value
 
 
+@pytest.mark.parametrize(("type_", "data", "value"), BYTES)
+def test_values_are_written_by_their_type(type_: DataType, data: str, value: Value) -> None:
+    written = type_.write(value)
+    assert written == bytes.fromhex(data)[: len(written)]
+    assert type_.read(written) == value
+
+
+@pytest.mark.parametrize(
+    ("type_", "value"),
+    [
+        (DATA_TYPES[0x05], 256),
+        (DATA_TYPES[0x02], -129),
+        (DATA_TYPES[0x01], 2),
+        (DATA_TYPES[0x07], "5"),
+        (DATA_TYPES[0x07], 1.0),
+        (DATA_TYPES[0x07], None),
+        (DATA_TYPES[0x0C], 0),  # TIME_OF_DAY has bytes only
+        (REAL32, "fast"),
+        (REAL32, 1e99),
+        (VISIBLE_STRING, "Küche"),
+        (VISIBLE_STRING, 5),
+    ],
+)
+def test_what_is_not_a_value_of_the_type_is_not_written(type_: DataType, value: Value) -> None:
+    with pytest.raises((ValueError, OverflowError)):
+        type_.write(value)
+
+
 @pytest.mark.parametrize(("type_", "data"), [(DATA_TYPES[0x05], b"12"), (DATA_TYPES[0x07], b"123"), (REAL32, b"")])
 def test_bytes_of_another_length_are_refused(type_: DataType, data: bytes) -> None:
     with pytest.raises(ValueError, match=type_.name):

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from eurobot_od.client.configure import ChangedObject, ChangePlan
 from eurobot_od.client.objects import NamedObject
-from eurobot_od.client.pdo_order import Write, in_order, pdo_of, procedure_objects
+from eurobot_od.client.pdo_order import in_order, pdo_of, procedure_objects
+from eurobot_od.od.concise import Write
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address
 from eurobot_od.robot import dialects
 

@@ -87,7 +87,7 @@ def test_equal_frames_of_one_node_both_go_out() -> None:
 
 def test_a_frame_left_to_a_gatekeeper_from_outside_leaves_at_once() -> None:
     wire = Wire()
-    wire.stations[0].gatekeeper.send_frame(GOTO, wire.network.now)
+    wire.stations[0].gatekeeper.mailboxes.submit(GOTO, wire.network.now)
     assert wire.network.next_event == wire.network.now
     assert wire.run(0.101) == [GOTO]
 

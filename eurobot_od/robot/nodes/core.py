@@ -23,7 +23,7 @@ from contextlib import suppress
 from typing import Any, ClassVar, NamedTuple, get_args
 
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import OutOfRange

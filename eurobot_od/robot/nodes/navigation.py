@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import ClassVar, NamedTuple, Protocol
 
-from eurobot_od.device.store import Store
+from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import HEIGHT, WIDTH

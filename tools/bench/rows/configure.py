@@ -23,10 +23,11 @@ from eurobot_od.client.configure import all_writes, configure
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
 from eurobot_od.client.objects import integer_range
-from eurobot_od.client.pdo_order import Write, pdo_of
+from eurobot_od.client.pdo_order import pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
+from eurobot_od.od.concise import Write
 from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
