@@ -28,36 +28,14 @@ from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    CheckNaviRequest,
-    CheckNaviResponse,
-    ConfederatePositionRequest,
-    EmergencyShutdown,
-    EmergencyStop,
-    Enemy1PositionRequest,
-    Enemy2PositionRequest,
-    GotoConfirm,
-    GotoStateRequest,
-    GotoStateResponse,
-    GotoXY,
-    KalmanPositionRequest,
-    KalmanPositionResponse,
-    NaviPositionRequest,
-    PositionResponse,
-    StartConfigurationConfirm,
-    StartConfigurationSet,
-    StopDrive,
-    StopMessage,
-)
+from eurobot_od.robot import messages
 from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, TeamColour
 
 NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
-    ("drive", CheckDriveRequest(), CheckDriveResponse),
-    ("navigation", CheckNaviRequest(), CheckNaviResponse),
+    ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
+    ("navigation", messages.CheckNaviRequest(), messages.CheckNaviResponse),
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
@@ -70,24 +48,30 @@ class PolledPosition(NamedTuple):
 
     request: Message
     offset: str
-    needed: Callable[[StartConfigurationSet], bool]
+    needed: Callable[[messages.StartConfigurationSet], bool]
 
 
 POLLED_POSITIONS = (
-    PolledPosition(NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
-    PolledPosition(KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
+    PolledPosition(messages.NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
+    PolledPosition(messages.KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
     PolledPosition(
-        ConfederatePositionRequest(), "Position polling.Confederate offset", lambda start: start.confederates >= 1
+        messages.ConfederatePositionRequest(),
+        "Position polling.Confederate offset",
+        lambda start: start.confederates >= 1,
     ),
-    PolledPosition(Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1),
-    PolledPosition(Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2),
+    PolledPosition(
+        messages.Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1
+    ),
+    PolledPosition(
+        messages.Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2
+    ),
 )
 
 
 class GotoReport(NamedTuple):
     """What became of a goto; times in seconds from its first transmission, `confirmed` None if it never was."""
 
-    goto: GotoXY
+    goto: messages.GotoXY
     outcome: Outcome
     confirmed: float | None
     ended: float
@@ -96,7 +80,7 @@ class GotoReport(NamedTuple):
 class Sighting(NamedTuple):
     """A position as it was received, and when, in seconds of the node's time."""
 
-    position: PositionResponse
+    position: messages.PositionResponse
     time: float
 
 
@@ -120,12 +104,12 @@ class Core(RobotNode):
         self._forget()
 
     def _forget(self) -> None:
-        self.configuration: StartConfigurationSet | None = None
-        self.positions: dict[type[PositionResponse], Sighting] = {}
+        self.configuration: messages.StartConfigurationSet | None = None
+        self.positions: dict[type[messages.PositionResponse], Sighting] = {}
         self.shut_down = False
         self._driving: Flow[GotoReport] | None = None
         self._configuring: Flow[float] | None = None
-        self._stopped: StopMessage | None = None
+        self._stopped: messages.StopMessage | None = None
         self._polling = 0
 
     def reset(self) -> None:
@@ -159,7 +143,9 @@ class Core(RobotNode):
         Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a newer
         start configuration or an Emergency Shutdown comes before the confirm.
         """
-        configuration = StartConfigurationSet(team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter)
+        configuration = messages.StartConfigurationSet(
+            team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
+        )
         with self.guard:
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
             self._end_configuring("replaced by a newer start configuration")
@@ -181,7 +167,7 @@ class Core(RobotNode):
         A goto that is under way ends as REPLACED. Raises FieldError before anything is sent, StateError after an
         Emergency Shutdown, NoAnswer if the drive does not confirm or does not say its state.
         """
-        goto = GotoXY(x, y, angle, speed, barriers, direction, route)
+        goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
@@ -190,22 +176,22 @@ class Core(RobotNode):
             self._driving, self._stopped = self._begin(self._goto(goto)), None
             return self._driving.call
 
-    def position(self) -> Call[KalmanPositionResponse]:
+    def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
         return self._run(self._position())
 
     def stop(self) -> None:
         """Brake and forget the goto (document 2.1)."""
-        self._stop(StopDrive())
+        self._stop(messages.StopDrive())
 
     def emergency_stop(self, obstacle: Obstacle) -> None:
         """Brake because of an obstacle (document 4.2.2 Obstacle)."""
-        self._stop(EmergencyStop(obstacle))
+        self._stop(messages.EmergencyStop(obstacle))
 
     def emergency_shutdown(self) -> None:
         """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
         with self.guard:  # a confirm between the two would end the safe state again
-            self._stop(EmergencyShutdown())
+            self._stop(messages.EmergencyShutdown())
             self._end_configuring("emergency shutdown before the start configuration was confirmed")
 
     def _run(self, script: Script[Result]) -> Call[Result]:
@@ -231,11 +217,11 @@ class Core(RobotNode):
         if flow is self._configuring:
             self._configuring = None
 
-    def _stop(self, stop: StopMessage) -> None:
+    def _stop(self, stop: messages.StopMessage) -> None:
         with self.guard:
             self.send(stop)
             self._stopped = stop
-            self.shut_down = self.shut_down or isinstance(stop, EmergencyShutdown)
+            self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
             self._end_driving(Outcome.STOPPED)
 
     def _end_driving(self, outcome: Outcome) -> None:
@@ -276,11 +262,11 @@ class Core(RobotNode):
         if theirs is not None and theirs != ours:
             raise DialectMismatch(node, channel.node_id, theirs, ours)
 
-    def _configure(self, configuration: StartConfigurationSet) -> Script[float]:
+    def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
         yield self._asking(
             configuration,
-            StartConfigurationConfirm,
+            messages.StartConfigurationConfirm,
             "Configuration handshake.Configuration confirm wait",
             "Configuration handshake.Configuration transmissions",
         )
@@ -288,11 +274,13 @@ class Core(RobotNode):
         self._start_polling(self.now + self.seconds("Position polling.Start delay"))
         return self.now - asked
 
-    def _goto(self, goto: GotoXY) -> Script[GotoReport]:
+    def _goto(self, goto: messages.GotoXY) -> Script[GotoReport]:
         started, confirmed = self.now, None
         try:
             started = yield START
-            yield self._asking(goto, GotoConfirm, "Goto handshake.Confirm wait", "Goto handshake.Transmissions")
+            yield self._asking(
+                goto, messages.GotoConfirm, "Goto handshake.Confirm wait", "Goto handshake.Transmissions"
+            )
             confirmed = self.now - started
             outcome = yield from self._until_ended()
         except _Ended as end:
@@ -303,17 +291,17 @@ class Core(RobotNode):
         """Poll the drive's state until the goto has ended (document 2.1 State Request)."""
         yield Pause(self.seconds("Goto handshake.First state request"))
         while True:
-            state = yield self._asking(GotoStateRequest(), GotoStateResponse, *STATE_SETTINGS)
+            state = yield self._asking(messages.GotoStateRequest(), messages.GotoStateResponse, *STATE_SETTINGS)
             if state.time == 0:
                 return Outcome.ARRIVED
             if state.time in FAULT_OUTCOME:
                 return FAULT_OUTCOME[state.time]
             yield Pause(self.seconds("Goto handshake.State request period"))
 
-    def _position(self) -> Script[KalmanPositionResponse]:
+    def _position(self) -> Script[messages.KalmanPositionResponse]:
         yield START
-        answer: KalmanPositionResponse = yield self._asking(
-            KalmanPositionRequest(), KalmanPositionResponse, *STATE_SETTINGS
+        answer: messages.KalmanPositionResponse = yield self._asking(
+            messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS
         )
         return answer
 
@@ -349,24 +337,24 @@ class Core(RobotNode):
         for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
             flow.heard(answer, self.now)
 
-    def _confirmed(self, _: GotoConfirm) -> Message | None:
+    def _confirmed(self, _: messages.GotoConfirm) -> Message | None:
         """Stop again if a goto is confirmed after the stop: the more urgent stop can overtake it on the bus."""
         return self._stopped
 
-    def _configured(self, _: StartConfigurationConfirm) -> Message | None:
+    def _configured(self, _: messages.StartConfigurationConfirm) -> Message | None:
         """Shut down again if a start configuration from before the shutdown is confirmed after it."""
-        return EmergencyShutdown() if self.shut_down and self._configuring is None else None
+        return messages.EmergencyShutdown() if self.shut_down and self._configuring is None else None
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Stop the drive: a robot with a silent node does not go on."""
         with suppress(StateError):  # a master has taken the TPDO away
-            self._stop(StopDrive())
+            self._stop(messages.StopDrive())
 
-    def _saw(self, position: PositionResponse) -> None:
+    def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
     HANDLERS: ClassVar[Handlers] = {
-        GotoConfirm: _confirmed,
-        StartConfigurationConfirm: _configured,
-        **dict.fromkeys(get_args(PositionResponse), _saw),
+        messages.GotoConfirm: _confirmed,
+        messages.StartConfigurationConfirm: _configured,
+        **dict.fromkeys(get_args(messages.PositionResponse), _saw),
     }

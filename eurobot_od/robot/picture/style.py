@@ -9,12 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from eurobot_od.robot.messages import (
-    ConfederatePositionResponse,
-    Enemy1PositionResponse,
-    Enemy2PositionResponse,
-    PositionResponse,
-)
+from eurobot_od.robot import messages
 from eurobot_od.robot.picture import svg
 from eurobot_od.robot.picture.svg import PaperPoint
 from eurobot_od.robot.values import Outcome, Passage, TeamColour
@@ -26,10 +21,10 @@ PAPER, SURFACE, GRID, INK, PALE = "#ffffff", "#fbfaf4", "#e6e3d8", "#22262b", "#
 FIRE, POOL, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
 TEAM = {TeamColour.RED: "#d32f2f", TeamColour.YELLOW: "#f2b705"}
 
-OTHERS: Mapping[type[PositionResponse], tuple[str, str, str | None]] = {
-    Enemy1PositionResponse: ("enemy 1", "#8e24aa", None),
-    Enemy2PositionResponse: ("enemy 2", "#ad5a00", "26 12"),
-    ConfederatePositionResponse: ("confederate", "#2e7d32", "6 12"),
+OTHERS: Mapping[type[messages.PositionResponse], tuple[str, str, str | None]] = {
+    messages.Enemy1PositionResponse: ("enemy 1", "#8e24aa", None),
+    messages.Enemy2PositionResponse: ("enemy 2", "#ad5a00", "26 12"),
+    messages.ConfederatePositionResponse: ("confederate", "#2e7d32", "6 12"),
 }
 """Name, colour and dashes of the other robots."""
 
