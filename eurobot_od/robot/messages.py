@@ -172,6 +172,12 @@ class StartConfigurationSet(NamedTuple):
     enemy_1_diameter: Annotated[int, Kind("cm")]
     enemy_2_diameter: Annotated[int, Kind("cm")]
 
+    def includes(self, whom: Source) -> bool:
+        """Tell whether there is such a robot in the match; ours is always there."""
+        if whom is Source.CONFEDERATE:
+            return self.confederates >= 1
+        return self.enemies >= {Source.ENEMY_1: 1, Source.ENEMY_2: 2}.get(whom, 0)
+
 
 @CATALOGUE.message(GIP)
 class StartConfigurationConfirm(NamedTuple):

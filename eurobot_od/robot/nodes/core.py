@@ -18,8 +18,8 @@ could come between the two, and the goto would drive after it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, ClassVar, NamedTuple, get_args
 
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script
@@ -31,7 +31,7 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
 from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
-from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, TeamColour
+from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, Source, TeamColour
 
 NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
     ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
@@ -39,33 +39,20 @@ NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
+GOTO_SETTINGS = ("Goto handshake.Confirm wait", "Goto handshake.Transmissions")
 STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
-"""The settings by which the drive is asked for its state and its position: how long to wait, how often to ask."""
+"""The settings by which the drive is sent to a place, and asked for its state and its position: how long to wait, how
+often to ask."""
 
 
-class PolledPosition(NamedTuple):
-    """A position that is asked for periodically: the request, the setting with its offset, and when it is needed."""
-
-    request: Message
-    offset: str
-    needed: Callable[[messages.StartConfigurationSet], bool]
-
-
-POLLED_POSITIONS = (
-    PolledPosition(messages.NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
-    PolledPosition(messages.KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
-    PolledPosition(
-        messages.ConfederatePositionRequest(),
-        "Position polling.Confederate offset",
-        lambda start: start.confederates >= 1,
-    ),
-    PolledPosition(
-        messages.Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1
-    ),
-    PolledPosition(
-        messages.Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2
-    ),
+POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
+    (messages.NaviPositionRequest(), "Position polling.Navi offset", Source.INTERNAL),
+    (messages.KalmanPositionRequest(), "Position polling.Kalman offset", Source.INTERNAL),
+    (messages.ConfederatePositionRequest(), "Position polling.Confederate offset", Source.CONFEDERATE),
+    (messages.Enemy1PositionRequest(), "Position polling.Enemy 1 offset", Source.ENEMY_1),
+    (messages.Enemy2PositionRequest(), "Position polling.Enemy 2 offset", Source.ENEMY_2),
 )
+"""What is asked for periodically: the request, the setting with its offset, and whose position it is."""
 
 
 class GotoReport(NamedTuple):
@@ -114,7 +101,7 @@ class Core(RobotNode):
 
     def reset(self) -> None:
         """Give up what is going on and forget everything, as after power-on."""
-        for flow in list(self._flows):
+        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
             flow.fail(StateError("the core was reset"), self.now)
         super().reset()
         self._forget()
@@ -127,7 +114,7 @@ class Core(RobotNode):
         NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect.
         """
-        return self._run(self._check_nodes())
+        return self._begin(self._check_nodes()).call
 
     def configure_start(
         self,
@@ -148,7 +135,7 @@ class Core(RobotNode):
         )
         with self.guard:
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
-            self._end_configuring("replaced by a newer start configuration")
+            self._end(self._configuring, StateError("replaced by a newer start configuration"))
             self._configuring = self._begin(self._configure(configuration))
             return self._configuring.call
 
@@ -172,13 +159,13 @@ class Core(RobotNode):
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
                 raise StateError("no goto after an emergency shutdown: configure the start first")
-            self._end_driving(Outcome.REPLACED)
+            self._end(self._driving, _Ended(Outcome.REPLACED))
             self._driving, self._stopped = self._begin(self._goto(goto)), None
             return self._driving.call
 
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
-        return self._run(self._position())
+        return self._begin(self._position()).call
 
     def stop(self) -> None:
         """Brake and forget the goto (document 2.1)."""
@@ -192,16 +179,14 @@ class Core(RobotNode):
         """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
         with self.guard:  # a confirm between the two would end the safe state again
             self._stop(messages.EmergencyShutdown())
-            self._end_configuring("emergency shutdown before the start configuration was confirmed")
-
-    def _run(self, script: Script[Result]) -> Call[Result]:
-        with self.guard:
-            return self._begin(script).call
+            why = "emergency shutdown before the start configuration was confirmed"
+            self._end(self._configuring, StateError(why))
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
         flow = Flow(script, self._timers, self._put, self._ended)
-        self._flows.append(flow)
-        self.soon(flow.start)
+        with self.guard:
+            self._flows.append(flow)
+            self.soon(flow.start)
         return flow
 
     def _put(self, request: Message | Frame) -> None:
@@ -222,15 +207,11 @@ class Core(RobotNode):
             self.send(stop)
             self._stopped = stop
             self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
-            self._end_driving(Outcome.STOPPED)
+            self._end(self._driving, _Ended(Outcome.STOPPED))
 
-    def _end_driving(self, outcome: Outcome) -> None:
-        if self._driving is not None:
-            self._driving.fail(_Ended(outcome), self.now)
-
-    def _end_configuring(self, why: str) -> None:
-        if self._configuring is not None:
-            self._configuring.fail(StateError(why), self.now)
+    def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
+        if flow is not None:
+            flow.fail(error, self.now)
 
     # Flows
 
@@ -254,13 +235,11 @@ class Core(RobotNode):
         channel = Channel.to(node, self.device)
         if channel is None:
             return
-        try:
+        with suppress(NoAnswer):  # the 2014 robot's own nodes know no SDO
             answer = yield Ask(channel.ask(), channel.answer, self.seconds("Node check.Identity wait"), 1)
-        except NoAnswer:
-            return
-        theirs, ours = revision_in(answer), self.device.number(REVISION)
-        if theirs is not None and theirs != ours:
-            raise DialectMismatch(node, channel.node_id, theirs, ours)
+            theirs, ours = revision_in(answer), self.device.number(REVISION)
+            if theirs is not None and theirs != ours:
+                raise DialectMismatch(node, channel.node_id, theirs, ours)
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
@@ -271,16 +250,14 @@ class Core(RobotNode):
             "Configuration handshake.Configuration transmissions",
         )
         self.configuration, self.shut_down = configuration, False
-        self._start_polling(self.now + self.seconds("Position polling.Start delay"))
+        self._start_polling(configuration, self.now + self.seconds("Position polling.Start delay"))
         return self.now - asked
 
     def _goto(self, goto: messages.GotoXY) -> Script[GotoReport]:
         started, confirmed = self.now, None
         try:
             started = yield START
-            yield self._asking(
-                goto, messages.GotoConfirm, "Goto handshake.Confirm wait", "Goto handshake.Transmissions"
-            )
+            yield self._asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
             confirmed = self.now - started
             outcome = yield from self._until_ended()
         except _Ended as end:
@@ -307,34 +284,28 @@ class Core(RobotNode):
 
     # Position polling
 
-    def _start_polling(self, start: float) -> None:
+    def _start_polling(self, configuration: messages.StartConfigurationSet, start: float) -> None:
         """Ask for positions from `start` on; each request keeps to its own times, however late the node runs."""
         self._polling += 1  # the requests of an earlier series end by themselves
-        series, configuration = self._polling, self.configuration
-        for poll in POLLED_POSITIONS:
-            if configuration is not None and poll.needed(configuration):
-                self._poll_at(poll, start + self.seconds(poll.offset), series)
+        for request, offset, whom in POLLED_POSITIONS:
+            if configuration.includes(whom):
+                self.at(start + self.seconds(offset), partial(self._poll, request, self._polling))
 
-    def _poll_at(self, poll: PolledPosition, time: float, series: int) -> None:
-        def ask(now: float) -> None:
-            if series == self._polling:
-                self.offer(poll.request)
-                self._poll_at(poll, now + self.seconds("Position polling.Polling period"), series)
-
-        self.at(time, ask)
+    def _poll(self, request: Message, series: int, due: float) -> None:
+        if series == self._polling:
+            self.offer(request)
+            again = due + self.seconds("Position polling.Polling period")
+            self.at(again, partial(self._poll, request, series))
 
     # Messages
 
     def _act(self, message: Message) -> None:
         super()._act(message)
-        self._heard(message)
+        self.answered(message)
 
-    def answered(self, frame: Frame) -> None:
-        """Pass an SDO answer to the flow that waits for it."""
-        self._heard(frame)
-
-    def _heard(self, answer: Message | Frame) -> None:
-        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
+    def answered(self, answer: Message | Frame) -> None:
+        """Pass a message or an SDO answer to the flow that waits for it."""
+        for flow in list(self._flows):
             flow.heard(answer, self.now)
 
     def _confirmed(self, _: messages.GotoConfirm) -> Message | None:

@@ -19,22 +19,10 @@ from eurobot_od.robot import messages
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.kinds import Remaining
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import (
-    AT_REST,
-    Braking,
-    Chassis,
-    Command,
-    IdealChassis,
-    Motion,
-    MotionLimits,
-    Odometry,
-)
+from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
-
-FOLLOWED = 0.1
-"""Share of what they are told that wheels do at least, unless they are blocked."""
 
 
 class Drive(RobotNode):
@@ -177,14 +165,14 @@ class Drive(RobotNode):
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled)
         if isinstance(motion, Motion):
-            self._watch_wheels(command, rolled, dt)
+            self._watch_wheels(rolled.follows(command, dt), dt)
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         self._control = None if done else self.at(now + dt, self._step)
 
-    def _watch_wheels(self, command: Command, rolled: Odometry, dt: float) -> None:
+    def _watch_wheels(self, followed: bool, dt: float) -> None:
         """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
-        self._stuck = 0.0 if _followed(command, rolled, dt) else self._stuck + dt
+        self._stuck = 0.0 if followed else self._stuck + dt
         if self._stuck >= self.seconds("Motion.Blocked time"):
             self.fault = GotoFault.BLOCKED
             self.raise_error(RobotError.DRIVE_BLOCKED, GotoFault.BLOCKED)
@@ -231,10 +219,3 @@ class Drive(RobotNode):
         messages.StartConfigurationSet: _configure,
         messages.CheckDriveRequest: lambda *_: messages.CheckDriveResponse(),
     }
-
-
-def _followed(command: Command, rolled: Odometry, dt: float) -> bool:
-    """Tell whether the wheels did something of what they were told."""
-    driven = abs(rolled.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
-    turned = abs(rolled.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
-    return driven or turned or command == AT_REST

@@ -34,16 +34,8 @@ class Beacons(Protocol):
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
 
 
-class NoBeacons:
-    """No sensors: everything is unknown."""
-
-    def locate(self, _whom: Source, _now: float) -> Fix | None:
-        """See nothing."""
-        return None
-
-
 class Navigation(RobotNode):
-    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors.
+    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors, None if it has none.
 
     `configuration` is the start configuration, None before the first. After an Emergency Shutdown `safe` is True
     until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
@@ -51,7 +43,7 @@ class Navigation(RobotNode):
 
     def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
-        self.beacons: Beacons = beacons or NoBeacons()
+        self.beacons = beacons
         self.configuration: messages.StartConfigurationSet | None = None
         self.safe = False
 
@@ -73,21 +65,10 @@ class Navigation(RobotNode):
         self.safe = True
         self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
 
-    def _present(self, whom: Source) -> bool:
-        """Whether the start configuration says that there is such a robot; before it, anyone may be there."""
-        start = self.configuration
-        return (
-            start is None
-            or {
-                Source.INTERNAL: True,
-                Source.ENEMY_1: start.enemies >= 1,
-                Source.ENEMY_2: start.enemies >= 2,
-                Source.CONFEDERATE: start.confederates >= 1,
-            }[whom]
-        )
-
     def _position(self, response: type[messages.PositionResponse], whom: Source) -> messages.PositionResponse:
-        fix = self.beacons.locate(whom, self.now) if self._present(whom) else None
+        # Before the start configuration anyone may be there.
+        expected = self.configuration is None or self.configuration.includes(whom)
+        fix = self.beacons.locate(whom, self.now) if expected and self.beacons else None
         if fix is None or not (0 <= fix.x <= WIDTH and 0 <= fix.y <= HEIGHT):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)
