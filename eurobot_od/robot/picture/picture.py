@@ -51,17 +51,13 @@ def picture(recording: Recording, title: str) -> str:
         svg.rectangle((0, 0), width, height, fill=style.PAPER),
         style.label((FIELD[0], 130), title, size=84, anchor="start", weight="bold"),
         style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start"),
-        _at(FIELD, field_drawing(recording), id="field"),
-        _at(COLUMN, column(recording)),
-        _at(TIMELINE, timeline(recording)),
+        svg.moved(FIELD, field_drawing(recording), id="field"),
+        svg.moved(COLUMN, column(recording)),
+        svg.moved(TIMELINE, timeline(recording)),
         xmlns="http://www.w3.org/2000/svg",
         viewBox=f"0 0 {width} {height}",
         font_family=style.FONT,
     )
-
-
-def _at(corner: svg.PaperPoint, *content: str, **attributes: object) -> str:
-    return svg.group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
 
 
 def _summary(recording: Recording) -> Iterator[str]:
@@ -112,18 +108,14 @@ def _path(path: list[PathPoint], end: float) -> Iterator[str]:
 
 
 def _true_path(path: list[PathPoint]) -> Iterator[str]:
-    if path:
-        yield svg.polyline(_thinned(_points(path)), fill="none", stroke=style.TRUTH, stroke_width=3.5)
-
-
-def _thinned(points: Sequence[svg.PaperPoint]) -> Iterator[svg.PaperPoint]:
-    """Leave out points that nobody could tell from the one before."""
-    last = points[0]
-    yield last
+    """Draw the path without the points that nobody could tell from the one before."""
+    points = _points(path)
+    thinned = points[:1]
     for point in points:
-        if dist(last, point) >= THIN:
-            last = point
-            yield point
+        if dist(thinned[-1], point) >= THIN:
+            thinned.append(point)
+    if path:
+        yield svg.polyline(thinned, fill="none", stroke=style.TRUTH, stroke_width=3.5)
 
 
 def _ticks(recording: Recording) -> Iterator[str]:
