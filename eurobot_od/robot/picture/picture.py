@@ -49,7 +49,7 @@ def picture(recording: Recording, title: str) -> str:
     return svg.element(
         "svg",
         svg.rectangle((0, 0), width, height, fill=style.PAPER),
-        style.label((FIELD[0], 130), title, size=84, anchor="start", weight="bold"),
+        style.label((FIELD[0], 130), title, size=84, anchor="start", font_weight="bold"),
         style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start"),
         svg.moved(FIELD, field_drawing(recording), id="field"),
         svg.moved(COLUMN, column(recording)),
@@ -82,12 +82,13 @@ def _several(number: int, one: str, many: str) -> str:
 
 def field_drawing(recording: Recording) -> str:
     """Draw the field and what happened on it; one unit is one millimetre, the origin its upper left corner."""
+    ours = style.colour_of(recording.team)
     return svg.group(
         ground(recording.team, recording.passages),
         *(_other(recording, whom) for whom in style.OTHERS if recording.paths.get(whom)),
         *_path(recording.path, recording.end),
         *_true_path(recording.truth),
-        *_robot(recording),
+        *(style.robot_mark(place(each.x, each.y), ROBOT_RADIUS, each.angle, ours) for each in recording.path[-1:]),
         *_ticks(recording),
         *_gotos(recording.gotos),
         *_stops(recording.stops),
@@ -192,9 +193,3 @@ def _side_by_side(middle: svg.PaperPoint, things: Sequence[Placed]) -> Iterator[
     x = min(max(middle[0], half + SPACING), WIDTH - half - SPACING)
     for number, thing in enumerate(things):
         yield (x - half + number * SPACING, middle[1]), thing
-
-
-def _robot(recording: Recording) -> Iterator[str]:
-    if recording.path:
-        last = recording.path[-1]
-        yield style.robot_mark(place(last.x, last.y), ROBOT_RADIUS, last.angle, style.colour_of(recording.team))

@@ -37,13 +37,10 @@ def colour_of(team: TeamColour | None) -> str:
 PASSAGES = {Passage.NORMAL: ("barrier, normal", "18 14", 8), Passage.FORCED: ("barrier, forced", None, 14)}
 """Name, dashes and width of the ring around a barrier that a goto asked for."""
 
-OUTCOMES = {
+OUTCOMES: Mapping[Outcome | None, str] = {
     Outcome.ARRIVED: "#2e7d32",
-    Outcome.STOPPED: STOP,
-    Outcome.BLOCKED: STOP,
-    Outcome.NOT_POSSIBLE: STOP,
-    Outcome.REPLACED: "#78909c",
-    None: "#78909c",
+    **dict.fromkeys((Outcome.STOPPED, Outcome.BLOCKED, Outcome.NOT_POSSIBLE), STOP),
+    **dict.fromkeys((Outcome.REPLACED, None), "#78909c"),
 }
 """Colours of gotos by how they ended; None is still under way."""
 
@@ -90,11 +87,11 @@ def _tip(centre: PaperPoint, radius: float, angle: float) -> str:
 
 def goto_mark(centre: PaperPoint, number: int, outcome: Outcome | None, *content: str) -> str:
     """Draw a goto as a disc with its number, filled if it was reached."""
-    reached = outcome is Outcome.ARRIVED
+    disc, figure = (GOTO, PAPER) if outcome is Outcome.ARRIVED else (PAPER, GOTO)
     return svg.group(
         *content,
-        svg.circle(centre, MARK, fill=GOTO if reached else PAPER, stroke=GOTO, stroke_width=5),
-        label((centre[0], centre[1] + 11), str(number), fill=PAPER if reached else GOTO, size=SMALL, weight="bold"),
+        svg.circle(centre, MARK, fill=disc, stroke=GOTO, stroke_width=5),
+        label((centre[0], centre[1] + 11), str(number), fill=figure, size=SMALL, font_weight="bold"),
     )
 
 
@@ -103,7 +100,7 @@ def stop_mark(centre: PaperPoint, letter: str, *content: str) -> str:
     return svg.group(
         *content,
         svg.polygon(around(centre, MARK + 6, 8, 22.5), fill=STOP, stroke=PAPER, stroke_width=5),
-        label((centre[0], centre[1] + 11), letter, fill=PAPER, size=SMALL, weight="bold"),
+        label((centre[0], centre[1] + 11), letter, fill=PAPER, size=SMALL, font_weight="bold"),
     )
 
 
@@ -118,16 +115,10 @@ def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: s
 
 
 def label(
-    place: PaperPoint,
-    words: str,
-    fill: str = INK,
-    size: float = TEXT,
-    anchor: str = "middle",
-    weight: str | None = None,
-    **attributes: object,
+    place: PaperPoint, words: str, fill: str = INK, size: float = TEXT, anchor: str = "middle", **attributes: object
 ) -> str:
     """Write a text, by default centred at its foot."""
-    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, font_weight=weight, **attributes)
+    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, **attributes)
 
 
 def halo(place: PaperPoint, words: str, fill: str = INK, anchor: str = "middle") -> str:

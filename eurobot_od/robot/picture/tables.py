@@ -170,4 +170,4 @@ def _bar(goto: RecordedGoto, x: Callable[[float], float], end: float) -> str:
     bar = svg.rectangle((left, GOTO_Y), width, GOTO_BAR, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=5)
     inside = width > NARROW
     middle: PaperPoint = (left + width / 2, GOTO_Y + (46 if inside else -9))
-    return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, weight="bold"))
+    return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, font_weight="bold"))
