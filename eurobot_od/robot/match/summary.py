@@ -70,6 +70,7 @@ class FrameCounter:
         except UnknownIdentifier:
             service = self._services.get(frame.cob_id)
             name = "Other" if service is None else service.name
+            # On the wire a boot-up is a heartbeat of the state Initialising (CiA 301, 7.2.8.3.3).
             boot_up = name == "Heartbeat" and frame.data == bytes([NmtState.INITIALISING])
             self._others["Boot-up" if boot_up else name] += 1
 
