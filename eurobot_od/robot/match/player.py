@@ -112,7 +112,7 @@ class Player:
         call = self.core.goto(task.x, task.y, task.angle, task.speed, task.flags())
         self.timeline.tell(EventKind.GOTO, str(task), goto=task._asdict() | {"barriers": str(task.flags())})
         arriving = asyncio.wrap_future(call)
-        while not arriving.done():
+        while not arriving.done():  # nobody tells when something comes into sight: the sensor has to be read
             await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._time_left()), 0))
             if not arriving.done():
                 self._look()

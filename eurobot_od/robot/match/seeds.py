@@ -35,7 +35,7 @@ def play_many(options: MatchOptions, seeds: range, jobs: int) -> Generator[Playe
     Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
     """
     files = EdsFiles.read(options.dialect)
-    Performance(options, lambda: 0.0, lambda _event: None, lambda _time, _frame: None, files)  # complains here, once
+    Performance(options, files, lambda: 0.0, lambda _event: None, lambda _time, _frame: None)  # complains here, once
     if jobs == 1 or len(seeds) == 1:
         return (play(replace(options, seed=seed), files) for seed in seeds)
     return _spread(options, seeds, min(jobs, len(seeds)))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Coroutine, Iterable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from eurobot_od import live as runtime
 from eurobot_od.device.flow import Result
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
@@ -62,7 +63,7 @@ class EdsFiles(NamedTuple):
 
 
 def cast_for(
-    options: MatchOptions, clock: Callable[[], float], files: EdsFiles
+    options: MatchOptions, files: EdsFiles, clock: Callable[[], float]
 ) -> tuple[tuple[Core, Drive, Navigation], World]:
     """Make the nodes, which are ordered by node-ID, and put them into their world."""
     core, drive = Core(files.dictionaries["core"]), Drive(files.dictionaries["drive"])
@@ -73,21 +74,15 @@ def cast_for(
 class Performance:
     """A match that is ready to be played, by whatever clock and bus: its nodes and world, and who watches and counts.
 
-    Without `files` the EDS files are read. Raises UnknownName, DictionaryError, LocalError for options that do not fit
-    each other.
+    Raises LocalError for options that do not fit each other.
     """
 
     def __init__(
-        self,
-        options: MatchOptions,
-        clock: Callable[[], float],
-        show: ShowEvent,
-        watch: Watcher,
-        files: EdsFiles | None = None,
+        self, options: MatchOptions, files: EdsFiles, clock: Callable[[], float], show: ShowEvent, watch: Watcher
     ) -> None:
-        self._files = files or EdsFiles.read(options.dialect)
-        self.nodes, self._world = cast_for(options, clock, self._files)
-        self._counter, self._timeline = FrameCounter(self._files.protocol), Timeline(clock, show)
+        self._dialect = files.dialect
+        self.nodes, self._world = cast_for(options, files, clock)
+        self._counter, self._timeline = FrameCounter(files.protocol), Timeline(clock, show)
         self._player = Player(self.nodes[0], self._world, options, self._timeline)
         self._watch = watch
 
@@ -99,7 +94,7 @@ class Performance:
     async def play(self, bitrate: int, how: str) -> None:
         """Play from power-on to the end; raises NoAnswer."""
         who = ", ".join(node.name for node in self.nodes)
-        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._files.dialect}"
+        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}"
         self._timeline.tell(EventKind.START, f"{who} at {where}")
         await asyncio.sleep(POWER_UP)
         await self._player.play()
@@ -121,7 +116,7 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: M
     The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
     """
     network = Network()
-    nodes, _ = cast_for(options, lambda: network.now, EdsFiles.read(options.dialect))
+    nodes, _ = cast_for(options, EdsFiles.read(options.dialect), lambda: network.now)
     _switch_on(nodes, network)
     network.run(POWER_UP)
     return loop.run(network, strategy(nodes[0]))
@@ -130,9 +125,12 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: M
 def play_simulated(
     options: MatchOptions, show: ShowEvent, watch: Watcher, files: EdsFiles | None = None
 ) -> tuple[Summary, World]:
-    """Play a match in simulated time; raises NoAnswer, UnknownName, DictionaryError, LocalError."""
+    """Play a match in simulated time; without `files` the EDS files are read.
+
+    Raises NoAnswer, UnknownName, DictionaryError, LocalError.
+    """
     network = Network()
-    match = Performance(options, lambda: network.now, show, watch, files)
+    match = Performance(options, files or EdsFiles.read(options.dialect), lambda: network.now, show, watch)
     _switch_on(match.nodes, network)
     network.observers.append(match.seen)
     loop.run(network, match.play(network.bitrate, "simulated"))
@@ -146,14 +144,13 @@ def play_live(
 
     Raises BusError, NoAnswer, UnknownName, DictionaryError, LocalError.
     """
-    from eurobot_od import live as runtime  # not at the top: a simulated match does without python-can
-
     begin = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begin
 
-    match, reports = Performance(options, clock, show, watch), list[Report]()
+    match = Performance(options, EdsFiles.read(options.dialect), clock, show, watch)
+    reports: list[Report] = []
     with ExitStack() as stack:
         stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))
         for node in match.nodes:

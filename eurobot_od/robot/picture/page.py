@@ -22,7 +22,8 @@ from eurobot_od.robot.picture.recording import Recording
 def page(recording: Recording, title: str) -> str:
     """Return the page of a match."""
     css, script = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
-    data = json.dumps({"end": round(recording.end, 3), "robots": list(_robots(recording))}).replace("</", "<\\/")
+    data = json.dumps({"end": round(recording.end, 3), "robots": list(_robots(recording))})
+    data = data.replace("</", "<\\/")  # a browser ends a script at any `</script>`, even inside a string
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>

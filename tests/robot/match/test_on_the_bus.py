@@ -75,7 +75,7 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     def clock() -> float:
         return time.monotonic() - begin
 
-    nodes, world = stage.cast_for(SHORT, clock, stage.EdsFiles.read(None))
+    nodes, world = stage.cast_for(SHORT, stage.EdsFiles.read(None), clock)
     seen: list[Frame] = []
     player = Player(nodes[0], world, SHORT, Timeline(clock, lambda _: None))
     with ExitStack() as stack:
