@@ -19,8 +19,8 @@ from eurobot_od.logs.output import TextOutput
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import screen
 from eurobot_od.monitor.traffic import Traffic
-from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.picture.picture import picture
 from eurobot_od.robot.picture.recording import record_frames
 from eurobot_od.robot.protocol import decoder as robot_decoder

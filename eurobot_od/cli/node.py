@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, with the bus closed
     if arguments.beacons:
         from eurobot_od.robot.assembly import assemble
-        from eurobot_od.robot.match.options import MatchOptions
+        from eurobot_od.robot.options import MatchOptions
 
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with live:

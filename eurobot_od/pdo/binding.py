@@ -38,21 +38,18 @@ class Binding:
             self._slots = _slots(pdo.mapping)
             self.layout = Layout(self._slots)
         except LayoutError as error:
-            raise self._error(pdo.mapping_index, f"{name}: {error}") from None
+            raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
         self.type, self.group, self.always = entry or Entry(made_type(name, self.layout.fields))
         self.kinds = kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
         self._check_fields()
         self.limits = dict(self._field_limits())
 
-    def _error(self, index: int, what: str) -> MappingError:
-        return MappingError(self.file, index, what)
-
     def _check_fields(self) -> None:
         mapped, known = set(self.layout.fields), set(self.kinds)
         if mapped - known or known - set(self.defaults) - mapped:
             has, wants = (", ".join(fields) or "nothing" for fields in (self.layout.fields, self.kinds))
-            raise self._error(self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
+            raise MappingError(self.file, self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
 
     def _field_limits(self) -> Iterator[tuple[str, Limits]]:
         for entry, (field, *_) in zip(self.pdo.mapping, self._slots):

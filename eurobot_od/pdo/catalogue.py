@@ -99,5 +99,4 @@ def made_type(name: str, fields: Sequence[str]) -> type[Message]:
     """Return a message type of plain numbers for a PDO that no catalogue has."""
     annotated: Any = [(field, Annotated[int, Kind()]) for field in fields]
     made: Any = NamedTuple(re.sub(r"\W", "_", name, flags=re.ASCII), annotated)  # type: ignore[misc]  # made at run time
-    message_type: Any = told_apart(made)
-    return cast("type[Message]", message_type)
+    return cast("type[Message]", told_apart(made))

@@ -35,10 +35,12 @@ INTEL, MOTOROLA = 1, 0
 """DBC's numbers for the byte orders: least and most significant byte first."""
 
 ATTRIBUTES = (
-    ('BA_DEF_ "BusType" STRING ;', 'BA_DEF_DEF_ "BusType" "CAN";'),
-    ('BA_DEF_ BO_ "Protocol" STRING ;', 'BA_DEF_DEF_ "Protocol" "";'),
+    'BA_DEF_ "BusType" STRING ;',
+    'BA_DEF_ BO_ "Protocol" STRING ;',
+    'BA_DEF_DEF_ "BusType" "CAN";',
+    'BA_DEF_DEF_ "Protocol" "";',
 )
-"""Definition and default of each attribute."""
+"""Definitions of the attributes, then their defaults: DBC wants them in this order."""
 
 
 def dbc_text(protocol: Protocol) -> str:
@@ -47,9 +49,11 @@ def dbc_text(protocol: Protocol) -> str:
     parts = [
         [HEAD, f"BU_: {' '.join(nodes)}", ""],
         *([*_message(each), ""] for each in protocol.bindings),
-        [*_further_senders(protocol), ""],
+        # A message with several senders names all of them once more.
+        [f"BO_TX_BU_ {each.cob_id} : {','.join(each.senders)};" for each in protocol.bindings if len(each.senders) > 1],
+        [""],
         [*_comments(protocol), ""],
-        [*_attributes(protocol), ""],
+        [*ATTRIBUTES, *(f'BA_ "Protocol" BO_ {each.cob_id} "{each.group}";' for each in protocol.bindings), ""],
         _value_tables(protocol),
     ]
     return "\n".join(line for part in parts for line in part) + "\n"
@@ -85,26 +89,12 @@ def _place(layout: Layout, run: Run) -> tuple[int, int]:
     return MOTOROLA, 8 * (layout.length - 1 - highest // 8) + highest % 8
 
 
-def _further_senders(protocol: Protocol) -> Iterator[str]:
-    """A message with several senders names all of them once more."""
-    for each in protocol.bindings:
-        if len(each.senders) > 1:
-            yield f"BO_TX_BU_ {each.cob_id} : {','.join(each.senders)};"
-
-
 def _comments(protocol: Protocol) -> Iterator[str]:
     for each in protocol.bindings:
         text = " ".join((inspect.getdoc(each.type) or "").split())
         yield f'CM_ BO_ {each.cob_id} "{text}";'
         for field in each.layout.fields:
             yield f'CM_ SG_ {each.cob_id} {field} "{each.kinds[field].allowed(each.limits[field])}";'
-
-
-def _attributes(protocol: Protocol) -> Iterator[str]:
-    yield from (definition for definition, _ in ATTRIBUTES)
-    yield from (default for _, default in ATTRIBUTES)
-    for each in protocol.bindings:
-        yield f'BA_ "Protocol" BO_ {each.cob_id} "{each.group}";'
 
 
 def _value_tables(protocol: Protocol) -> Iterator[str]:

@@ -37,7 +37,10 @@ class Kind:
     """What the value wraps around at, None for a value that does not."""
 
     unknown_as_a_whole: int | None = None
-    """The raw value that means "unknown" if all such fields of the message have theirs, None without one."""
+    """The raw value that means "unknown" if all such fields of the message have theirs, None without one.
+
+    Such a field may also be None as a meaning, which a person writes `unknown`.
+    """
 
     keyed_form: KeyedForm | None = None
     """How people may write the value in YAML as a mapping; `parse` then takes `key:word,key:word`, or `none`."""
@@ -70,17 +73,19 @@ class Kind:
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return int(text, 0)
+        return None if text == "unknown" and self.unknown_as_a_whole is not None else int(text, 0)
 
     def text(self, value: Any) -> str:
-        """Write the value for a person, with its unit."""
+        """Write the value for a person: the name of an enum's member, or a number with its unit."""
+        if isinstance(value, IntEnum):
+            return words_of(value)
         if value is None:
             return "unknown"
         return f"{int(value)}{' ' * bool(self.unit)}{self.unit}" + " (out of range)" * isinstance(value, OutOfRange)
 
     def plain(self, value: Any) -> Any:
         """Return the value for JSON and CSV: a number, None for unknown, or the words that a person writes."""
-        return value
+        return words_of(value) if isinstance(value, IntEnum) else value
 
     def allowed(self, limits: Limits) -> str:
         """Say what may be sent."""
@@ -107,14 +112,8 @@ class Choice(Kind):
         names = {words_of(member): member for member in self.enum}
         return names[text] if text in names else self.enum(int(text, 0))
 
-    def text(self, value: Any) -> str:
-        return words_of(value) if isinstance(value, self.enum) else super().text(value)
-
     def allowed(self, limits: Limits) -> str:
         return ", ".join(f"{words_of(member)} ({member.value})" for member in self.enum)
-
-    def plain(self, value: Any) -> Any:
-        return self.text(value) if isinstance(value, self.enum) else value
 
     def named_values(self) -> Mapping[int, str]:
         return {member.value: words_of(member) for member in self.enum}

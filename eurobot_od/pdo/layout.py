@@ -6,7 +6,7 @@ mapped in slices, `X position [11:4]` and so on, at any places: some controllers
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple
 
 from eurobot_od.od.values import SLICE
@@ -57,14 +57,6 @@ class Run(NamedTuple):
         return (value >> self.shift & self.mask) << self.offset
 
 
-def place(runs: Iterable[Run], raw: int) -> int:
-    """Return a raw value's bits at the places in the word that its runs say."""
-    word = 0
-    for run in runs:
-        word |= run.place(raw)
-    return word
-
-
 ByteOrder = Literal["little", "big"]
 
 
@@ -85,9 +77,10 @@ class Layout:
         self._places = {field: _whole(field, places) for field, places in self._collect().items()}
         self.fields = tuple(self._places)
         self.widths = {field: len(places) for field, places in self._places.items()}
-        little, big = self._runs("little"), self._runs("big")
-        self.byte_order: ByteOrder = "big" if _count(big) < _count(little) else "little"
-        self.runs = big if self.byte_order == "big" else little
+        runs: dict[ByteOrder, dict[str, tuple[Run, ...]]] = {"little": self._runs("little"), "big": self._runs("big")}
+        # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
+        self.byte_order: ByteOrder = min(runs, key=lambda order: sum(map(len, runs[order].values())))
+        self.runs = runs[self.byte_order]
 
     def _collect(self) -> dict[str, list[tuple[int, int]]]:
         """Return for each field its pairs of value bit and frame bit."""
@@ -116,11 +109,7 @@ class Layout:
 
     def place(self, field: str, raw: int) -> int:
         """Return a raw value's bits at their places in the word."""
-        return place(self.runs[field], raw)
-
-
-def _count(runs: Mapping[str, Sequence[Run]]) -> int:
-    return sum(map(len, runs.values()))
+        return sum(run.place(raw) for run in self.runs[field])
 
 
 def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:

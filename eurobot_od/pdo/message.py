@@ -26,13 +26,11 @@ def _equal(self: object, other: object) -> bool:
     return type(self) is type(other) and tuple.__eq__(self, other)  # type: ignore[operator]
 
 
-def _unequal(self: object, other: object) -> bool:
-    return not _equal(self, other)
-
-
 def told_apart(message_type: _Class) -> _Class:
     """Make equality depend on the type: as mere tuples a Goto Confirm and a Stop Drive, both empty, would be equal."""
-    message_type.__eq__, message_type.__ne__ = _equal, _unequal  # type: ignore[method-assign, assignment]
+    message_type.__eq__ = _equal  # type: ignore[method-assign, assignment]
+    # object's `!=` asks `__eq__`; tuple's own would go on comparing the fields only.
+    message_type.__ne__ = object.__ne__  # type: ignore[method-assign, assignment]
     return message_type
 
 

@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.pdos import Pdo, Refused, fatal
 from eurobot_od.od.values import PdoDirection
@@ -24,10 +23,8 @@ NAMES_NOTHING = re.compile(r"PDO|parameter|^\s*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
 
 
-Loaded: TypeAlias = Dictionary | Outline
-"""A file's content; of either only its name is needed beside its PDOs."""
-
-Source: TypeAlias = tuple[Loaded, Iterable[Pdo]]
+Source: TypeAlias = tuple[Outline, Iterable[Pdo]]
+"""What a file says, often a whole `Dictionary`, and those of its PDOs that are looked at."""
 
 
 class Protocol:
@@ -41,6 +38,7 @@ class Protocol:
     def __init__(self, sources: Iterable[Source], catalogue: Catalogue = NOTHING, refused: Refused = fatal) -> None:
         self.catalogue = catalogue
         self._bindings: dict[str, Binding] = {}
+        self._by_cob_id: dict[int, Binding] = {}
         for dictionary, pdos in sources:
             for pdo in pdos:
                 if pdo.valid:
@@ -50,22 +48,25 @@ class Protocol:
                         refused(error)
         self._by_type = {binding.type: binding for binding in self._bindings.values()}
         self._by_name = {plain_name(name): binding for name, binding in self._bindings.items()}
-        self._by_cob_id = {binding.cob_id: binding for binding in self._bindings.values()}
         # filled when a message is first read or written, as its function is generated then
         self._readers: dict[int, Callable[[bytes], Message]] = {}
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
 
-    def _bind(self, dictionary: Loaded, pdo: Pdo) -> None:
+    def _bind(self, dictionary: Outline, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)
         binding = self._bindings.get(name)
         if binding is None:
-            self._refuse_shared(dictionary, pdo)
-            binding = self._bindings[name] = Binding(dictionary.file, pdo, name, entry)
+            if other := self._by_cob_id.get(pdo.cob_id):
+                where = f"{other.name} ({other.file.name} 0x{other.pdo.index:04X})"
+                what = f"COB-ID 0x{pdo.cob_id:03X} is already that of {where}"
+                raise MappingError(dictionary.file, pdo.index, f"{pdo.name}: {what}")
+            binding = Binding(dictionary.file, pdo, name, entry)
+            self._bindings[name] = self._by_cob_id[pdo.cob_id] = binding
         else:
             _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo, name, entry))
         (binding.senders if pdo.direction is PdoDirection.TPDO else binding.receivers).append(dictionary.name)
 
-    def _identify(self, dictionary: Loaded, pdo: Pdo) -> tuple[str, Entry | None]:
+    def _identify(self, dictionary: Outline, pdo: Pdo) -> tuple[str, Entry | None]:
         """Return the name of a PDO's message, and its entry in the catalogue.
 
         Outside the catalogue a record's name need not say which PDO it is: half of the EDS files in the world repeat
@@ -75,16 +76,8 @@ class Protocol:
         entry = self.catalogue.find(pdo.name)
         if entry is not None or not NAMES_NOTHING.search(pdo.name):
             return pdo.name, entry
-        same = (name for name, binding in self._bindings.items() if binding.cob_id == pdo.cob_id)
-        return next(same, f"{dictionary.name}.{pdo.direction.name}{pdo.number}"), None
-
-    def _refuse_shared(self, dictionary: Loaded, pdo: Pdo) -> None:
-        for other in self._bindings.values():
-            if other.cob_id == pdo.cob_id:
-                where = f"{other.name} ({other.file.name} 0x{other.pdo.index:04X})"
-                raise MappingError(
-                    dictionary.file, pdo.index, f"{pdo.name}: COB-ID 0x{pdo.cob_id:03X} is already that of {where}"
-                )
+        same = self._by_cob_id.get(pdo.cob_id)
+        return same.name if same else f"{dictionary.name}.{pdo.direction.name}{pdo.number}", None
 
     # Typed messages
 
@@ -156,7 +149,7 @@ class Protocol:
         return self.binding(message_type).name
 
 
-def _refuse_difference(known: Binding, dictionary: Loaded, other: Binding) -> None:
+def _refuse_difference(known: Binding, dictionary: Outline, other: Binding) -> None:
     """Two dictionaries that speak of one message must mean the same frame.
 
     Where only the COB-ID says that it is one message, the two may call its fields by different names.

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 from eurobot_od.robot.nodes import Drive, Navigation, Node
+from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world import World
-
-if TYPE_CHECKING:  # the package `match` loads this file itself
-    from eurobot_od.robot.match.options import MatchOptions
 
 
 def assemble(nodes: Iterable[Node], options: MatchOptions, clock: Callable[[], float]) -> World:
     """Make the world of a match around some of the robot's nodes, and return it."""
     cast = tuple(nodes)
     noise = next((node.deviations for node in cast if isinstance(node, Navigation)), lambda: (0.0, 0.0))
-    world = World(options.seed, options.team, options.enemies, options.confederates, noise, clock)
+    world = World(options, noise, clock)
     for node in cast:
         if isinstance(node, Drive):
             node.chassis = world

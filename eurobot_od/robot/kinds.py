@@ -43,9 +43,6 @@ class Heading(Angle):
     def named_values(self) -> Mapping[int, str]:
         return {self.UNKNOWN: self.text(None)}
 
-    def parse(self, text: str) -> Any:
-        return None if text == "unknown" else super().parse(text)
-
     def allowed(self, limits: Limits) -> str:
         return super().allowed(limits) + ", None for unknown"
 
@@ -57,9 +54,6 @@ class Coordinate(Kind):
     """
 
     unknown_as_a_whole = 0xFF
-
-    def parse(self, text: str) -> Any:
-        return None if text == "unknown" else super().parse(text)
 
     def allowed(self, limits: Limits) -> str:
         return super().allowed(limits) + ", or x, y and angle None for unknown"
@@ -86,12 +80,6 @@ class Remaining(Kind):
     def parse(self, text: str) -> Any:
         names = {"unknown": None} | {words_of(fault): fault for fault in GotoFault}
         return names[text] if text in names else super().parse(text)
-
-    def text(self, value: Any) -> str:
-        return words_of(value) if isinstance(value, GotoFault) else super().text(value)
-
-    def plain(self, value: Any) -> Any:
-        return self.text(value) if isinstance(value, GotoFault) else value
 
     def named_values(self) -> Mapping[int, str]:
         return {0: "arrived"} | {raw: self.text(meaning) for raw, meaning in self.MEANING.items()}

@@ -9,19 +9,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.pdo.catalogue import Catalogue
-from eurobot_od.pdo.kinds import Choice, Kind, words_of
-from eurobot_od.pdo.kinds import OutOfRange as OutOfRange
+from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
 from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
-from eurobot_od.robot.values import BARRIER_NAMES as BARRIER_NAMES
-from eurobot_od.robot.values import Barriers as Barriers
-from eurobot_od.robot.values import Direction as Direction
-from eurobot_od.robot.values import GotoFault as GotoFault
-from eurobot_od.robot.values import Obstacle as Obstacle
-from eurobot_od.robot.values import Passage as Passage
-from eurobot_od.robot.values import RobotError as RobotError
-from eurobot_od.robot.values import Route as Route
-from eurobot_od.robot.values import Source as Source
-from eurobot_od.robot.values import TeamColour as TeamColour
+from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, RobotError, Route, Source, TeamColour
 
 CATALOGUE = Catalogue({code.value: words_of(code) for code in RobotError})
 """The message types of this file by the names of their PDOs, and the words for the nodes' own error codes."""
@@ -171,6 +161,12 @@ class StartConfigurationSet(NamedTuple):
     confederates: Annotated[int, Kind()]
     enemy_1_diameter: Annotated[int, Kind("cm")]
     enemy_2_diameter: Annotated[int, Kind("cm")]
+
+    def includes(self, whom: Source) -> bool:
+        """Tell whether there is such a robot in the match; ours is always there."""
+        if whom is Source.CONFEDERATE:
+            return self.confederates >= 1
+        return self.enemies >= {Source.ENEMY_1: 1, Source.ENEMY_2: 2}.get(whom, 0)
 
 
 @CATALOGUE.message(GIP)

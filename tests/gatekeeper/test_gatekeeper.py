@@ -28,10 +28,10 @@ from eurobot_od.robot.messages import (
     GotoConfirm,
     GotoStateResponse,
     GotoXY,
-    Obstacle,
     StopDrive,
 )
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.values import Obstacle
 
 PROTOCOL = EurobotProtocol.load()
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)

@@ -133,3 +133,17 @@ DESCRIBED: list[tuple[Message, str]] = [
 @pytest.mark.parametrize(("message", "text"), DESCRIBED)
 def test_is_described_for_a_person(message: Message, text: str) -> None:
     assert describe(message) == text
+
+
+@pytest.mark.parametrize(
+    ("enemies", "confederates", "included"),
+    [
+        (0, 0, {Source.INTERNAL}),
+        (1, 0, {Source.INTERNAL, Source.ENEMY_1}),
+        (2, 0, {Source.INTERNAL, Source.ENEMY_1, Source.ENEMY_2}),
+        (0, 1, {Source.INTERNAL, Source.CONFEDERATE}),
+    ],
+)
+def test_a_start_configuration_says_who_is_in_the_match(enemies: int, confederates: int, included: set[Source]) -> None:
+    start = START._replace(enemies=enemies, confederates=confederates)
+    assert {whom for whom in Source if start.includes(whom)} == included

@@ -10,8 +10,8 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.check.drill import drill
-from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Node
+from eurobot_od.robot.options import MatchOptions
 
 
 def nodes_under_test(

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import RemoteError
-from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.match.timeline import EventKind, MatchEvent
+from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.values import Outcome
 
 ARRIVED = Outcome.ARRIVED.value
@@ -64,8 +64,7 @@ class PlayedMatch:
 
     def as_data(self) -> dict[str, Any]:
         """Return everything as plain data."""
-        summary = self.summary.as_data() if self.summary else None
-        gotos = [goto._asdict() for goto in self.gotos]
+        summary, gotos = self.summary and self.summary.as_data(), [goto._asdict() for goto in self.gotos]
         return {"seed": self.seed, "wrong": self.wrong, "moved": self.moved, "gotos": gotos, "summary": summary}
 
 

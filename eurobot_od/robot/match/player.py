@@ -7,17 +7,16 @@ knows neither bus nor clock, so that the same coroutine runs in simulated and in
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
 from itertools import cycle
 
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.field import Point
-from eurobot_od.robot.match.options import ENEMY_DIAMETER, MatchOptions
 from eurobot_od.robot.match.tasks import TASKS, Task
 from eurobot_od.robot.match.timeline import EventKind, Timeline
 from eurobot_od.robot.messages import KalmanPositionResponse
 from eurobot_od.robot.nodes.core import Core, GotoReport
-from eurobot_od.robot.values import Obstacle, Outcome
+from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
+from eurobot_od.robot.values import Outcome
 from eurobot_od.robot.world import World
 
 SENSE_PERIOD = 0.05
@@ -41,10 +40,8 @@ class Player:
     Raises LocalError for an emergency that is not within the match.
     """
 
-    def __init__(
-        self, core: Core, world: World, options: MatchOptions, timeline: Timeline, clock: Callable[[], float]
-    ) -> None:
-        self.core, self.world, self.options, self.timeline, self.clock = core, world, options, timeline, clock
+    def __init__(self, core: Core, world: World, options: MatchOptions, timeline: Timeline) -> None:
+        self.core, self.world, self.options, self.timeline, self.clock = core, world, options, timeline, timeline.clock
         self.errors: list[float] = []
         """Distance between estimated and true place at each arrival, mm."""
         self._duration = options.duration or float(core.setting("Match.Match duration"))
@@ -58,17 +55,17 @@ class Player:
 
     async def play(self) -> None:
         """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
-        await self._start_up()
+        await self._check()
+        await self._configure()
+        await self._first_position()
         await self._drive_until_end()
 
     # Startup (document 5.1)
 
-    async def _start_up(self) -> None:
+    async def _check(self) -> None:
         took = await self.core.check_nodes()
         answers = ", ".join(f"{node} answered after {seconds * 1000:.1f} ms" for node, seconds in took.items())
         self.timeline.tell(EventKind.CHECK, answers, seconds=took)
-        await self._configure()
-        await self._first_position()
 
     async def _configure(self) -> None:
         options = self.options
@@ -102,7 +99,9 @@ class Player:
             if report.outcome is Outcome.ARRIVED:
                 await self._tell_arrival(report)
             else:
-                self._tell_given_up(report)
+                outcome, why = report.outcome.value, self._why if report.outcome is Outcome.STOPPED else None
+                text = f"{outcome} after {report.ended:.2f} s"
+                self.timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome, why=why, seconds=report.ended)
                 await asyncio.sleep(max(min(WAIT, self._time_left()), 0))
             if self._time_left() <= 0:
                 break
@@ -113,7 +112,7 @@ class Player:
         call = self.core.goto(task.x, task.y, task.angle, task.speed, task.flags())
         self.timeline.tell(EventKind.GOTO, str(task), goto=task._asdict() | {"barriers": str(task.flags())})
         arriving = asyncio.wrap_future(call)
-        while not arriving.done():
+        while not arriving.done():  # nobody tells when something comes into sight: the sensor has to be read
             await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._time_left()), 0))
             if not arriving.done():
                 self._look()
@@ -131,12 +130,9 @@ class Player:
             return
         self.world.drop_thing(now)
         if (obstacle := self.world.obstacle(now)) is not None:
-            self._stop_for(obstacle)
-
-    def _stop_for(self, obstacle: Obstacle) -> None:
-        self._why = f"{obstacle.name.lower()} ahead"
-        self.core.emergency_stop(obstacle)
-        self.timeline.tell(EventKind.STOP, f"emergency stop: {self._why}", obstacle=obstacle.name)
+            self._why = f"{obstacle.name.lower()} ahead"
+            self.core.emergency_stop(obstacle)
+            self.timeline.tell(EventKind.STOP, f"emergency stop: {self._why}", obstacle=obstacle.name)
 
     def _stop_for_good(self) -> None:
         self._stopped = True
@@ -149,23 +145,14 @@ class Player:
             self.core.emergency_shutdown()
             self.timeline.tell(EventKind.EMERGENCY, f"emergency shutdown: {self._why}")
 
-    def _tell_given_up(self, report: GotoReport) -> None:
-        outcome, why = report.outcome, self._why if report.outcome is Outcome.STOPPED else None
-        text = f"{outcome.value} after {report.ended:.2f} s"
-        self.timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome.value, why=why, seconds=report.ended)
-
     async def _tell_arrival(self, report: GotoReport) -> None:
         error = await self._position_error()
         self.errors.append(error)
-        confirmed = f"confirmed after {(report.confirmed or 0) * 1000:.1f} ms, "
-        self.timeline.tell(
-            EventKind.ARRIVED,
-            f"after {report.ended:.2f} s ({confirmed}position error {error:.0f} mm)",
-            seconds=report.ended,
-            confirmed=report.confirmed,
-            error=round(error, 1),
-            distance=round(self.world.robot.distance(Point(report.goto.x, report.goto.y)), 1),
-        )
+        goto, _, confirmed, seconds = report
+        details = f"confirmed after {(confirmed or 0) * 1000:.1f} ms, position error {error:.0f} mm"
+        off = {"error": round(error, 1), "distance": round(self.world.robot.distance(Point(goto.x, goto.y)), 1)}
+        text = f"after {seconds:.2f} s ({details})"
+        self.timeline.tell(EventKind.ARRIVED, text, seconds=seconds, confirmed=confirmed, **off)
 
     async def _position_error(self) -> float:
         position = await self.core.position()

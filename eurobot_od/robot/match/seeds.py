@@ -13,15 +13,15 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from multiprocessing import Pipe, Process, parent_process
 from multiprocessing.connection import Connection, wait
 from typing import cast
 
-from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles, Performance
+from eurobot_od.robot.options import MatchOptions
 
 
 def cores() -> int:
@@ -35,32 +35,27 @@ def play_many(options: MatchOptions, seeds: range, jobs: int) -> Generator[Playe
     Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
     """
     files = EdsFiles.read(options.dialect)
-    Performance(options, lambda: 0.0, lambda _event: None, lambda _time, _frame: None, files)  # complains here, once
+    Performance(options, files, lambda: 0.0, lambda _event: None, lambda _time, _frame: None)  # complains here, once
     if jobs == 1 or len(seeds) == 1:
         return (play(replace(options, seed=seed), files) for seed in seeds)
-    return _in_order(_spread(options, seeds, min(jobs, len(seeds))), seeds.start)
-
-
-def _in_order(matches: Generator[PlayedMatch, None, None], seed: int) -> Generator[PlayedMatch, None, None]:
-    """Hold back what comes before its turn; `seed` is the first one."""
-    early: dict[int, PlayedMatch] = {}
-    with closing(matches):
-        for match in matches:
-            early[match.seed] = match
-            while seed in early:
-                yield early.pop(seed)
-                seed += 1
+    return _spread(options, seeds, min(jobs, len(seeds)))
 
 
 # Processes
 
 
 def _spread(options: MatchOptions, seeds: range, jobs: int) -> Generator[PlayedMatch, None, None]:
-    """Play on several processes; a match comes as soon as it is over."""
+    """Play on several processes, and hold back a match that is over before its turn."""
+    early: dict[int, PlayedMatch] = {}
+    turn = seeds.start
     with ExitStack() as stack:
         workers = [stack.enter_context(_worker(options)) for _ in range(jobs)]
         try:
-            yield from _hand_out(workers, iter(seeds))
+            for match in _hand_out(workers, iter(seeds)):
+                early[match.seed] = match
+                while turn in early:
+                    yield early.pop(turn)
+                    turn += 1
         except (EOFError, ConnectionError):
             raise ChildProcessError("a process that played matches has died") from None
 

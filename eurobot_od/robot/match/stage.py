@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterable, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from eurobot_od import live as runtime
 from eurobot_od.device.flow import Result
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
@@ -18,12 +19,12 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.assembly import assemble
-from eurobot_od.robot.match.options import MatchOptions
 from eurobot_od.robot.match.player import Player
 from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
@@ -61,49 +62,28 @@ class EdsFiles(NamedTuple):
         return cls(dialects.folder(dialect).name, dictionaries, protocol)
 
 
-class Cast(NamedTuple):
-    """The three nodes, the world they act in, and the EDS files they come from."""
-
-    core: Core
-    drive: Drive
-    navigation: Navigation
-    world: World
-    files: EdsFiles
-
-    @property
-    def nodes(self) -> tuple[Node, ...]:
-        """The nodes by node-ID."""
-        return self.core, self.drive, self.navigation
-
-
-def cast_for(options: MatchOptions, clock: Callable[[], float], files: EdsFiles | None = None) -> Cast:
-    """Make the nodes and put them into their world.
-
-    Without `files` the EDS files are read. Raises UnknownName, DictionaryError.
-    """
-    files = files or EdsFiles.read(options.dialect)
+def cast_for(
+    options: MatchOptions, files: EdsFiles, clock: Callable[[], float]
+) -> tuple[tuple[Core, Drive, Navigation], World]:
+    """Make the nodes, which are ordered by node-ID, and put them into their world."""
     core, drive = Core(files.dictionaries["core"]), Drive(files.dictionaries["drive"])
-    navigation = Navigation(files.dictionaries["navigation"])
-    return Cast(core, drive, navigation, assemble((core, drive, navigation), options, clock), files)
+    nodes = (core, drive, Navigation(files.dictionaries["navigation"]))
+    return nodes, assemble(nodes, options, clock)
 
 
 class Performance:
-    """A match that is ready to be played, by whatever clock and bus: its cast, and who watches and counts.
+    """A match that is ready to be played, by whatever clock and bus: its nodes and world, and who watches and counts.
 
-    Raises UnknownName, DictionaryError, LocalError for options that do not fit each other.
+    Raises LocalError for options that do not fit each other.
     """
 
     def __init__(
-        self,
-        options: MatchOptions,
-        clock: Callable[[], float],
-        show: ShowEvent,
-        watch: Watcher,
-        files: EdsFiles | None = None,
+        self, options: MatchOptions, files: EdsFiles, clock: Callable[[], float], show: ShowEvent, watch: Watcher
     ) -> None:
-        self.cast = cast_for(options, clock, files)
-        self._counter, self._timeline = FrameCounter(self.cast.files.protocol), Timeline(clock, show)
-        self._player = Player(self.cast.core, self.cast.world, options, self._timeline, clock)
+        self._dialect = files.dialect
+        self.nodes, self._world = cast_for(options, files, clock)
+        self._counter, self._timeline = FrameCounter(files.protocol), Timeline(clock, show)
+        self._player = Player(self.nodes[0], self._world, options, self._timeline)
         self._watch = watch
 
     def seen(self, now: float, frame: Frame) -> None:
@@ -113,8 +93,8 @@ class Performance:
 
     async def play(self, bitrate: int, how: str) -> None:
         """Play from power-on to the end; raises NoAnswer."""
-        who = ", ".join(node.name for node in self.cast.nodes)
-        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self.cast.files.dialect}"
+        who = ", ".join(node.name for node in self.nodes)
+        where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}"
         self._timeline.tell(EventKind.START, f"{who} at {where}")
         await asyncio.sleep(POWER_UP)
         await self._player.play()
@@ -122,11 +102,11 @@ class Performance:
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> tuple[Summary, World]:
         """Return what the match came to, `seconds` after power-on, and its world."""
         summary = self._counter.summary(seconds, bitrate, self._player.errors, [str(each) for each in reports])
-        return summary, self.cast.world
+        return summary, self._world
 
 
-def _switch_on(cast: Cast, network: Network) -> None:
-    for node in cast.nodes:
+def _switch_on(nodes: Iterable[Node], network: Network) -> None:
+    for node in nodes:
         network.attach(node, BOOT_TIMES[node.name])
 
 
@@ -136,19 +116,22 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: M
     The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
     """
     network = Network()
-    cast = cast_for(options, lambda: network.now)
-    _switch_on(cast, network)
+    nodes, _ = cast_for(options, EdsFiles.read(options.dialect), lambda: network.now)
+    _switch_on(nodes, network)
     network.run(POWER_UP)
-    return loop.run(network, strategy(cast.core))
+    return loop.run(network, strategy(nodes[0]))
 
 
 def play_simulated(
     options: MatchOptions, show: ShowEvent, watch: Watcher, files: EdsFiles | None = None
 ) -> tuple[Summary, World]:
-    """Play a match in simulated time; raises NoAnswer, UnknownName, DictionaryError, LocalError."""
+    """Play a match in simulated time; without `files` the EDS files are read.
+
+    Raises NoAnswer, UnknownName, DictionaryError, LocalError.
+    """
     network = Network()
-    match = Performance(options, lambda: network.now, show, watch, files)
-    _switch_on(match.cast, network)
+    match = Performance(options, files or EdsFiles.read(options.dialect), lambda: network.now, show, watch)
+    _switch_on(match.nodes, network)
     network.observers.append(match.seen)
     loop.run(network, match.play(network.bitrate, "simulated"))
     return match.result(network.now, network.bitrate, network.reports)
@@ -161,17 +144,16 @@ def play_live(
 
     Raises BusError, NoAnswer, UnknownName, DictionaryError, LocalError.
     """
-    from eurobot_od import live as runtime
-
     begin = time.monotonic()
 
     def clock() -> float:
         return time.monotonic() - begin
 
-    match, reports = Performance(options, clock, show, watch), list[Report]()
+    match = Performance(options, EdsFiles.read(options.dialect), clock, show, watch)
+    reports: list[Report] = []
     with ExitStack() as stack:
         stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))
-        for node in match.cast.nodes:
+        for node in match.nodes:
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
         asyncio.run(match.play(runtime.BITRATE, "in real time"))
     return match.result(clock(), runtime.BITRATE, reports)

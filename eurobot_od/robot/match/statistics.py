@@ -92,7 +92,10 @@ def report(matches: Sequence[PlayedMatch]) -> Iterator[str]:
     for figure in FIGURES:
         yield _line(figure, spread(figure, matches))
     yield ""
-    yield from _findings(matches)
+    bad = [match for match in matches if match.wrong]
+    yield from (f"seed {match.seed}: {text}" for match in bad for text in match.wrong)
+    played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"
+    yield f"{played}: something went wrong in {len(bad)}" if bad else f"{played}: nothing went wrong"
 
 
 def _line(figure: Figure, spread: Spread | None) -> str:
@@ -100,10 +103,3 @@ def _line(figure: Figure, spread: Spread | None) -> str:
         return f"{figure.name:<22} {'none':>8}"
     least, middle, most = (f"{each:8.{figure.decimals}f}" for each in (spread.least, spread.median, spread.most))
     return f"{figure.name:<22} {least} {spread.least_seed:>6} {middle} {most} {spread.most_seed:>6}"
-
-
-def _findings(matches: Sequence[PlayedMatch]) -> Iterator[str]:
-    bad = [match for match in matches if match.wrong]
-    yield from (f"seed {match.seed}: {text}" for match in bad for text in match.wrong)
-    played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"
-    yield f"{played}: something went wrong in {len(bad)}" if bad else f"{played}: nothing went wrong"

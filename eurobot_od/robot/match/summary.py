@@ -33,7 +33,7 @@ class Summary:
     @property
     def messages_sent(self) -> int:
         """How many of the protocol's messages were on the bus at least once."""
-        return sum(1 for count in self.frames.values() if count)
+        return sum(map(bool, self.frames.values()))
 
     def as_data(self) -> dict[str, Any]:
         """Return everything as plain data."""
@@ -68,16 +68,11 @@ class FrameCounter:
         try:
             self._counts[self._protocol.binding_of(frame.cob_id).name] += 1
         except UnknownIdentifier:
-            self._others[self._service(frame)] += 1
-
-    def _service(self, frame: Frame) -> str:
-        """Name a frame that is not one of the protocol's messages."""
-        service = self._services.get(frame.cob_id)
-        if service is None:
-            return "Other"
-        return (
-            "Boot-up" if service.name == "Heartbeat" and frame.data == bytes([NmtState.INITIALISING]) else service.name
-        )
+            service = self._services.get(frame.cob_id)
+            name = "Other" if service is None else service.name
+            # On the wire a boot-up is a heartbeat of the state Initialising (CiA 301, 7.2.8.3.3).
+            boot_up = name == "Heartbeat" and frame.data == bytes([NmtState.INITIALISING])
+            self._others["Boot-up" if boot_up else name] += 1
 
     def summary(self, seconds: float, bitrate: int, errors: list[float], reports: list[str]) -> Summary:
         """Return what was counted in `seconds`."""

@@ -42,11 +42,11 @@ class MatchEvent:
 
 
 class Timeline:
-    """Where events are told; `show` is called with each as it comes."""
+    """Where events are told; `show` is called with each as it comes. `clock` is the match's: seconds since power-on."""
 
     def __init__(self, clock: Callable[[], float], show: Callable[[MatchEvent], None]) -> None:
-        self._clock, self._show = clock, show
+        self.clock, self._show = clock, show
 
     def tell(self, kind: EventKind, text: str, **data: Any) -> None:
         """Add an event that happens now."""
-        self._show(MatchEvent(self._clock(), kind, text, data))
+        self._show(MatchEvent(self.clock(), kind, text, data))

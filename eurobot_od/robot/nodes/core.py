@@ -18,8 +18,8 @@ could come between the two, and the goto would drive after it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, ClassVar, NamedTuple, get_args
 
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script
@@ -28,66 +28,37 @@ from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    CheckNaviRequest,
-    CheckNaviResponse,
-    ConfederatePositionRequest,
-    EmergencyShutdown,
-    EmergencyStop,
-    Enemy1PositionRequest,
-    Enemy2PositionRequest,
-    GotoConfirm,
-    GotoStateRequest,
-    GotoStateResponse,
-    GotoXY,
-    KalmanPositionRequest,
-    KalmanPositionResponse,
-    NaviPositionRequest,
-    PositionResponse,
-    StartConfigurationConfirm,
-    StartConfigurationSet,
-    StopDrive,
-    StopMessage,
-)
+from eurobot_od.robot import messages
 from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
-from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, TeamColour
+from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, Source, TeamColour
 
 NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
-    ("drive", CheckDriveRequest(), CheckDriveResponse),
-    ("navigation", CheckNaviRequest(), CheckNaviResponse),
+    ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
+    ("navigation", messages.CheckNaviRequest(), messages.CheckNaviResponse),
 )
 """The nodes in the order in which they are checked (2014 robot: drive first)."""
 
+GOTO_SETTINGS = ("Goto handshake.Confirm wait", "Goto handshake.Transmissions")
 STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
-"""The settings by which the drive is asked for its state and its position: how long to wait, how often to ask."""
+"""The settings by which the drive is sent to a place, and asked for its state and its position: how long to wait, how
+often to ask."""
 
 
-class PolledPosition(NamedTuple):
-    """A position that is asked for periodically: the request, the setting with its offset, and when it is needed."""
-
-    request: Message
-    offset: str
-    needed: Callable[[StartConfigurationSet], bool]
-
-
-POLLED_POSITIONS = (
-    PolledPosition(NaviPositionRequest(), "Position polling.Navi offset", lambda _: True),
-    PolledPosition(KalmanPositionRequest(), "Position polling.Kalman offset", lambda _: True),
-    PolledPosition(
-        ConfederatePositionRequest(), "Position polling.Confederate offset", lambda start: start.confederates >= 1
-    ),
-    PolledPosition(Enemy1PositionRequest(), "Position polling.Enemy 1 offset", lambda start: start.enemies >= 1),
-    PolledPosition(Enemy2PositionRequest(), "Position polling.Enemy 2 offset", lambda start: start.enemies >= 2),
+POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
+    (messages.NaviPositionRequest(), "Position polling.Navi offset", Source.INTERNAL),
+    (messages.KalmanPositionRequest(), "Position polling.Kalman offset", Source.INTERNAL),
+    (messages.ConfederatePositionRequest(), "Position polling.Confederate offset", Source.CONFEDERATE),
+    (messages.Enemy1PositionRequest(), "Position polling.Enemy 1 offset", Source.ENEMY_1),
+    (messages.Enemy2PositionRequest(), "Position polling.Enemy 2 offset", Source.ENEMY_2),
 )
+"""What is asked for periodically: the request, the setting with its offset, and whose position it is."""
 
 
 class GotoReport(NamedTuple):
     """What became of a goto; times in seconds from its first transmission, `confirmed` None if it never was."""
 
-    goto: GotoXY
+    goto: messages.GotoXY
     outcome: Outcome
     confirmed: float | None
     ended: float
@@ -96,7 +67,7 @@ class GotoReport(NamedTuple):
 class Sighting(NamedTuple):
     """A position as it was received, and when, in seconds of the node's time."""
 
-    position: PositionResponse
+    position: messages.PositionResponse
     time: float
 
 
@@ -120,17 +91,17 @@ class Core(RobotNode):
         self._forget()
 
     def _forget(self) -> None:
-        self.configuration: StartConfigurationSet | None = None
-        self.positions: dict[type[PositionResponse], Sighting] = {}
+        self.configuration: messages.StartConfigurationSet | None = None
+        self.positions: dict[type[messages.PositionResponse], Sighting] = {}
         self.shut_down = False
         self._driving: Flow[GotoReport] | None = None
         self._configuring: Flow[float] | None = None
-        self._stopped: StopMessage | None = None
+        self._stopped: messages.StopMessage | None = None
         self._polling = 0
 
     def reset(self) -> None:
         """Give up what is going on and forget everything, as after power-on."""
-        for flow in list(self._flows):
+        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
             flow.fail(StateError("the core was reset"), self.now)
         super().reset()
         self._forget()
@@ -143,7 +114,7 @@ class Core(RobotNode):
         NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect.
         """
-        return self._run(self._check_nodes())
+        return self._begin(self._check_nodes()).call
 
     def configure_start(
         self,
@@ -159,10 +130,12 @@ class Core(RobotNode):
         Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a newer
         start configuration or an Emergency Shutdown comes before the confirm.
         """
-        configuration = StartConfigurationSet(team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter)
+        configuration = messages.StartConfigurationSet(
+            team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
+        )
         with self.guard:
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
-            self._end_configuring("replaced by a newer start configuration")
+            self._end(self._configuring, StateError("replaced by a newer start configuration"))
             self._configuring = self._begin(self._configure(configuration))
             return self._configuring.call
 
@@ -181,41 +154,39 @@ class Core(RobotNode):
         A goto that is under way ends as REPLACED. Raises FieldError before anything is sent, StateError after an
         Emergency Shutdown, NoAnswer if the drive does not confirm or does not say its state.
         """
-        goto = GotoXY(x, y, angle, speed, barriers, direction, route)
+        goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
                 raise StateError("no goto after an emergency shutdown: configure the start first")
-            self._end_driving(Outcome.REPLACED)
+            self._end(self._driving, _Ended(Outcome.REPLACED))
             self._driving, self._stopped = self._begin(self._goto(goto)), None
             return self._driving.call
 
-    def position(self) -> Call[KalmanPositionResponse]:
+    def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
-        return self._run(self._position())
+        return self._begin(self._position()).call
 
     def stop(self) -> None:
         """Brake and forget the goto (document 2.1)."""
-        self._stop(StopDrive())
+        self._stop(messages.StopDrive())
 
     def emergency_stop(self, obstacle: Obstacle) -> None:
         """Brake because of an obstacle (document 4.2.2 Obstacle)."""
-        self._stop(EmergencyStop(obstacle))
+        self._stop(messages.EmergencyStop(obstacle))
 
     def emergency_shutdown(self) -> None:
         """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
         with self.guard:  # a confirm between the two would end the safe state again
-            self._stop(EmergencyShutdown())
-            self._end_configuring("emergency shutdown before the start configuration was confirmed")
-
-    def _run(self, script: Script[Result]) -> Call[Result]:
-        with self.guard:
-            return self._begin(script).call
+            self._stop(messages.EmergencyShutdown())
+            why = "emergency shutdown before the start configuration was confirmed"
+            self._end(self._configuring, StateError(why))
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
         flow = Flow(script, self._timers, self._put, self._ended)
-        self._flows.append(flow)
-        self.soon(flow.start)
+        with self.guard:
+            self._flows.append(flow)
+            self.soon(flow.start)
         return flow
 
     def _put(self, request: Message | Frame) -> None:
@@ -231,20 +202,16 @@ class Core(RobotNode):
         if flow is self._configuring:
             self._configuring = None
 
-    def _stop(self, stop: StopMessage) -> None:
+    def _stop(self, stop: messages.StopMessage) -> None:
         with self.guard:
             self.send(stop)
             self._stopped = stop
-            self.shut_down = self.shut_down or isinstance(stop, EmergencyShutdown)
-            self._end_driving(Outcome.STOPPED)
+            self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
+            self._end(self._driving, _Ended(Outcome.STOPPED))
 
-    def _end_driving(self, outcome: Outcome) -> None:
-        if self._driving is not None:
-            self._driving.fail(_Ended(outcome), self.now)
-
-    def _end_configuring(self, why: str) -> None:
-        if self._configuring is not None:
-            self._configuring.fail(StateError(why), self.now)
+    def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
+        if flow is not None:
+            flow.fail(error, self.now)
 
     # Flows
 
@@ -268,31 +235,29 @@ class Core(RobotNode):
         channel = Channel.to(node, self.device)
         if channel is None:
             return
-        try:
+        with suppress(NoAnswer):  # the 2014 robot's own nodes know no SDO
             answer = yield Ask(channel.ask(), channel.answer, self.seconds("Node check.Identity wait"), 1)
-        except NoAnswer:
-            return
-        theirs, ours = revision_in(answer), self.device.number(REVISION)
-        if theirs is not None and theirs != ours:
-            raise DialectMismatch(node, channel.node_id, theirs, ours)
+            theirs, ours = revision_in(answer), self.device.number(REVISION)
+            if theirs is not None and theirs != ours:
+                raise DialectMismatch(node, channel.node_id, theirs, ours)
 
-    def _configure(self, configuration: StartConfigurationSet) -> Script[float]:
+    def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
         yield self._asking(
             configuration,
-            StartConfigurationConfirm,
+            messages.StartConfigurationConfirm,
             "Configuration handshake.Configuration confirm wait",
             "Configuration handshake.Configuration transmissions",
         )
         self.configuration, self.shut_down = configuration, False
-        self._start_polling(self.now + self.seconds("Position polling.Start delay"))
+        self._start_polling(configuration, self.now + self.seconds("Position polling.Start delay"))
         return self.now - asked
 
-    def _goto(self, goto: GotoXY) -> Script[GotoReport]:
+    def _goto(self, goto: messages.GotoXY) -> Script[GotoReport]:
         started, confirmed = self.now, None
         try:
             started = yield START
-            yield self._asking(goto, GotoConfirm, "Goto handshake.Confirm wait", "Goto handshake.Transmissions")
+            yield self._asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
             confirmed = self.now - started
             outcome = yield from self._until_ended()
         except _Ended as end:
@@ -303,70 +268,64 @@ class Core(RobotNode):
         """Poll the drive's state until the goto has ended (document 2.1 State Request)."""
         yield Pause(self.seconds("Goto handshake.First state request"))
         while True:
-            state = yield self._asking(GotoStateRequest(), GotoStateResponse, *STATE_SETTINGS)
+            state = yield self._asking(messages.GotoStateRequest(), messages.GotoStateResponse, *STATE_SETTINGS)
             if state.time == 0:
                 return Outcome.ARRIVED
             if state.time in FAULT_OUTCOME:
                 return FAULT_OUTCOME[state.time]
             yield Pause(self.seconds("Goto handshake.State request period"))
 
-    def _position(self) -> Script[KalmanPositionResponse]:
+    def _position(self) -> Script[messages.KalmanPositionResponse]:
         yield START
-        answer: KalmanPositionResponse = yield self._asking(
-            KalmanPositionRequest(), KalmanPositionResponse, *STATE_SETTINGS
+        answer: messages.KalmanPositionResponse = yield self._asking(
+            messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS
         )
         return answer
 
     # Position polling
 
-    def _start_polling(self, start: float) -> None:
+    def _start_polling(self, configuration: messages.StartConfigurationSet, start: float) -> None:
         """Ask for positions from `start` on; each request keeps to its own times, however late the node runs."""
         self._polling += 1  # the requests of an earlier series end by themselves
-        series, configuration = self._polling, self.configuration
-        for poll in POLLED_POSITIONS:
-            if configuration is not None and poll.needed(configuration):
-                self._poll_at(poll, start + self.seconds(poll.offset), series)
+        for request, offset, whom in POLLED_POSITIONS:
+            if configuration.includes(whom):
+                self.at(start + self.seconds(offset), partial(self._poll, request, self._polling))
 
-    def _poll_at(self, poll: PolledPosition, time: float, series: int) -> None:
-        def ask(now: float) -> None:
-            if series == self._polling:
-                self.offer(poll.request)
-                self._poll_at(poll, now + self.seconds("Position polling.Polling period"), series)
-
-        self.at(time, ask)
+    def _poll(self, request: Message, series: int, due: float) -> None:
+        if series == self._polling:
+            self.offer(request)
+            again = due + self.seconds("Position polling.Polling period")
+            self.at(again, partial(self._poll, request, series))
 
     # Messages
 
     def _act(self, message: Message) -> None:
         super()._act(message)
-        self._heard(message)
+        self.answered(message)
 
-    def answered(self, frame: Frame) -> None:
-        """Pass an SDO answer to the flow that waits for it."""
-        self._heard(frame)
-
-    def _heard(self, answer: Message | Frame) -> None:
-        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
+    def answered(self, answer: Message | Frame) -> None:
+        """Pass a message or an SDO answer to the flow that waits for it."""
+        for flow in list(self._flows):
             flow.heard(answer, self.now)
 
-    def _confirmed(self, _: GotoConfirm) -> Message | None:
+    def _confirmed(self, _: messages.GotoConfirm) -> Message | None:
         """Stop again if a goto is confirmed after the stop: the more urgent stop can overtake it on the bus."""
         return self._stopped
 
-    def _configured(self, _: StartConfigurationConfirm) -> Message | None:
+    def _configured(self, _: messages.StartConfigurationConfirm) -> Message | None:
         """Shut down again if a start configuration from before the shutdown is confirmed after it."""
-        return EmergencyShutdown() if self.shut_down and self._configuring is None else None
+        return messages.EmergencyShutdown() if self.shut_down and self._configuring is None else None
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Stop the drive: a robot with a silent node does not go on."""
         with suppress(StateError):  # a master has taken the TPDO away
-            self._stop(StopDrive())
+            self._stop(messages.StopDrive())
 
-    def _saw(self, position: PositionResponse) -> None:
+    def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
     HANDLERS: ClassVar[Handlers] = {
-        GotoConfirm: _confirmed,
-        StartConfigurationConfirm: _configured,
-        **dict.fromkeys(get_args(PositionResponse), _saw),
+        messages.GotoConfirm: _confirmed,
+        messages.StartConfigurationConfirm: _configured,
+        **dict.fromkeys(get_args(messages.PositionResponse), _saw),
     }

@@ -15,42 +15,14 @@ from eurobot_od.device.timers import Timer
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
+from eurobot_od.robot import messages
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.kinds import Remaining
-from eurobot_od.robot.messages import (
-    CheckDriveRequest,
-    CheckDriveResponse,
-    EmergencyShutdown,
-    EmergencyStop,
-    GotoConfirm,
-    GotoStateRequest,
-    GotoStateResponse,
-    GotoXY,
-    KalmanPositionRequest,
-    KalmanPositionResponse,
-    NaviPositionResponse,
-    StartConfigurationConfirm,
-    StartConfigurationSet,
-    StopDrive,
-    StopMessage,
-)
 from eurobot_od.robot.nodes.estimate import Estimate
-from eurobot_od.robot.nodes.motion import (
-    AT_REST,
-    Braking,
-    Chassis,
-    Command,
-    IdealChassis,
-    Motion,
-    MotionLimits,
-    Odometry,
-)
+from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
-
-FOLLOWED = 0.1
-"""Share of what they are told that wheels do at least, unless they are blocked."""
 
 
 class Drive(RobotNode):
@@ -66,11 +38,11 @@ class Drive(RobotNode):
         self._forget()
 
     def _forget(self) -> None:
-        self.configuration: StartConfigurationSet | None = None
+        self.configuration: messages.StartConfigurationSet | None = None
         self.estimate = Estimate()
-        self.goto: GotoXY | None = None
+        self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
-        self.stopped_by: StopMessage | None = None
+        self.stopped_by: messages.StopMessage | None = None
         self.safe = False
         self._stuck = 0.0
         self._motion: Motion | Braking | None = None
@@ -85,7 +57,7 @@ class Drive(RobotNode):
     @property
     def obstacle(self) -> Obstacle | OutOfRange | None:
         """The obstacle that the last Emergency Stop was sent for; None if the last stop was another one."""
-        return self.stopped_by.obstacle if isinstance(self.stopped_by, EmergencyStop) else None
+        return self.stopped_by.obstacle if isinstance(self.stopped_by, messages.EmergencyStop) else None
 
     @property
     def moving(self) -> bool:
@@ -94,7 +66,7 @@ class Drive(RobotNode):
 
     # Goto
 
-    def _accept(self, goto: GotoXY) -> Message | None:
+    def _accept(self, goto: messages.GotoXY) -> Message | None:
         """Take over a goto; the one before is dropped (document 2.1)."""
         if self.safe:
             return None
@@ -107,9 +79,9 @@ class Drive(RobotNode):
         else:
             backward = goto.direction is Direction.BACKWARD
             self._move(Motion(self._limits(), way, goto.angle, goto.speed, backward, self._rolling))
-        return GotoConfirm()
+        return messages.GotoConfirm()
 
-    def _way(self, goto: GotoXY) -> tuple[Point, ...] | None:
+    def _way(self, goto: messages.GotoXY) -> tuple[Point, ...] | None:
         """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
         if self.estimate.pose is None:
             return None
@@ -155,21 +127,21 @@ class Drive(RobotNode):
 
     # Stops
 
-    def _stop(self, stop: StopMessage) -> None:
+    def _stop(self, stop: messages.StopMessage) -> None:
         """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1)."""
         self.goto, self.fault, self.stopped_by = None, None, stop
         self._forget_obstruction()
         self._brake()
 
-    def _shut_down(self, shutdown: EmergencyShutdown) -> None:
+    def _shut_down(self, shutdown: messages.EmergencyShutdown) -> None:
         """Stop and hold the safe state (document 4.2.2 Emergency mushroom)."""
         self._stop(shutdown)
         self.safe = True
-        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, EmergencyShutdown)
+        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
 
     def halted(self) -> None:
         """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
-        self._stop(StopDrive())
+        self._stop(messages.StopDrive())
 
     # Motion
 
@@ -193,14 +165,14 @@ class Drive(RobotNode):
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled)
         if isinstance(motion, Motion):
-            self._watch_wheels(command, rolled, dt)
+            self._watch_wheels(rolled.follows(command, dt), dt)
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         self._control = None if done else self.at(now + dt, self._step)
 
-    def _watch_wheels(self, command: Command, rolled: Odometry, dt: float) -> None:
+    def _watch_wheels(self, followed: bool, dt: float) -> None:
         """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
-        self._stuck = 0.0 if _followed(command, rolled, dt) else self._stuck + dt
+        self._stuck = 0.0 if followed else self._stuck + dt
         if self._stuck >= self.seconds("Motion.Blocked time"):
             self.fault = GotoFault.BLOCKED
             self.raise_error(RobotError.DRIVE_BLOCKED, GotoFault.BLOCKED)
@@ -212,7 +184,7 @@ class Drive(RobotNode):
 
     # Position
 
-    def _correct(self, position: NaviPositionResponse) -> None:
+    def _correct(self, position: messages.NaviPositionResponse) -> None:
         """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
@@ -220,37 +192,30 @@ class Drive(RobotNode):
         outlier = self.setting("Estimate.Outlier distance")
         self.estimate.corrected(position.x, position.y, position.angle, weight, outlier)
 
-    def _position(self) -> KalmanPositionResponse:
+    def _position(self) -> messages.KalmanPositionResponse:
         pose = self.estimate.pose
         if pose is None:
-            return KalmanPositionResponse(None, None, None, Source.INTERNAL)
+            return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
         x, y = (round(min(max(value, 0), size)) for value, size in zip(pose.point, (WIDTH, HEIGHT)))
-        return KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
+        return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
-    def _configure(self, configuration: StartConfigurationSet) -> Message:
+    def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
         """Start anew from the team's start place (document 2.3)."""
         self.configuration, self.safe = configuration, False
-        self._stop(StopDrive())
+        self._stop(messages.StopDrive())
         self.stopped_by = None
         self.estimate = Estimate(START_POSES[configuration.team_colour])
-        self.clear_error(EmergencyShutdown)
-        return StartConfigurationConfirm()
+        self.clear_error(messages.EmergencyShutdown)
+        return messages.StartConfigurationConfirm()
 
     HANDLERS: ClassVar[Handlers] = {
-        GotoXY: _accept,
-        StopDrive: _stop,
-        EmergencyStop: _stop,
-        EmergencyShutdown: _shut_down,
-        GotoStateRequest: lambda self, _: GotoStateResponse(self.remaining()),
-        KalmanPositionRequest: lambda self, _: self._position(),
-        NaviPositionResponse: _correct,
-        StartConfigurationSet: _configure,
-        CheckDriveRequest: lambda *_: CheckDriveResponse(),
+        messages.GotoXY: _accept,
+        messages.StopDrive: _stop,
+        messages.EmergencyStop: _stop,
+        messages.EmergencyShutdown: _shut_down,
+        messages.GotoStateRequest: lambda self, _: messages.GotoStateResponse(self.remaining()),
+        messages.KalmanPositionRequest: lambda self, _: self._position(),
+        messages.NaviPositionResponse: _correct,
+        messages.StartConfigurationSet: _configure,
+        messages.CheckDriveRequest: lambda *_: messages.CheckDriveResponse(),
     }
-
-
-def _followed(command: Command, rolled: Odometry, dt: float) -> bool:
-    """Tell whether the wheels did something of what they were told."""
-    driven = abs(rolled.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
-    turned = abs(rolled.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
-    return driven or turned or command == AT_REST

@@ -69,12 +69,21 @@ class Command(NamedTuple):
 
 AT_REST = Command(0.0, 0.0)
 
+FOLLOWED = 0.1
+"""Share of what they are told that wheels do at least, unless they are blocked."""
+
 
 class Odometry(NamedTuple):
     """What the wheels report of a step: mm driven, negative tail first; degrees turned, counter-clockwise positive."""
 
     distance: float
     turn: float
+
+    def follows(self, command: Command, dt: float) -> bool:
+        """Tell whether the wheels did something of what they were told for `dt` seconds."""
+        driven = abs(self.distance) >= FOLLOWED * abs(command.speed) * dt > 0.0
+        turned = abs(self.turn) >= FOLLOWED * abs(command.turn) * dt > 0.0
+        return driven or turned or command == AT_REST
 
 
 class Chassis(Protocol):
@@ -384,7 +393,6 @@ class Braking:
 
     def step(self, _pose: Pose, dt: float) -> Command:
         """Decide what the wheels do for the next `dt` seconds; the pose does not matter."""
-        self.command = Command(
-            self._straight.slower(self.command.speed, dt), self._turning.slower(self.command.turn, dt)
-        )
+        speed, rate = self._straight.slower(self.command.speed, dt), self._turning.slower(self.command.turn, dt)
+        self.command = Command(speed, rate)
         return self.command

@@ -10,23 +10,8 @@ from typing import ClassVar, NamedTuple, Protocol
 from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
+from eurobot_od.robot import messages
 from eurobot_od.robot.field import HEIGHT, WIDTH
-from eurobot_od.robot.messages import (
-    CheckNaviRequest,
-    CheckNaviResponse,
-    ConfederatePositionRequest,
-    ConfederatePositionResponse,
-    EmergencyShutdown,
-    Enemy1PositionRequest,
-    Enemy1PositionResponse,
-    Enemy2PositionRequest,
-    Enemy2PositionResponse,
-    NaviPositionRequest,
-    NaviPositionResponse,
-    PositionResponse,
-    StartConfigurationConfirm,
-    StartConfigurationSet,
-)
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.values import RobotError, Source
 
@@ -49,16 +34,8 @@ class Beacons(Protocol):
         """Measure where our robot (INTERNAL) or another one is; None if it is not seen."""
 
 
-class NoBeacons:
-    """No sensors: everything is unknown."""
-
-    def locate(self, _whom: Source, _now: float) -> Fix | None:
-        """See nothing."""
-        return None
-
-
 class Navigation(RobotNode):
-    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors.
+    """The navigation node (document 2.2, 2.3 and 4.2.2 Navigation); `beacons` are its sensors, None if it has none.
 
     `configuration` is the start configuration, None before the first. After an Emergency Shutdown `safe` is True
     until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
@@ -66,8 +43,8 @@ class Navigation(RobotNode):
 
     def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
         super().__init__(dictionary, store=store)
-        self.beacons: Beacons = beacons or NoBeacons()
-        self.configuration: StartConfigurationSet | None = None
+        self.beacons = beacons
+        self.configuration: messages.StartConfigurationSet | None = None
         self.safe = False
 
     def deviations(self) -> tuple[float, float]:
@@ -79,30 +56,19 @@ class Navigation(RobotNode):
         super().reset()
         self.configuration, self.safe = None, False
 
-    def _configure(self, configuration: StartConfigurationSet) -> Message:
+    def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
         self.configuration, self.safe = configuration, False
-        self.clear_error(EmergencyShutdown)
-        return StartConfigurationConfirm()
+        self.clear_error(messages.EmergencyShutdown)
+        return messages.StartConfigurationConfirm()
 
-    def _shut_down(self, _: EmergencyShutdown) -> None:
+    def _shut_down(self, _: messages.EmergencyShutdown) -> None:
         self.safe = True
-        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, EmergencyShutdown)
+        self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
 
-    def _present(self, whom: Source) -> bool:
-        """Whether the start configuration says that there is such a robot; before it, anyone may be there."""
-        start = self.configuration
-        return (
-            start is None
-            or {
-                Source.INTERNAL: True,
-                Source.ENEMY_1: start.enemies >= 1,
-                Source.ENEMY_2: start.enemies >= 2,
-                Source.CONFEDERATE: start.confederates >= 1,
-            }[whom]
-        )
-
-    def _position(self, response: type[PositionResponse], whom: Source) -> PositionResponse:
-        fix = self.beacons.locate(whom, self.now) if self._present(whom) else None
+    def _position(self, response: type[messages.PositionResponse], whom: Source) -> messages.PositionResponse:
+        # Before the start configuration anyone may be there.
+        expected = self.configuration is None or self.configuration.includes(whom)
+        fix = self.beacons.locate(whom, self.now) if expected and self.beacons else None
         if fix is None or not (0 <= fix.x <= WIDTH and 0 <= fix.y <= HEIGHT):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)
@@ -111,11 +77,13 @@ class Navigation(RobotNode):
         return response(x, y, round(fix.angle) % 360, whom)
 
     HANDLERS: ClassVar[Handlers] = {
-        CheckNaviRequest: lambda *_: CheckNaviResponse(),
-        StartConfigurationSet: _configure,
-        EmergencyShutdown: _shut_down,
-        NaviPositionRequest: lambda self, _: self._position(NaviPositionResponse, Source.INTERNAL),
-        Enemy1PositionRequest: lambda self, _: self._position(Enemy1PositionResponse, Source.ENEMY_1),
-        Enemy2PositionRequest: lambda self, _: self._position(Enemy2PositionResponse, Source.ENEMY_2),
-        ConfederatePositionRequest: lambda self, _: self._position(ConfederatePositionResponse, Source.CONFEDERATE),
+        messages.CheckNaviRequest: lambda *_: messages.CheckNaviResponse(),
+        messages.StartConfigurationSet: _configure,
+        messages.EmergencyShutdown: _shut_down,
+        messages.NaviPositionRequest: lambda self, _: self._position(messages.NaviPositionResponse, Source.INTERNAL),
+        messages.Enemy1PositionRequest: lambda self, _: self._position(messages.Enemy1PositionResponse, Source.ENEMY_1),
+        messages.Enemy2PositionRequest: lambda self, _: self._position(messages.Enemy2PositionResponse, Source.ENEMY_2),
+        messages.ConfederatePositionRequest: lambda self, _: self._position(
+            messages.ConfederatePositionResponse, Source.CONFEDERATE
+        ),
     }

@@ -10,16 +10,14 @@ from eurobot_od.robot.picture.page import page
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import Recording
 
-PNG_WIDTH = PAGE[0]
-"""Pixels: 360 to the inch on an A4 page."""
-
 
 def _png(recording: Recording, title: str) -> bytes:
     try:
         import resvg_py
     except ImportError:
         raise LocalError("a PNG needs the extra `png`: pip install 'eurobot-od[png]'") from None
-    return bytes(resvg_py.svg_to_bytes(svg_string=picture(recording, title), width=PNG_WIDTH))
+    # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
+    return bytes(resvg_py.svg_to_bytes(svg_string=picture(recording, title), width=PAGE[0]))
 
 
 PICTURE_FORMATS: Mapping[str, Callable[[Recording, str], bytes]] = {

@@ -63,7 +63,7 @@ def _barrier(barrier: Barrier, passage: Passage) -> str:
     centre, radius = place(barrier.x, barrier.y), RADII[barrier.kind]
     ring = [] if passage is Passage.FREE else [passage_ring(centre, radius + RING, passage)]
     words = barrier.name if barrier.kind is BarrierKind.POOL else barrier.name[-1]
-    name = style.label((centre[0], centre[1] + 13), words, fill=style.PAPER, size=36, weight="bold")
+    name = style.label((centre[0], centre[1] + 13), words, fill=style.PAPER, size=36, font_weight="bold")
     return svg.group(*ring, barrier_shape(barrier.kind, centre, radius), name)
 
 

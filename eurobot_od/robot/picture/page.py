@@ -1,6 +1,7 @@
 """The picture as a page for a browser: the same drawing, with the match played on it.
 
-Rule of this file: the page needs no other file and no network. It is opened from a disk at a competition.
+Rule of this file: the page needs no other file and no network. It is opened from a disk at a competition. So
+`page.css` and `page.js`, which plays the match, are written into it.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from eurobot_od.robot.messages import KalmanPositionResponse
@@ -16,86 +18,20 @@ from eurobot_od.robot.picture.ground import place
 from eurobot_od.robot.picture.picture import ROBOT_RADIUS, diameter, picture
 from eurobot_od.robot.picture.recording import Recording
 
-STYLE = """
-body { margin: 0; font: 16px/1.4 system-ui, sans-serif; color: #22262b; background: #fff; }
-main { max-width: 1400px; margin: 0 auto; padding: 0 1rem; }
-svg { width: 100%; height: auto; display: block; }
-form { display: flex; gap: 1rem; align-items: center; padding: .7rem 0; }
-form { position: sticky; bottom: 0; background: #fffd; }
-input { flex: 1; } output { min-width: 6em; text-align: right; font-variant-numeric: tabular-nums; }
-button { min-width: 5em; font: inherit; padding: .2rem .6rem; }
-@media print { form { display: none; } }
-"""
-
-SCRIPT = """
-const match = JSON.parse(document.getElementById("match").textContent);
-const field = document.getElementById("field"), slider = document.getElementById("time");
-const play = document.getElementById("play"), shown = document.getElementById("shown");
-const make = (tag, attributes, parent) => {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  return parent.appendChild(made);
-};
-const robots = match.robots.map(robot => {
-  const group = make("g", {visibility: "hidden"}, field);
-  const edge = {stroke: "#22262b", "stroke-width": 8};
-  make("circle", {r: robot.radius, fill: robot.colour, "fill-opacity": .55, ...edge}, group);
-  const front = make("line", {x2: robot.radius, stroke: "#22262b", "stroke-width": 12}, group);
-  return {...robot, group, front};
-});
-const turn = (from, to) => ((to - from) % 360 + 540) % 360 - 180;
-function at(path, time) {
-  let last = 0;
-  while (last + 1 < path.length && path[last + 1][0] <= time) last++;
-  const one = path[last], two = path[last + 1];
-  if (one[0] > time) return null;
-  if (!two) return one;
-  const share = (time - one[0]) / (two[0] - one[0]);
-  const angle = one[3] === null || two[3] === null ? null : one[3] + share * turn(one[3], two[3]);
-  return [time, one[1] + share * (two[1] - one[1]), one[2] + share * (two[2] - one[2]), angle];
-}
-function show(time) {
-  slider.value = time;
-  shown.textContent = time.toFixed(1) + " s";
-  for (const robot of robots) {
-    const seen = at(robot.path, time);
-    robot.group.setAttribute("visibility", seen ? "visible" : "hidden");
-    if (!seen) continue;
-    robot.group.setAttribute("transform", `translate(${seen[1]} ${seen[2]}) rotate(${-(seen[3] || 0)})`);
-    robot.front.setAttribute("visibility", seen[3] === null ? "hidden" : "inherit");
-  }
-}
-let last = null;
-function step(now) {
-  if (last === null) return;
-  const time = Math.min(+slider.value + (now - last) / 1000 * +document.getElementById("speed").value, match.end);
-  last = now;
-  show(time);
-  if (time < match.end) requestAnimationFrame(step); else pause();
-}
-function pause() { last = null; play.textContent = "Play"; }
-play.onclick = () => {
-  if (last !== null) return pause();
-  if (+slider.value >= match.end) show(0);
-  play.textContent = "Pause";
-  last = performance.now();
-  requestAnimationFrame(step);
-};
-slider.oninput = () => show(+slider.value);
-show(match.end);
-"""
-
 
 def page(recording: Recording, title: str) -> str:
     """Return the page of a match."""
-    data = json.dumps({"end": round(recording.end, 3), "robots": list(_robots(recording))}).replace("</", "<\\/")
+    css, script = (Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
+    data = json.dumps({"end": round(recording.end, 3), "robots": list(_robots(recording))})
+    data = data.replace("</", "<\\/")  # a browser ends a script at any `</script>`, even inside a string
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width">
 <title>{escape(title)}</title>
-<style>{STYLE}</style>
+<style>
+{css}</style>
 </head>
 <body>
 <main>
@@ -108,7 +44,8 @@ def page(recording: Recording, title: str) -> str:
 </form>
 </main>
 <script type="application/json" id="match">{data}</script>
-<script>{SCRIPT}</script>
+<script>
+{script}</script>
 </body>
 </html>
 """

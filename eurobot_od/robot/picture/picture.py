@@ -49,19 +49,15 @@ def picture(recording: Recording, title: str) -> str:
     return svg.element(
         "svg",
         svg.rectangle((0, 0), width, height, fill=style.PAPER),
-        style.label((FIELD[0], 130), title, size=84, anchor="start", weight="bold"),
+        style.label((FIELD[0], 130), title, size=84, anchor="start", font_weight="bold"),
         style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start"),
-        _at(FIELD, field_drawing(recording), id="field"),
-        _at(COLUMN, column(recording)),
-        _at(TIMELINE, timeline(recording)),
+        svg.moved(FIELD, field_drawing(recording), id="field"),
+        svg.moved(COLUMN, column(recording)),
+        svg.moved(TIMELINE, timeline(recording)),
         xmlns="http://www.w3.org/2000/svg",
         viewBox=f"0 0 {width} {height}",
         font_family=style.FONT,
     )
-
-
-def _at(corner: svg.PaperPoint, *content: str, **attributes: object) -> str:
-    return svg.group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
 
 
 def _summary(recording: Recording) -> Iterator[str]:
@@ -86,12 +82,13 @@ def _several(number: int, one: str, many: str) -> str:
 
 def field_drawing(recording: Recording) -> str:
     """Draw the field and what happened on it; one unit is one millimetre, the origin its upper left corner."""
+    ours = style.colour_of(recording.team)
     return svg.group(
         ground(recording.team, recording.passages),
         *(_other(recording, whom) for whom in style.OTHERS if recording.paths.get(whom)),
         *_path(recording.path, recording.end),
         *_true_path(recording.truth),
-        *_robot(recording),
+        *(style.robot_mark(place(each.x, each.y), ROBOT_RADIUS, each.angle, ours) for each in recording.path[-1:]),
         *_ticks(recording),
         *_gotos(recording.gotos),
         *_stops(recording.stops),
@@ -112,18 +109,14 @@ def _path(path: list[PathPoint], end: float) -> Iterator[str]:
 
 
 def _true_path(path: list[PathPoint]) -> Iterator[str]:
-    if path:
-        yield svg.polyline(_thinned(_points(path)), fill="none", stroke=style.TRUTH, stroke_width=3.5)
-
-
-def _thinned(points: Sequence[svg.PaperPoint]) -> Iterator[svg.PaperPoint]:
-    """Leave out points that nobody could tell from the one before."""
-    last = points[0]
-    yield last
+    """Draw the path without the points that nobody could tell from the one before."""
+    points = _points(path)
+    thinned = points[:1]
     for point in points:
-        if dist(last, point) >= THIN:
-            last = point
-            yield point
+        if dist(thinned[-1], point) >= THIN:
+            thinned.append(point)
+    if path:
+        yield svg.polyline(thinned, fill="none", stroke=style.TRUTH, stroke_width=3.5)
 
 
 def _ticks(recording: Recording) -> Iterator[str]:
@@ -200,9 +193,3 @@ def _side_by_side(middle: svg.PaperPoint, things: Sequence[Placed]) -> Iterator[
     x = min(max(middle[0], half + SPACING), WIDTH - half - SPACING)
     for number, thing in enumerate(things):
         yield (x - half + number * SPACING, middle[1]), thing
-
-
-def _robot(recording: Recording) -> Iterator[str]:
-    if recording.path:
-        last = recording.path[-1]
-        yield style.robot_mark(place(last.x, last.y), ROBOT_RADIUS, last.angle, style.colour_of(recording.team))

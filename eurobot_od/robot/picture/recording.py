@@ -13,21 +13,8 @@ from typing import Any, NamedTuple, get_args
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.pdo.message import Message, is_flagged, kinds
+from eurobot_od.robot import messages
 from eurobot_od.robot.field import Pose
-from eurobot_od.robot.messages import (
-    CATALOGUE,
-    ConfederatePositionResponse,
-    EmergencyStop,
-    Enemy1PositionResponse,
-    Enemy2PositionResponse,
-    GotoStateResponse,
-    GotoXY,
-    KalmanPositionResponse,
-    PositionResponse,
-    StartConfigurationSet,
-    StopDrive,
-    StopMessage,
-)
 from eurobot_od.robot.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
 
 
@@ -49,7 +36,7 @@ class RecordedGoto:
 
     number: int
     sent: float
-    message: GotoXY
+    message: messages.GotoXY
     ended: float | None = None
     outcome: Outcome | None = None
 
@@ -77,8 +64,8 @@ class Recording:
     `paths` are the sightings by message type, `truth` the true poses of our robot, if anybody knows them.
     """
 
-    configuration: StartConfigurationSet | None = None
-    paths: dict[type[PositionResponse], list[PathPoint]] = field(default_factory=dict)
+    configuration: messages.StartConfigurationSet | None = None
+    paths: dict[type[messages.PositionResponse], list[PathPoint]] = field(default_factory=dict)
     truth: list[PathPoint] = field(default_factory=list)
     gotos: list[RecordedGoto] = field(default_factory=list)
     stops: list[RecordedStop] = field(default_factory=list)
@@ -87,7 +74,7 @@ class Recording:
     @property
     def path(self) -> list[PathPoint]:
         """The estimated path of our robot."""
-        return self.paths.get(KalmanPositionResponse, [])
+        return self.paths.get(messages.KalmanPositionResponse, [])
 
     @property
     def team(self) -> TeamColour | None:
@@ -136,21 +123,21 @@ class _Recorder:
         """Take in a message."""
         self.start = time if self.start is None else self.start
         now = self.recording.end = max(time - self.start, self.recording.end)
-        if is_flagged(message) and type(message) not in CATALOGUE.always:
+        if is_flagged(message) and type(message) not in messages.CATALOGUE.always:
             return
         handle = HANDLERS.get(type(message))
         if handle is not None:
             handle(self, now, message)
 
-    def configure(self, _: float, configuration: StartConfigurationSet) -> None:
+    def configure(self, _: float, configuration: messages.StartConfigurationSet) -> None:
         self.recording.configuration = configuration
 
-    def see(self, now: float, seen: PositionResponse) -> None:
+    def see(self, now: float, seen: messages.PositionResponse) -> None:
         if seen.x is not None and seen.y is not None:
             path = self.recording.paths.setdefault(type(seen), [])
             path.append(PathPoint(now, seen.x, seen.y, seen.angle))
 
-    def goto(self, now: float, goto: GotoXY) -> None:
+    def goto(self, now: float, goto: messages.GotoXY) -> None:
         """Take in a goto; one that is the same as the one under way is a repetition: its confirm was lost."""
         if self._running is not None and self._running.message == goto:
             return
@@ -159,13 +146,13 @@ class _Recorder:
         self._standing = None
         self.recording.gotos.append(self._running)
 
-    def state(self, now: float, state: GotoStateResponse) -> None:
+    def state(self, now: float, state: messages.GotoStateResponse) -> None:
         if state.time == 0:
             self._end(now, Outcome.ARRIVED)
         elif isinstance(state.time, GotoFault):
             self._end(now, FAULT_OUTCOME[state.time])
 
-    def stop(self, now: float, stop: StopMessage) -> None:
+    def stop(self, now: float, stop: messages.StopMessage) -> None:
         """Take in a stop; the same once more, with nothing under way in between, is a repetition."""
         if stop == self._standing:
             return
@@ -181,22 +168,22 @@ class _Recorder:
 
 
 HANDLERS: Mapping[type[Message], Callable[[_Recorder, float, Any], None]] = {
-    StartConfigurationSet: _Recorder.configure,
-    KalmanPositionResponse: _Recorder.see,
-    Enemy1PositionResponse: _Recorder.see,
-    Enemy2PositionResponse: _Recorder.see,
-    ConfederatePositionResponse: _Recorder.see,
-    GotoXY: _Recorder.goto,
-    GotoStateResponse: _Recorder.state,
-    **dict.fromkeys(get_args(StopMessage), _Recorder.stop),
+    messages.StartConfigurationSet: _Recorder.configure,
+    messages.KalmanPositionResponse: _Recorder.see,
+    messages.Enemy1PositionResponse: _Recorder.see,
+    messages.Enemy2PositionResponse: _Recorder.see,
+    messages.ConfederatePositionResponse: _Recorder.see,
+    messages.GotoXY: _Recorder.goto,
+    messages.GotoStateResponse: _Recorder.state,
+    **dict.fromkeys(get_args(messages.StopMessage), _Recorder.stop),
 }
 
 
-def _named(stop: StopMessage) -> tuple[str, str]:
+def _named(stop: messages.StopMessage) -> tuple[str, str]:
     """Return name and reason of a stop."""
-    if isinstance(stop, EmergencyStop):
-        return "Emergency Stop", kinds(EmergencyStop)["obstacle"].text(stop.obstacle)
-    return ("Stop Drive", "commanded") if isinstance(stop, StopDrive) else ("Emergency Shutdown", "mushroom")
+    if isinstance(stop, messages.EmergencyStop):
+        return "Emergency Stop", kinds(messages.EmergencyStop)["obstacle"].text(stop.obstacle)
+    return ("Stop Drive", "commanded") if isinstance(stop, messages.StopDrive) else ("Emergency Shutdown", "mushroom")
 
 
 def _letter(number: int) -> str:

@@ -9,12 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from eurobot_od.robot.messages import (
-    ConfederatePositionResponse,
-    Enemy1PositionResponse,
-    Enemy2PositionResponse,
-    PositionResponse,
-)
+from eurobot_od.robot import messages
 from eurobot_od.robot.picture import svg
 from eurobot_od.robot.picture.svg import PaperPoint
 from eurobot_od.robot.values import Outcome, Passage, TeamColour
@@ -26,10 +21,10 @@ PAPER, SURFACE, GRID, INK, PALE = "#ffffff", "#fbfaf4", "#e6e3d8", "#22262b", "#
 FIRE, POOL, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
 TEAM = {TeamColour.RED: "#d32f2f", TeamColour.YELLOW: "#f2b705"}
 
-OTHERS: Mapping[type[PositionResponse], tuple[str, str, str | None]] = {
-    Enemy1PositionResponse: ("enemy 1", "#8e24aa", None),
-    Enemy2PositionResponse: ("enemy 2", "#ad5a00", "26 12"),
-    ConfederatePositionResponse: ("confederate", "#2e7d32", "6 12"),
+OTHERS: Mapping[type[messages.PositionResponse], tuple[str, str, str | None]] = {
+    messages.Enemy1PositionResponse: ("enemy 1", "#8e24aa", None),
+    messages.Enemy2PositionResponse: ("enemy 2", "#ad5a00", "26 12"),
+    messages.ConfederatePositionResponse: ("confederate", "#2e7d32", "6 12"),
 }
 """Name, colour and dashes of the other robots."""
 
@@ -42,13 +37,10 @@ def colour_of(team: TeamColour | None) -> str:
 PASSAGES = {Passage.NORMAL: ("barrier, normal", "18 14", 8), Passage.FORCED: ("barrier, forced", None, 14)}
 """Name, dashes and width of the ring around a barrier that a goto asked for."""
 
-OUTCOMES = {
+OUTCOMES: Mapping[Outcome | None, str] = {
     Outcome.ARRIVED: "#2e7d32",
-    Outcome.STOPPED: STOP,
-    Outcome.BLOCKED: STOP,
-    Outcome.NOT_POSSIBLE: STOP,
-    Outcome.REPLACED: "#78909c",
-    None: "#78909c",
+    **dict.fromkeys((Outcome.STOPPED, Outcome.BLOCKED, Outcome.NOT_POSSIBLE), STOP),
+    **dict.fromkeys((Outcome.REPLACED, None), "#78909c"),
 }
 """Colours of gotos by how they ended; None is still under way."""
 
@@ -95,11 +87,11 @@ def _tip(centre: PaperPoint, radius: float, angle: float) -> str:
 
 def goto_mark(centre: PaperPoint, number: int, outcome: Outcome | None, *content: str) -> str:
     """Draw a goto as a disc with its number, filled if it was reached."""
-    reached = outcome is Outcome.ARRIVED
+    disc, figure = (GOTO, PAPER) if outcome is Outcome.ARRIVED else (PAPER, GOTO)
     return svg.group(
         *content,
-        svg.circle(centre, MARK, fill=GOTO if reached else PAPER, stroke=GOTO, stroke_width=5),
-        label((centre[0], centre[1] + 11), str(number), fill=PAPER if reached else GOTO, size=SMALL, weight="bold"),
+        svg.circle(centre, MARK, fill=disc, stroke=GOTO, stroke_width=5),
+        label((centre[0], centre[1] + 11), str(number), fill=figure, size=SMALL, font_weight="bold"),
     )
 
 
@@ -108,7 +100,7 @@ def stop_mark(centre: PaperPoint, letter: str, *content: str) -> str:
     return svg.group(
         *content,
         svg.polygon(around(centre, MARK + 6, 8, 22.5), fill=STOP, stroke=PAPER, stroke_width=5),
-        label((centre[0], centre[1] + 11), letter, fill=PAPER, size=SMALL, weight="bold"),
+        label((centre[0], centre[1] + 11), letter, fill=PAPER, size=SMALL, font_weight="bold"),
     )
 
 
@@ -123,16 +115,10 @@ def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: s
 
 
 def label(
-    place: PaperPoint,
-    words: str,
-    fill: str = INK,
-    size: float = TEXT,
-    anchor: str = "middle",
-    weight: str | None = None,
-    **attributes: object,
+    place: PaperPoint, words: str, fill: str = INK, size: float = TEXT, anchor: str = "middle", **attributes: object
 ) -> str:
     """Write a text, by default centred at its foot."""
-    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, font_weight=weight, **attributes)
+    return svg.text(place, words, fill=fill, font_size=size, text_anchor=anchor, **attributes)
 
 
 def halo(place: PaperPoint, words: str, fill: str = INK, anchor: str = "middle") -> str:

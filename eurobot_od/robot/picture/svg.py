@@ -67,5 +67,10 @@ def group(*content: str, **attributes: object) -> str:
     return element("g", "\n".join(content), **attributes)
 
 
+def moved(corner: PaperPoint, *content: str, **attributes: object) -> str:
+    """Return elements as one, with their origin at `corner`."""
+    return group(*content, transform=f"translate({corner[0]} {corner[1]})", **attributes)
+
+
 def _points(points: Iterable[PaperPoint]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in points)

@@ -30,12 +30,9 @@ def column(recording: Recording) -> str:
     stops = min(len(recording.stops), max(ROWS // 3, ROWS - len(recording.gotos)))
     gotos = min(len(recording.gotos), ROWS - stops)
     return svg.group(
-        *(svg.group(each, transform=f"translate(0 {LEGEND_ROW * row})") for row, each in enumerate(legend)),
-        svg.group(_table("Gotos", GOTO_COLUMNS, recording.gotos, gotos), transform=f"translate(0 {below})"),
-        svg.group(
-            _table("Stops", STOP_COLUMNS, recording.stops, stops),
-            transform=f"translate(0 {below + ROW * (gotos + 4)})",
-        ),
+        *(svg.moved((0, LEGEND_ROW * row), each) for row, each in enumerate(legend)),
+        svg.moved((0, below), _table("Gotos", GOTO_COLUMNS, recording.gotos, gotos)),
+        svg.moved((0, below + ROW * (gotos + 4)), _table("Stops", STOP_COLUMNS, recording.stops, stops)),
     )
 
 
@@ -46,7 +43,9 @@ SAMPLE = (45.0, 30.0)
 
 
 def _legend(recording: Recording) -> Iterator[str]:
-    yield _explained("our path, darker is later", *_ramp())
+    pieces = ((step * 10, step / 8) for step in range(9))
+    ramp = (svg.line((x, 30), (x + 11, 30), stroke=style.colour_at(share), stroke_width=15) for x, share in pieces)
+    yield _explained("our path, darker is later", *ramp)
     if recording.truth:
         yield _explained("our path, as it really was", _stroke(style.TRUTH, 6, None))
     yield _explained("place and angle of gotos", style.target_mark(SAMPLE, [0]))
@@ -70,11 +69,6 @@ def _stroke(colour: str, width: float, dashes: str | None) -> str:
     return svg.line((0, 30), (90, 30), stroke=colour, stroke_width=width, stroke_dasharray=dashes)
 
 
-def _ramp() -> Iterator[str]:
-    for step in range(9):
-        yield svg.line((step * 10, 30), (step * 10 + 11, 30), stroke=style.colour_at(step / 8), stroke_width=15)
-
-
 # Tables
 
 
@@ -86,43 +80,40 @@ class TableColumn(NamedTuple):
     heading: str
     words: Callable[..., str]
 
-
-GOTO_COLUMNS: Sequence[TableColumn] = (
-    TableColumn(45, "end", "no", lambda goto: str(goto.number)),
-    TableColumn(160, "end", "at s", lambda goto: f"{goto.sent:.1f}"),
-    TableColumn(365, "end", "to mm", lambda goto: f"{goto.message.x}, {goto.message.y}"),
-    TableColumn(455, "end", "deg", lambda goto: str(goto.message.angle)),
-    TableColumn(540, "end", "%", lambda goto: str(goto.message.speed)),
-    TableColumn(565, "start", "", lambda goto: _ended(goto)),
-)
-STOP_COLUMNS: Sequence[TableColumn] = (
-    TableColumn(45, "end", "", lambda stop: stop.letter),
-    TableColumn(160, "end", "at s", lambda stop: f"{stop.time:.1f}"),
-    TableColumn(195, "start", "", lambda stop: f"{stop.name}: {stop.reason}"),
-)
+    def cell(self, row: int, words: str, fill: str) -> str:
+        """Write words into a row, counted from the table's heading."""
+        return style.label((self.x, row * ROW), words, fill=fill, size=style.SMALL, anchor=self.anchor)
 
 
 def _ended(goto: RecordedGoto) -> str:
     return goto.ending if goto.ended is None else f"{goto.ending} {goto.ended - goto.sent:.1f} s"
 
 
-def _table(
-    heading: str, columns: Sequence[TableColumn], rows: Sequence[RecordedGoto | RecordedStop], shown: int
-) -> str:
+GOTO_COLUMNS = (
+    TableColumn(45, "end", "no", lambda goto: str(goto.number)),
+    TableColumn(160, "end", "at s", lambda goto: f"{goto.sent:.1f}"),
+    TableColumn(365, "end", "to mm", lambda goto: f"{goto.message.x}, {goto.message.y}"),
+    TableColumn(455, "end", "deg", lambda goto: str(goto.message.angle)),
+    TableColumn(540, "end", "%", lambda goto: str(goto.message.speed)),
+    TableColumn(565, "start", "", _ended),
+)
+STOP_COLUMNS = (
+    TableColumn(45, "end", "", lambda stop: stop.letter),
+    TableColumn(160, "end", "at s", lambda stop: f"{stop.time:.1f}"),
+    TableColumn(195, "start", "", lambda stop: f"{stop.name}: {stop.reason}"),
+)
+
+
+def _table(heading: str, columns: Sequence[TableColumn], rows: Sequence[object], shown: int) -> str:
     """Draw the first `shown` rows; if there are more, the line below says how many."""
     lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=style.INK)]
-    lines += [_cell(column, ROW, column.heading, style.PALE) for column in columns]
+    lines += [column.cell(1, column.heading, style.PALE) for column in columns]
     for row, each in enumerate(rows[:shown], 2):
-        lines += [_cell(column, row * ROW, column.words(each), style.INK) for column in columns]
+        lines += [column.cell(row, column.words(each), style.INK) for column in columns]
     if len(rows) > shown:
-        lines.append(
-            style.label((195, (shown + 2) * ROW), f"and {len(rows) - shown} more", fill=style.PALE, anchor="start")
-        )
+        more, place = f"and {len(rows) - shown} more", (195, (shown + 2) * ROW)
+        lines.append(style.label(place, more, fill=style.PALE, anchor="start"))
     return svg.group(*lines)
-
-
-def _cell(column: TableColumn, y: float, words: str, fill: str) -> str:
-    return style.label((column.x, y), words, fill=fill, size=style.SMALL, anchor=column.anchor)
 
 
 # Time line
@@ -179,4 +170,4 @@ def _bar(goto: RecordedGoto, x: Callable[[float], float], end: float) -> str:
     bar = svg.rectangle((left, GOTO_Y), width, GOTO_BAR, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=5)
     inside = width > NARROW
     middle: PaperPoint = (left + width / 2, GOTO_Y + (46 if inside else -9))
-    return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, weight="bold"))
+    return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, font_weight="bold"))

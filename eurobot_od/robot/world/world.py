@@ -13,7 +13,8 @@ from collections.abc import Callable
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose, turn
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.values import Obstacle, Source
 from eurobot_od.robot.world.patrols import Patrol
 
 SLIP = 0.01
@@ -23,7 +24,8 @@ DRIFT = 0.004
 """Share by which the wheels' turning is off, standard deviation."""
 
 PLACEMENT = 3.0
-"""How far from its start place a team puts the robot, mm standard deviation."""
+PLACEMENT_ANGLE = 0.5
+"""How far from its start place a team puts the robot, standard deviations: mm and degrees."""
 
 SIGHT = 400.0
 """How far ahead, mm, the distance sensor sees something that is in the way."""
@@ -49,29 +51,20 @@ class World:
     """
 
     def __init__(
-        self,
-        seed: int,
-        team: TeamColour,
-        enemies: int,
-        confederates: int,
-        deviations: Callable[[], tuple[float, float]],
-        clock: Callable[[], float],
+        self, options: MatchOptions, deviations: Callable[[], tuple[float, float]], clock: Callable[[], float]
     ) -> None:
-        self._seed = seed
+        self._seed = options.seed
         self._deviations, self._clock = deviations, clock
         place = self._stream("placement")
-        start = START_POSES[team]
-        self.robot = Pose(
-            start.x + place.gauss(0, PLACEMENT), start.y + place.gauss(0, PLACEMENT), start.angle + place.gauss(0, 0.5)
-        )
+        spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
+        self.robot = Pose(*(exact + place.gauss(0, by) for exact, by in zip(START_POSES[options.team], spreads)))
         wheels = self._stream("wheels")
         self._scale, self._bias = wheels.gauss(1, SLIP), wheels.gauss(1, DRIFT)
         self._noise = {source: self._stream(source.name) for source in Source}
-        sources = [Source.ENEMY_1, Source.ENEMY_2][:enemies] + [Source.CONFEDERATE] * confederates
-        self.others = {each: Patrol.of(each, team, self._stream(f"patrol {each.name}")) for each in sources}
+        who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
+        self.others = {each: Patrol.of(each, options.team, self._stream(f"patrol {each.name}")) for each in who}
         self.speed = 0.0
         self.path: list[tuple[float, Pose]] = [(0.0, self.robot)]
-        self._drops = True
         self._dropped_at: float | None = None
         self.thing: Point | None = None
 
@@ -121,6 +114,6 @@ class World:
 
     def drop_thing(self, now: float) -> None:
         """Let a thing fall over in front of the robot, once, as soon as it drives fast enough."""
-        if self._drops and self.speed >= DROP_SPEED:
-            self._drops, self._dropped_at = False, now
+        if self._dropped_at is None and self.speed >= DROP_SPEED:
+            self._dropped_at = now
             self.thing = self.robot.moved(DROP_AHEAD, 0).point

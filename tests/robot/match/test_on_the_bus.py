@@ -75,14 +75,14 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     def clock() -> float:
         return time.monotonic() - begin
 
-    cast = stage.cast_for(SHORT, clock)
+    nodes, world = stage.cast_for(SHORT, stage.EdsFiles.read(None), clock)
     seen: list[Frame] = []
-    player = Player(cast.core, cast.world, SHORT, Timeline(clock, lambda _: None), clock)
+    player = Player(nodes[0], world, SHORT, Timeline(clock, lambda _: None))
     with ExitStack() as stack:
         stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
-        for node in cast.nodes:
+        for node in nodes:
             stack.enter_context(Live.node(open_bus(channel), node, clock))
-        for node in cast.nodes:
+        for node in nodes:
             if node.name in changed:
                 assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Configured(2, stored=True)
         asyncio.run(player.play())

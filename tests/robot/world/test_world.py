@@ -10,6 +10,7 @@ import pytest
 
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.nodes.motion import AT_REST, Command
+from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.values import Obstacle, Source, TeamColour
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import DROP_SPEED, SIGHT
@@ -23,9 +24,8 @@ class Place:
 
     def __init__(self, seed: int = 1, deviations: tuple[float, float] = (0.0, 0.0), **who: Any) -> None:
         self.now = 0.0
-        team = who.pop("team", TeamColour.RED)
-        enemies, confederates = who.pop("enemies", 0), who.pop("confederates", 0)
-        self.world = World(seed, team, enemies, confederates, lambda: deviations, lambda: self.now)
+        options = MatchOptions(seed=seed, **({"enemies": 0, "confederates": 0} | who))
+        self.world = World(options, lambda: deviations, lambda: self.now)
 
     def drive(self, command: Command, seconds: float) -> None:
         for _ in range(round(seconds / 0.01)):
