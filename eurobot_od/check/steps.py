@@ -32,7 +32,7 @@ from eurobot_od.check.suite import (
     Suite,
     Wait,
 )
-from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.check.trace import Seen
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
@@ -51,11 +51,11 @@ class Failed(Exception):
 class Doer:
     """Does the steps of a suite; keeps what they know of each other: the last question, used frames, variables."""
 
-    def __init__(self, suite: Suite, bench: Bench, trace: Trace) -> None:
-        self._suite, self._bench, self._trace = suite, bench, trace
+    def __init__(self, suite: Suite, bench: Bench) -> None:
+        self._suite, self._bench, self._trace = suite, bench, bench.trace
         self._variables: dict[str, Any] = {}
         self._used: set[int] = set()
-        self._mark, self._edge = 0, len(trace)
+        self._mark, self._edge = 0, len(bench.trace)
         self._asking = False
 
     async def do(self, action: Action) -> None:
