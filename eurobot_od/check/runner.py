@@ -76,7 +76,7 @@ class Runner:
         suite = self._suite
         await self._bench.begin()
         self._start = self._trace.now
-        self._doer = Doer(suite, self._bench)
+        self._doer = Doer(suite.timeout, suite.decoder, self._bench)
         await self._options.interrupt.guard(self._until_teardown())
         self._stopped = self._error is not None
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)

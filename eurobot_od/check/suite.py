@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od import durations
 from eurobot_od.check.patterns import Pattern, Sent
@@ -87,13 +87,13 @@ class Poll:
 class Period:
     """See that `count` distances between frames are `every` seconds, give or take `tolerance`."""
 
-    pattern: Pattern
+    message: Pattern
     every: float
     tolerance: float
     count: int
 
     def __str__(self) -> str:
-        return f"period of {self.pattern}"
+        return f"period of {self.message}"
 
 
 @dataclass(frozen=True)
@@ -149,8 +149,7 @@ class Nmt:
         return f"NMT {self.command.name.lower().replace('_', ' ')}"
 
 
-@dataclass(frozen=True)
-class FieldOf:
+class FieldOf(NamedTuple):
     """A field of the last message of a type."""
 
     binding: Binding
