@@ -6,7 +6,6 @@ Rule of this file: a key stands in one table only, with its shape, what it is fo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,20 +23,17 @@ from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of,
 VERSION = 1
 """Value of the key `spec`."""
 
-TIMEOUT = 1.0
-"""Seconds that an answer may take where the suite does not say."""
-
 MAX_COUNT = 100_000
 """Most repetitions of a step, most periods measured."""
 
 
 class ActionRow(NamedTuple):
-    """An action of a step: its shape, what makes it, and its extra keys with the names `make` has for them."""
+    """An action of a step: its shape, what makes it, and the keys next to it, which `make` gets by their names."""
 
     shape: Shape[Any]
     make: Callable[..., suite.Action]
     help: str
-    extra: Mapping[str, tuple[str, Key]] = {}
+    extra: Mapping[str, Key] = {}
 
 
 class Format:
@@ -66,7 +62,7 @@ class Format:
             "name": Key(TEXT, "what the suite is for", needed=True),
             "node": Key(nodes, "node or nodes under test; left out: all"),
             "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
-            "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {TIMEOUT:g} s"),
+            "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {suite.TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
             "setup": Key(steps, "steps before; if one fails, the others are not done"),
@@ -75,14 +71,14 @@ class Format:
         }
 
     def _action_table(self) -> dict[str, ActionRow]:
-        within = {"within": ("within", Key(DURATION, "longest time; left out: the suite's timeout"))}
-        span = {"for": ("span", Key(DURATION, "how long to watch", needed=True))}
-        until = {"until": ("until", Key(self._frames.pattern, "the frame that ends the polling", needed=True))} | within
+        within = {"within": Key(DURATION, "longest time; left out: the suite's timeout")}
+        span = {"for": Key(DURATION, "how long to watch", needed=True)}
+        until = {"until": Key(self._frames.pattern, "the frame that ends the polling", needed=True)} | within
         services = self._services
         return {
             "send": ActionRow(self._frames.sent, suite.Send, "send a message or a raw frame"),
             "expect": ActionRow(self._frames.patterns, suite.Expect, "wait for a frame, or several", within),
-            "never": ActionRow(self._frames.pattern, suite.Never, "see that no such frame comes", span),
+            "never": ActionRow(self._frames.pattern, _never, "see that no such frame comes", span),
             "poll": ActionRow(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
             "period": ActionRow(
                 shapes.record(suite.Period, self._period_table()), _same, "measure how often a frame comes"
@@ -116,21 +112,11 @@ class Format:
 
     def read(self, file: Path, root: yaml.Node, problems: Problems) -> suite.Suite:
         """Read the document; raises ReadError with the problems noted."""
-        parts = self._suite.read(root, problems)
-        return suite.Suite(
-            file=file,
-            place=place_of(root.start_mark),
-            name=parts["name"],
-            nodes=parts.get("node", tuple(self._words.dictionaries)),
-            dialect=parts.get("dialect"),
-            timeout=parts.get("timeout", TIMEOUT),
-            tags=parts.get("tags", ()),
-            setup=parts.get("setup", ()),
-            steps=parts["steps"],
-            teardown=parts.get("teardown", ()),
-            dictionaries=self._words.dictionaries,
-            decoder=self._words.decoder,
-        )
+        words, parts = self._words, self._suite.read(root, problems)
+        # The version says nothing more once it is checked, and variables have been filled in where they are used.
+        fields = {key: value for key, value in parts.items() if key not in ("spec", "variables", "node")}
+        nodes = parts.get("node", tuple(words.dictionaries))
+        return suite.Suite(file, place_of(root.start_mark), words.dictionaries, words.decoder, nodes, **fields)
 
     def _dialect(self, text: Text) -> str:
         self._words.networks.find(str(text))
@@ -142,13 +128,12 @@ class Format:
         row = self._actions[key]
         wrong = list(self._key_problems(node, key, pairs))
         problems += wrong
-        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.extra.items()} | self._common
+        known = {key: Key(row.shape, row.help)} | dict(row.extra) | self._common
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
         if wrong:
             raise ReadError
-        extra = {attribute: given[name] for name, (attribute, _) in row.extra.items() if name in given}
-        action = row.make(given[key], **extra)
+        action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
         return suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
 
     def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
@@ -172,20 +157,16 @@ class Format:
             if key != action and key not in extra and key not in self._common:
                 known = [*extra, *self._common]
                 yield shapes.problem_at(key, UnknownName(f"key next to {action}", str(key), known))
-        for name, (_, each) in extra.items():
+        for name, each in extra.items():
             if each.needed and name not in list(pairs):
-                yield shapes.problem_of(node, f"{action} needs the key '{name}'")
+                yield Problem(place_of(node.start_mark), f"{action} needs the key '{name}'")
 
     # Schema
 
     def schema(self) -> Schema:
         """Return the JSON Schema of a document."""
         steps = [
-            shapes.object_schema(
-                {name: Key(row.shape, row.help, needed=True)}
-                | {key: each for key, (_, each) in row.extra.items()}
-                | self._common
-            )
+            shapes.object_schema({name: Key(row.shape, row.help, needed=True), **row.extra, **self._common})
             for name, row in self._actions.items()
         ]
         return {
@@ -203,6 +184,10 @@ def _same(action: suite.Action) -> suite.Action:
     return action
 
 
+def _never(pattern: Pattern, **keys: float) -> suite.Action:
+    return suite.Never(pattern, keys["for"])  # a word of Python's, so it cannot be a parameter
+
+
 def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:
     return suite.Expect(suite.Patterns(suite.Order.IN_ORDER, (pattern,)), within)
 
@@ -212,4 +197,4 @@ def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None)
 
 
 def _within(action: suite.SdoRead | suite.SdoWrite, within: float | None = None) -> suite.Action:
-    return replace(action, within=within)
+    return action._replace(within=within)

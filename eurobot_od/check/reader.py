@@ -81,7 +81,7 @@ class SuiteReader:
         decoder, dictionaries = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
         named, names = texts_at(document, "node"), tuple(dictionaries)
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
-        constants, saved = texts_at(document, "variables"), saved_names(document)
+        constants, saved = texts_at(document, "variables"), frozenset(saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
     def _load(self, dialect: str | None) -> tuple[Decoder, Dictionaries]:

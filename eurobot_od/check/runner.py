@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from eurobot_od.check.bench import Bench
@@ -120,14 +120,19 @@ class Runner:
         try:
             for _ in range(step.repeat):
                 await self._doer.do(step.action)
+            return Status.PASSED, None
         except Failed as failed:
-            return Status.FAILED, replace(failed.reason, frames=self._last_frames())
+            status, reason = Status.FAILED, failed.reason
         except (LocalError, RemoteError) as error:
-            return Status.FAILED, Reason(str(error), frames=self._last_frames())
+            status, reason = Status.FAILED, Reason(str(error))
         except BusError as error:
             self._error = error
-            return Status.BUS_FAILED, Reason(str(error), frames=self._last_frames())
-        return Status.PASSED, None
+            status, reason = Status.BUS_FAILED, Reason(str(error))
+        frames = (
+            Line(time - self._start, own, frame, self._doer.words(frame))
+            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
+        )
+        return status, reason._replace(frames=tuple(frames))
 
     def _tell(self, result: StepResult) -> None:
         self._results.append(result)
@@ -136,9 +141,3 @@ class Runner:
     @property
     def _since_start(self) -> float:
         return self._trace.now - self._start
-
-    def _last_frames(self) -> tuple[Line, ...]:
-        return tuple(
-            Line(time - self._start, own, frame, self._doer.words(frame))
-            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
-        )

@@ -39,12 +39,27 @@ class ServiceShapes:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
-        code = Key(_code(), "error code, or any", needed=True)
+        number = shapes.whole(0, 0xFFFF)
+        any_or_number: Shape[int | None] = Shape(
+            lambda node, problems: None if node.value == ANY else number.read(node, problems),
+            {"anyOf": [{"const": ANY}, NUMBER.schema]},
+        )
+        code = Key(any_or_number, "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
         self.nmt: Shape[Action] = self._service("command", command, self._nmt)
-        self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, self._sdo_keys())
+        sdo = {
+            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
+            "write": Key(SCALAR, "object to write"),
+            "value": Key(SCALAR, "value to write"),
+            "data": Key(TEXT, "bytes to write, in hexadecimal, instead of a value"),
+            "expect": Key(SCALAR, "the value to be read"),
+            "abort": Key(NUMBER, "the abort code with which the node has to refuse"),
+            "save": Key(NAME, "variable that gets the value"),
+            "node": Key(self._node, "whose object; left out: the node under test"),
+        }
+        self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
         self.sdo: Shape[Action] = Shape(self._read_sdo, self._sdo_parts.schema)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
@@ -87,18 +102,6 @@ class ServiceShapes:
 
     # SDO
 
-    def _sdo_keys(self) -> dict[str, Key]:
-        return {
-            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
-            "write": Key(SCALAR, "object to write"),
-            "value": Key(SCALAR, "value to write"),
-            "data": Key(TEXT, "bytes to write, in hexadecimal, instead of a value"),
-            "expect": Key(SCALAR, "the value to be read"),
-            "abort": Key(NUMBER, "the abort code with which the node has to refuse"),
-            "save": Key(NAME, "variable that gets the value"),
-            "node": Key(self._node, "whose object; left out: the node under test"),
-        }
-
     def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
         given = self._sdo_parts.read(node, problems)
         try:
@@ -108,7 +111,9 @@ class ServiceShapes:
             refuse(node, problems, str(error))
         name: Text = given[verb]
         address = taken(name, problems, lambda text: find_address(dictionary, text))
-        target = Target(dictionary, address, _label(address, name), object_type(dictionary, address))
+        place = f"0x{address[0]:04X}:{address[1]}"
+        label = place if name.lower().startswith("0x") else f"{place} {name}"
+        target = Target(dictionary, address, label, object_type(dictionary, address))
         return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
 
     def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
@@ -183,18 +188,3 @@ def _bytes(text: str) -> Callable[[Variables], bytes]:
         raise ValueProblem(f"{text!r} is not hexadecimal bytes such as 'E8 03'")
     data = bytes.fromhex(text)
     return lambda _: data
-
-
-def _label(address: Address, name: str) -> str:
-    place = f"0x{address[0]:04X}:{address[1]}"
-    return place if name.lower().startswith("0x") else f"{place} {name}"
-
-
-def _code() -> Shape[int | None]:
-    """Make the shape of an error code, or `any`."""
-    number = shapes.whole(0, 0xFFFF)
-
-    def read(node: yaml.Node, problems: Problems) -> int | None:
-        return None if node.value == ANY else number.read(node, problems)
-
-    return Shape(read, {"anyOf": [{"const": ANY}, NUMBER.schema]})

@@ -13,7 +13,7 @@ import yaml
 
 from eurobot_od import durations, yaml_places
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.yaml_places import Problem, Problems, Reader, ReadError, Text, place_of, refuse
+from eurobot_od.yaml_places import Problem, Problems, Reader, ReadError, Text, refuse
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -146,14 +146,6 @@ def object_schema(keys: Keys) -> Schema:
     return schema | {"required": needed} if needed else schema
 
 
-def only_pair(node: yaml.Node, problems: Problems, what: str) -> tuple[Text, yaml.Node]:
-    """Return the one key of a mapping and its value's node."""
-    pairs = yaml_places.pairs_of(node, problems)
-    if len(pairs) != 1:
-        refuse(node, problems, f"expected {what}, found {len(pairs)} keys")
-    return next(iter(pairs.items()))
-
-
 def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
     """Convert a text that knows its place; the LocalError of one that cannot be converted is noted there."""
     try:
@@ -166,8 +158,3 @@ def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
 def problem_at(text: Text, what: object) -> Problem:
     """Return a problem of a text that knows its place."""
     return Problem(text.place, str(what))
-
-
-def problem_of(node: yaml.Node, what: object) -> Problem:
-    """Return a problem of a node."""
-    return Problem(place_of(node.start_mark), str(what))

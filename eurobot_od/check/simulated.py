@@ -78,7 +78,7 @@ class SimulatedBench:
 
         def seen(now: float, frame: Frame) -> None:
             if self._sending is not None and self._sending[0] == frame:
-                running.call_soon_threadsafe(_settle, self._sending[1], now)
+                running.call_soon_threadsafe(self._sending[1].set_result, now)
                 self._sending = None
             else:
                 running.call_soon_threadsafe(self.trace.add, Seen(now, frame))
@@ -96,11 +96,6 @@ class SimulatedBench:
         if not sent.done():
             raise NotSent(frame)
         return sent.result()
-
-
-def _settle(sent: asyncio.Future[float], now: float) -> None:
-    if not sent.done():
-        sent.set_result(now)
 
 
 class Program:

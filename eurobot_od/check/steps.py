@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 from eurobot_od import durations
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.patterns import Mismatch, Pattern
+from eurobot_od.check.patterns import Mismatch, Pattern, is_final
 from eurobot_od.check.results import Reason
 from eurobot_od.check.trace import Seen
 from eurobot_od.errors import NoAnswer
@@ -111,7 +111,7 @@ class Doer:
                 self._use(number)
                 left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
                 start = self._mark
-            elif any(each.decisive for each in left if each.cob_id == seen.frame.cob_id):
+            elif any(is_final(each) for each in left if each.cob_id == seen.frame.cob_id):
                 raise self._other(tried, seen)
             else:
                 other = seen
@@ -135,12 +135,12 @@ class Doer:
             return self._with_last(what, left[0], other)
         return Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
 
-    def _with_last(self, what: str, pattern: Pattern, last: Seen | None) -> Failed:
+    def _with_last(self, what: str, pattern: Pattern, last: Seen | None, off: Sequence[Mismatch] = ()) -> Failed:
         """Say that what was wanted did not come, and what came last instead."""
         wanted = pattern.text(self._variables)
         if last is None:
             return Failed(Reason(what, wanted, "nothing"))
-        return Failed(Reason(what, wanted, self._meaning(last), tuple(self._mismatches(pattern, last))))
+        return Failed(Reason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
 
     async def _never(self, action: suite.Never) -> None:
         start, deadline = self._edge, self._deadline(action.span)
@@ -182,14 +182,12 @@ class Doer:
             start, last = self._edge, found[1]
 
     def _check_period(self, action: suite.Period, number: int, last: Seen | None, seen: Seen) -> None:
-        mismatches = self._mismatches(action.message, seen)
+        off = []
         if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
             wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
-            mismatches.append(Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time)))
-        if mismatches:
-            what = f"{action.message} is not as expected"
-            text = action.message.text(self._variables)
-            raise Failed(Reason(what, text, self._meaning(seen), tuple(mismatches)))
+            off = [Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time))]
+        if off or self._mismatches(action.message, seen):
+            raise self._with_last(f"{action.message} is not as expected", action.message, seen, off)
 
     # SDO
 
