@@ -12,8 +12,6 @@ from eurobot_od.check.suite import Suite
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
 
-RED = (Status.FAILED, Status.BUS_FAILED)
-
 
 # Console
 
