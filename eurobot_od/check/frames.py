@@ -18,7 +18,7 @@ from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
 from eurobot_od.check.values import Scale, expectation
 from eurobot_od.check.vocabulary import Vocabulary
-from eurobot_od.errors import FieldError, LocalError, UnknownName
+from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
@@ -135,10 +135,8 @@ def _check_sent(sent: SentMessage, node: yaml.Node, problems: Problems) -> None:
     if missing:
         refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
     if sent.is_constant:
-        try:
+        with shapes.refusing(node, problems):
             sent.frame({})
-        except FieldError as error:
-            refuse(node, problems, str(error))
 
 
 def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:
@@ -169,10 +167,8 @@ def _read_value(node: yaml.Node, scale: Scale, problems: Problems, read: Callabl
         text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))
-    try:
+    with shapes.refusing(node, problems):
         return read(text, scale)
-    except LocalError as error:
-        refuse(node, problems, str(error))
 
 
 # Small schemas

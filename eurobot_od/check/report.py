@@ -114,21 +114,22 @@ def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
     return {name: str(count) for name, count in counts.items()} | {"time": f"{sum(r.seconds for r in results):.6f}"}
 
 
-JUNIT_ELEMENTS = {
+JUNIT = {
     Status.FAILED: "failure",
+    Status.SKIPPED: "skipped",
     Status.BUS_FAILED: "error",
     Status.INTERRUPTED: "error",
-    Status.SKIPPED: "skipped",
 }
+"""JUnit's elements for steps that did not pass."""
 
 
 def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
     name = step.name if step.section is SuitePart.STEPS else f"{step.section.value}: {step.name}"
     attributes = {"classname": result.file.stem, "name": name, "time": f"{step.seconds:.6f}"}
     case = ElementTree.Element("testcase", attributes | {"file": str(result.file), "line": str(step.place.line)})
-    if step.status in JUNIT_ELEMENTS:
+    if step.status in JUNIT:
         message = step.reason.what if step.reason else step.status.value
-        element = ElementTree.SubElement(case, JUNIT_ELEMENTS[step.status], {"message": message})
+        element = ElementTree.SubElement(case, JUNIT[step.status], {"message": message})
         element.text = "\n".join(reason_lines(step.reason)) if step.reason else None
     return case
 

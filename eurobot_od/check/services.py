@@ -23,7 +23,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address
-from eurobot_od.yaml_places import Problems, Text, refuse
+from eurobot_od.yaml_places import Problems, Text
 
 T = TypeVar("T")
 
@@ -78,10 +78,8 @@ class ServiceShapes:
         def read(node: yaml.Node, problems: Problems) -> T:
             is_long = isinstance(node, yaml.MappingNode)
             parts = long.read(node, problems) if is_long else {name: key.shape.read(node, problems)}
-            try:
+            with shapes.refusing(node, problems):
                 return make(parts[name], parts.get("node"))
-            except LocalError as error:
-                refuse(node, problems, str(error))
 
         return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
 
@@ -104,11 +102,9 @@ class ServiceShapes:
 
     def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
         given = self._sdo_parts.read(node, problems)
-        try:
+        with shapes.refusing(node, problems):
             verb = _verb(given)
             dictionary = self._dictionary(given.get("node"))
-        except LocalError as error:
-            refuse(node, problems, str(error))
         name: Text = given[verb]
         address = taken(name, problems, lambda text: find_address(dictionary, text))
         place = f"0x{address[0]:04X}:{address[1]}"

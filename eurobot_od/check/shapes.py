@@ -5,7 +5,8 @@ Rule of this file: a reader is made together with its schema, so that editor and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -45,15 +46,22 @@ class Key:
 Keys: TypeAlias = Mapping[str, Key]
 
 
+@contextmanager
+def refusing(node: yaml.Node, problems: Problems) -> Iterator[None]:
+    """Have a LocalError noted as a problem of a node; raises ReadError then."""
+    try:
+        yield
+    except LocalError as error:
+        refuse(node, problems, str(error))
+
+
 def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None = None) -> Shape[S]:
     """Make a shape of what `convert` makes from another; it raises LocalError for what it does not take."""
 
     def read(node: yaml.Node, problems: Problems) -> S:
         value = shape.read(node, problems)
-        try:
+        with refusing(node, problems):
             return convert(value)
-        except LocalError as error:
-            refuse(node, problems, str(error))
 
     return Shape(read, shape.schema if schema is None else schema)
 

@@ -48,33 +48,23 @@ def services(
     known = {each.node_id: KnownNode(each.name, each) for each in outlines}
     found = {values.NMT_COB_ID: CanopenService("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
     for node_id in values.NODE_IDS:
-        found |= dict(_predefined(node_id, known.get(node_id, KnownNode(f"node {node_id}")), errors))
-    for each in known.values():
-        found |= dict(_configured(each, errors))
+        node = known.get(node_id, KnownNode(f"node {node_id}"))
+        bases = values.EMCY_BASE, values.SDO_REQUEST_BASE, values.SDO_RESPONSE_BASE
+        found |= {base + node_id: service for base, service in zip(bases, _of_node(node, errors))}
+        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService("Heartbeat", node.name, 1, heartbeat_text)
+    for node in known.values():
+        for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), _of_node(node, errors)):
+            cob_id = node.outline.number(address) if node.outline else None
+            if cob_id is not None and not cob_id & values.NOT_VALID:
+                found[cob_id] = service
     return found
 
 
-def _predefined(node_id: int, node: KnownNode, errors: Mapping[int, str]) -> Iterator[tuple[int, CanopenService]]:
-    yield values.EMCY_BASE + node_id, _emcy(node, errors)
-    yield values.SDO_REQUEST_BASE + node_id, _sdo(node, REQUESTS)
-    yield values.SDO_RESPONSE_BASE + node_id, _sdo(node, ANSWERS)
-    yield values.ERROR_CONTROL_BASE + node_id, CanopenService("Heartbeat", node.name, 1, heartbeat_text)
-
-
-def _configured(node: KnownNode, errors: Mapping[int, str]) -> Iterator[tuple[int, CanopenService]]:
-    services = _emcy(node, errors), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
-    for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
-        value = node.outline.number(address) if node.outline else None
-        if value is not None and not value & values.NOT_VALID:
-            yield value, service
-
-
-def _emcy(node: KnownNode, errors: Mapping[int, str]) -> CanopenService:
-    return CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
-
-
-def _sdo(node: KnownNode, table: Commands) -> CanopenService:
-    return CanopenService("SDO", node.name, 8, partial(sdo_text, table, node.outline))
+def _of_node(node: KnownNode, errors: Mapping[int, str]) -> Iterator[CanopenService]:
+    """Yield EMCY, SDO requests and SDO answers."""
+    yield CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
+    for commands in (REQUESTS, ANSWERS):
+        yield CanopenService("SDO", node.name, 8, partial(sdo_text, commands, node.outline))
 
 
 # NMT, heartbeat, EMCY

@@ -119,14 +119,11 @@ class Traffic:
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)
-        if meaning.name in HEALTH:
-            self._hear(time, meaning)
+        if meaning.name in HEALTH and not meaning.defects:
+            health = self.nodes.get(meaning.nodes[0])
+            if health is not None:
+                HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
         return meaning
-
-    def _hear(self, time: float, meaning: Meaning) -> None:
-        health = self.nodes.get(meaning.nodes[0])
-        if health is not None and not meaning.defects:
-            HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
 
     def clear(self) -> None:
         """Forget what was counted."""
