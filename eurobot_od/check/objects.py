@@ -43,11 +43,6 @@ class ObjectType(NamedTuple):
     kind: Kind
     limits: values.Limits
 
-    @property
-    def widest(self) -> values.Limits:
-        """What its type can carry, whatever the EDS's limits are."""
-        return values.Limits(self.type.low, self.type.high)
-
     def encode(self, value: Any) -> bytes:
         """Return a value's bytes."""
         if not self.type.is_integer:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import yaml
@@ -16,13 +17,13 @@ from eurobot_od.check.objects import ObjectType, find_address, object_type, serv
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
 from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
-from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
+from eurobot_od.check.values import Expected, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address, Limits
 from eurobot_od.yaml_places import Problems, Text
 
 T = TypeVar("T")
@@ -113,13 +114,14 @@ class ServiceShapes:
         return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
 
     def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
-        expected = None
-        if "expect" in given:
-            expected = taken(given["expect"], problems, lambda text: expectation(text, self._scale(target.typed)))
+        expected = taken(given["expect"], problems, partial(self._expected, target)) if "expect" in given else None
         decode = bytes.hex if target.type is None else target.type.decode
         return SdoRead(
             services(target.node), target.address, target.label, decode, expected, given.get("abort"), given.get("save")
         )
+
+    def _expected(self, target: Target, text: str) -> Expected:
+        return expectation(text, self._words.scale(target.typed.kind, target.typed.limits))
 
     def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
         widened = "abort" in given
@@ -131,11 +133,9 @@ class ServiceShapes:
 
     def _encoder(self, kind: ObjectType, text: str, widened: bool) -> Callable[[Variables], bytes]:
         """Return what makes the bytes of a value; `widened` takes all that its type can carry."""
-        operand = self._scale(kind._replace(limits=kind.widest) if widened else kind).operand(text)
+        limits = Limits(kind.type.low, kind.type.high) if widened else kind.limits
+        operand = self._words.scale(kind.kind, limits).operand(text)
         return lambda variables: kind.encode(operand.resolve(variables))
-
-    def _scale(self, kind: ObjectType) -> Scale:
-        return self._words.scale(kind.kind, kind.limits)
 
 
 class Target(NamedTuple):
