@@ -56,8 +56,13 @@ class FrameShapes:
             return SentFrame(Frame(int(match["id"], 16), bytes.fromhex(match["data"])))
         binding = taken(name, problems, self._words.protocol.binding)
         fields = self._fields(binding, value, problems, lambda text, scale: scale.operand(text))
+        missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
+        if missing:
+            refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
         sent = SentMessage(self._words.protocol, binding, fields)
-        _check_sent(sent, node, problems)
+        if all(operand.variable is None for operand in fields.values()):
+            with shapes.refusing(node, problems):
+                sent.frame({})
         return sent
 
     # What is expected
@@ -127,16 +132,6 @@ def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]
     if len(pairs) != 1:
         refuse(node, problems, f"expected one message, found {len(pairs)} keys")
     return next(iter(pairs.items()))
-
-
-def _check_sent(sent: SentMessage, node: yaml.Node, problems: Problems) -> None:
-    binding = sent.binding
-    missing = [each for each in binding.kinds if each not in sent.fields and each not in binding.defaults]
-    if missing:
-        refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
-    if sent.is_constant:
-        with shapes.refusing(node, problems):
-            sent.frame({})
 
 
 def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:

@@ -47,11 +47,6 @@ class SentMessage(NamedTuple):
         values = {field: operand.resolve(variables) for field, operand in self.fields.items()}
         return self.protocol.encode(self.binding.message(**values))
 
-    @property
-    def is_constant(self) -> bool:
-        """Whether no field is a variable."""
-        return all(operand.variable is None for operand in self.fields.values())
-
     def __str__(self) -> str:
         return self.binding.name
 
