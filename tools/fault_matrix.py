@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
-from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot import dialects, faults
@@ -58,7 +58,7 @@ def do(run: Run) -> Outcome:
     suite = shipped(run.dialect)[run.suite]
     make_nodes = partial(nodes_under_test, roles=faults.faulty_roles([run.fault] if run.fault else []))
     options = RunOptions(keep_going=True)
-    result = run_simulated(suite, options, Interrupt(), lambda _: None, make_nodes, run.seed)
+    result = run_simulated(suite, options, make_nodes, run.seed)
     return Outcome(run, tuple(step.name for step in result.steps if step.status is not Status.PASSED))
 
 

@@ -11,8 +11,11 @@ from eurobot_od.frame import Frame
 class Bench(Protocol):
     """A bus with the nodes under test; the tester is another participant, with no node of its own."""
 
-    async def begin(self, trace: Trace) -> None:
-        """Put every frame of the others into a trace from now on, and return when the nodes are up; called once."""
+    trace: Trace
+    """Every frame of the others, once the bench has begun."""
+
+    async def begin(self) -> None:
+        """Return when the nodes are up; called once."""
 
     async def send(self, frame: Frame) -> float:
         """Send a frame and return, once it is on its way, its time by the loop's clock; raises BusError."""

@@ -6,46 +6,16 @@ Rule of this file: a key stands in one table only, with its shape, what it is fo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import yaml
 
-from eurobot_od.check import shapes
+from eurobot_od.check import shapes, suite
 from eurobot_od.check.frames import FrameShapes
 from eurobot_od.check.patterns import Pattern
 from eurobot_od.check.services import ServiceShapes
-from eurobot_od.check.shapes import (
-    DURATION,
-    NAME,
-    SCALAR,
-    SOME_TIME,
-    TEXT,
-    Key,
-    Schema,
-    Shape,
-    converted,
-    problem_at,
-    problem_of,
-)
-from eurobot_od.check.suite import (
-    Action,
-    Expect,
-    Group,
-    Never,
-    Order,
-    Patterns,
-    Period,
-    Poll,
-    Save,
-    SdoRead,
-    SdoWrite,
-    Send,
-    Step,
-    Suite,
-    Wait,
-)
+from eurobot_od.check.shapes import DURATION, NAME, SCALAR, TEXT, Key, Schema, Shape
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
 from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
@@ -53,20 +23,17 @@ from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of,
 VERSION = 1
 """Value of the key `spec`."""
 
-TIMEOUT = 1.0
-"""Seconds that an answer may take where the suite does not say."""
-
 MAX_COUNT = 100_000
 """Most repetitions of a step, most periods measured."""
 
 
 class ActionRow(NamedTuple):
-    """An action of a step: its shape, what makes it, and its extra keys with the names `make` has for them."""
+    """An action of a step: its shape, what makes it, and the keys next to it, which `make` gets by their names."""
 
     shape: Shape[Any]
-    make: Callable[..., Action]
+    make: Callable[..., suite.Action]
     help: str
-    extra: Mapping[str, tuple[str, Key]] = {}
+    extra: Mapping[str, Key] = {}
 
 
 class Format:
@@ -76,7 +43,7 @@ class Format:
         self._words = words
         self._services = ServiceShapes(words)
         self._frames = FrameShapes(words, self._services)
-        self._step: Shape[Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
+        self._step: Shape[suite.Step] = Shape(self._read_step, {"$ref": "#/$defs/step"})
         self._actions = self._action_table()
         self._common = {
             "name": Key(TEXT, "what the step is for; left out: what it does"),
@@ -89,12 +56,13 @@ class Format:
     def _suite_table(self) -> dict[str, Key]:
         nodes = shapes.one_or_more(shapes.named({name: name for name in self._words.dictionaries}, "node"))
         steps = shapes.listing(self._step)
+        version = Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
         return {
-            "spec": Key(_version(), "version of the format", needed=True),
+            "spec": Key(version, "version of the format", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
             "node": Key(nodes, "node or nodes under test; left out: all"),
-            "dialect": Key(converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
-            "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {TIMEOUT:g} s"),
+            "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
+            "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {suite.TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
             "setup": Key(steps, "steps before; if one fails, the others are not done"),
@@ -103,79 +71,70 @@ class Format:
         }
 
     def _action_table(self) -> dict[str, ActionRow]:
-        within = {"within": ("within", Key(DURATION, "longest time; left out: the suite's timeout"))}
-        span = {"for": ("span", Key(DURATION, "how long to watch", needed=True))}
-        until = {"until": ("until", Key(self._frames.pattern, "the frame that ends the polling", needed=True))} | within
+        within = {"within": Key(DURATION, "longest time; left out: the suite's timeout")}
+        span = {"for": Key(DURATION, "how long to watch", needed=True)}
+        until = {"until": Key(self._frames.pattern, "the frame that ends the polling", needed=True)} | within
         services = self._services
         return {
-            "send": ActionRow(self._frames.sent, Send, "send a message or a raw frame"),
-            "expect": ActionRow(self._frames.patterns, Expect, "wait for a frame, or several", within),
-            "never": ActionRow(self._frames.pattern, Never, "see that no such frame comes", span),
+            "send": ActionRow(self._frames.sent, suite.Send, "send a message or a raw frame"),
+            "expect": ActionRow(self._frames.patterns, suite.Expect, "wait for a frame, or several", within),
+            "never": ActionRow(self._frames.pattern, _never, "see that no such frame comes", span),
             "poll": ActionRow(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),
-            "period": ActionRow(shapes.record(_period, self._period_table()), _same, "measure how often a frame comes"),
+            "period": ActionRow(
+                shapes.record(suite.Period, self._period_table()), _same, "measure how often a frame comes"
+            ),
             "sdo": ActionRow(services.sdo, _within, "read or write an object", within),
             "nmt": ActionRow(services.nmt, _same, "send an NMT command"),
             "heartbeat": ActionRow(services.heartbeat, _expect_one, "wait for a heartbeat with a state", within),
             "emcy": ActionRow(services.emcy, _expect_one, "wait for an emergency message", within),
             "save": ActionRow(
-                shapes.mapping(NAME, self._frames.field), Save, "keep fields of the messages received last"
+                shapes.mapping(NAME, self._frames.field), suite.Save, "keep fields of the messages received last"
             ),
-            "wait": ActionRow(DURATION, Wait, "let time pass"),
-            "steps": ActionRow(shapes.listing(self._step), Group, "steps that belong together"),
+            "wait": ActionRow(DURATION, suite.Wait, "let time pass"),
+            "steps": ActionRow(shapes.listing(self._step), suite.Group, "steps that belong together"),
         }
 
     def _poll_table(self) -> dict[str, Key]:
         return {
             "send": Key(self._frames.sent, "what is sent", needed=True),
-            "every": Key(SOME_TIME, "time from one to the next", needed=True),
+            "every": Key(shapes.SOME_TIME, "time from one to the next", needed=True),
         }
 
     def _period_table(self) -> dict[str, Key]:
         return {
             "message": Key(self._frames.pattern, "which frame", needed=True),
-            "every": Key(SOME_TIME, "time from one to the next", needed=True),
+            "every": Key(shapes.SOME_TIME, "time from one to the next", needed=True),
             "tolerance": Key(DURATION, "by how much it may be off", needed=True),
             "count": Key(shapes.whole(1, MAX_COUNT), "how many periods are measured", needed=True),
         }
 
     # Reading
 
-    def read(self, file: Path, root: yaml.Node, problems: Problems) -> Suite:
+    def read(self, file: Path, root: yaml.Node, problems: Problems) -> suite.Suite:
         """Read the document; raises ReadError with the problems noted."""
-        parts = self._suite.read(root, problems)
-        return Suite(
-            file=file,
-            place=place_of(root.start_mark),
-            name=parts["name"],
-            nodes=parts.get("node", tuple(self._words.dictionaries)),
-            dialect=parts.get("dialect"),
-            timeout=parts.get("timeout", TIMEOUT),
-            tags=parts.get("tags", ()),
-            setup=parts.get("setup", ()),
-            steps=parts["steps"],
-            teardown=parts.get("teardown", ()),
-            dictionaries=self._words.dictionaries,
-            decoder=self._words.decoder,
-        )
+        words, parts = self._words, self._suite.read(root, problems)
+        # The version says nothing more once it is checked, and variables have been filled in where they are used.
+        fields = {key: value for key, value in parts.items() if key not in ("spec", "variables", "node")}
+        nodes = parts.get("node", tuple(words.dictionaries))
+        return suite.Suite(file, place_of(root.start_mark), words.dictionaries, words.decoder, nodes, **fields)
 
     def _dialect(self, text: Text) -> str:
         self._words.networks.find(str(text))
         return str(text)
 
-    def _read_step(self, node: yaml.Node, problems: Problems) -> Step:
+    def _read_step(self, node: yaml.Node, problems: Problems) -> suite.Step:
         pairs = pairs_of(node, problems)
         key = self._action_key(node, pairs, problems)
         row = self._actions[key]
         wrong = list(self._key_problems(node, key, pairs))
         problems += wrong
-        known = {key: Key(row.shape, row.help)} | {name: each for name, (_, each) in row.extra.items()} | self._common
+        known = {key: Key(row.shape, row.help)} | dict(row.extra) | self._common
         names = [name for name in pairs if name in known]
         given = dict(zip(names, read_all(((known[name].shape.read, pairs[name]) for name in names), problems)))
         if wrong:
             raise ReadError
-        extra = {attribute: given[name] for name, (attribute, _) in row.extra.items() if name in given}
-        action = row.make(given[key], **extra)
-        return Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+        action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
+        return suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
 
     def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
         """Return the key of a step's one action."""
@@ -184,9 +143,9 @@ class Format:
         if len(found) == 1:
             return found[0]
         if found:
-            problems.append(problem_at(found[1], f"a step has one action, and {str(found[0])!r} is one already"))
+            problems.append(shapes.problem_at(found[1], f"a step has one action, and {str(found[0])!r} is one already"))
         elif unknown:
-            problems.append(problem_at(unknown[0], UnknownName("action", str(unknown[0]), self._actions)))
+            problems.append(shapes.problem_at(unknown[0], UnknownName("action", str(unknown[0]), self._actions)))
         else:
             refuse(node, problems, f"no action; a step has one of {', '.join(self._actions)}")
         raise ReadError
@@ -197,16 +156,19 @@ class Format:
         for key in pairs:
             if key != action and key not in extra and key not in self._common:
                 known = [*extra, *self._common]
-                yield problem_at(key, UnknownName(f"key next to {action}", str(key), known))
-        for name, (_, each) in extra.items():
+                yield shapes.problem_at(key, UnknownName(f"key next to {action}", str(key), known))
+        for name, each in extra.items():
             if each.needed and name not in list(pairs):
-                yield problem_of(node, f"{action} needs the key '{name}'")
+                yield Problem(place_of(node.start_mark), f"{action} needs the key '{name}'")
 
     # Schema
 
     def schema(self) -> Schema:
         """Return the JSON Schema of a document."""
-        steps = [self._step_schema(name, row) for name, row in self._actions.items()]
+        steps = [
+            shapes.object_schema({name: Key(row.shape, row.help, needed=True), **row.extra, **self._common})
+            for name, row in self._actions.items()
+        ]
         return {
             "$schema": "http://json-schema.org/draft-07/schema#",
             "title": "Check suite of eurobot-od",
@@ -214,36 +176,25 @@ class Format:
             "$defs": {"step": {"oneOf": steps}} | self._frames.definitions(),
         }
 
-    def _step_schema(self, name: str, row: ActionRow) -> Schema:
-        keys = {name: Key(row.shape, row.help, needed=True)}
-        return shapes.object_schema(keys | {key: each for key, (_, each) in row.extra.items()} | self._common)
-
 
 # What actions are made by
 
 
-def _same(action: Action) -> Action:
+def _same(action: suite.Action) -> suite.Action:
     return action
 
 
-def _expect_one(pattern: Pattern, within: float | None = None) -> Action:
-    return Expect(Patterns(Order.IN_ORDER, (pattern,)), within)
+def _never(pattern: Pattern, **keys: float) -> suite.Action:
+    return suite.Never(pattern, keys["for"])  # a word of Python's, so it cannot be a parameter
 
 
-def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> Action:
-    return Poll(parts["send"], parts["every"], until, within)
+def _expect_one(pattern: Pattern, within: float | None = None) -> suite.Action:
+    return suite.Expect(suite.Patterns(suite.Order.IN_ORDER, (pattern,)), within)
 
 
-def _period(message: Pattern, every: float, tolerance: float, count: int) -> Action:
-    return Period(message, every, tolerance, count)
+def _poll(parts: Mapping[str, Any], until: Pattern, within: float | None = None) -> suite.Action:
+    return suite.Poll(parts["send"], parts["every"], until, within)
 
 
-def _within(action: SdoRead | SdoWrite, within: float | None = None) -> Action:
-    return replace(action, within=within)
-
-
-# Small shapes
-
-
-def _version() -> Shape[int]:
-    return Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
+def _within(action: suite.SdoRead | suite.SdoWrite, within: float | None = None) -> suite.Action:
+    return action._replace(within=within)

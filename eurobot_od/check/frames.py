@@ -18,7 +18,7 @@ from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
 from eurobot_od.check.values import Scale, expectation
 from eurobot_od.check.vocabulary import Vocabulary
-from eurobot_od.errors import FieldError, LocalError, UnknownName
+from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
@@ -30,7 +30,6 @@ T = TypeVar("T")
 RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f]{2}){0,8})")
 RAW_PATTERN = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f?]{2}){0,8})")
 ORDERS = {"any": Order.ANY, "all": Order.ALL}
-VALUE: Schema = {"type": ["string", "number"]}
 
 
 class FrameShapes:
@@ -57,8 +56,13 @@ class FrameShapes:
             return SentFrame(Frame(int(match["id"], 16), bytes.fromhex(match["data"])))
         binding = taken(name, problems, self._words.protocol.binding)
         fields = self._fields(binding, value, problems, lambda text, scale: scale.operand(text))
+        missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
+        if missing:
+            refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
         sent = SentMessage(self._words.protocol, binding, fields)
-        _check_sent(sent, node, problems)
+        if all(operand.variable is None for operand in fields.values()):
+            with shapes.refusing(node, problems):
+                sent.frame({})
         return sent
 
     # What is expected
@@ -75,8 +79,8 @@ class FrameShapes:
         if isinstance(node, yaml.SequenceNode):
             return Patterns(Order.IN_ORDER, several(node, problems))
         if isinstance(node, yaml.MappingNode):
-            name, value = shapes.only_pair(node, problems, "one message")
-            if name in ORDERS:
+            name, value = _named(node, problems)
+            if value is not None and name in ORDERS:
                 return Patterns(ORDERS[name], several(value, problems))
         return Patterns(Order.IN_ORDER, (self.pattern.read(node, problems),))
 
@@ -86,8 +90,8 @@ class FrameShapes:
         self, binding: Binding, node: yaml.Node | None, problems: Problems, read: Callable[[str, Scale], T]
     ) -> dict[str, T]:
         """Read a message's fields and their values; all problems of them are told."""
-        if node is None or _is_nothing(node):
-            return {}
+        if node is None or (isinstance(node, yaml.ScalarNode) and node.value == "" and node.style is None):
+            return {}  # nothing after the message's name; '' in quotes is a text, and wrong here
         before, fields = len(problems), {}
         for key, value in pairs_of(node, problems).items():
             try:
@@ -111,35 +115,23 @@ class FrameShapes:
         """Return the schemas that others refer to."""
         names = {each.name: each.kinds for each in self._words.protocol.bindings}
         others = {name: shape.schema for name, shape in self._others.items()}
+        several = shapes.listing(self.pattern).schema
+        orders = [{"type": "object", "properties": {name: several}, "required": [name]} for name in ORDERS]
         return {
             "sent": _message_schema(names, {"raw": _pattern_schema(RAW)}, needs_fields=True),
             "pattern": _message_schema(names, others, needs_fields=False),
-            "patterns": self._patterns_schema(),
+            "patterns": {"anyOf": [self.pattern.schema, several, *orders]},
         }
-
-    def _patterns_schema(self) -> Schema:
-        several = shapes.listing(self.pattern).schema
-        orders = [{"type": "object", "properties": {name: several}, "required": [name]} for name in ORDERS]
-        return {"anyOf": [self.pattern.schema, several, *orders]}
 
 
 def _named(node: yaml.Node, problems: Problems) -> tuple[Text, yaml.Node | None]:
     """Return the name of a message, and what comes after it."""
     if isinstance(node, yaml.ScalarNode):
         return SCALAR.read(node, problems), None
-    return shapes.only_pair(node, problems, "one message")
-
-
-def _check_sent(sent: SentMessage, node: yaml.Node, problems: Problems) -> None:
-    binding = sent.binding
-    missing = [each for each in binding.kinds if each not in sent.fields and each not in binding.defaults]
-    if missing:
-        refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
-    if sent.is_constant:
-        try:
-            sent.frame({})
-        except FieldError as error:
-            refuse(node, problems, str(error))
+    pairs = pairs_of(node, problems)
+    if len(pairs) != 1:
+        refuse(node, problems, f"expected one message, found {len(pairs)} keys")
+    return next(iter(pairs.items()))
 
 
 def _read_raw_pattern(node: yaml.Node, problems: Problems) -> Pattern:
@@ -153,10 +145,6 @@ def _match(form: re.Pattern[str], node: yaml.Node, problems: Problems, what: str
     if match is None:
         refuse(node, problems, f"expected {what}, found {str(text)!r}")
     return match
-
-
-def _is_nothing(node: yaml.Node) -> bool:
-    return isinstance(node, yaml.ScalarNode) and node.value == "" and node.style is None
 
 
 def _field(binding: Binding, name: str) -> str:
@@ -174,10 +162,8 @@ def _read_value(node: yaml.Node, scale: Scale, problems: Problems, read: Callabl
         text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))
-    try:
+    with shapes.refusing(node, problems):
         return read(text, scale)
-    except LocalError as error:
-        refuse(node, problems, str(error))
 
 
 # Small schemas
@@ -199,7 +185,9 @@ def _message_schema(
 
 def _fields_schema(fields: Mapping[str, Kind]) -> Schema:
     """Return the schema of a message's fields: their names as people write them, and all other ways to write them."""
-    values = {field: _value_schema(kind) for field, kind in fields.items()}
+    value = SCALAR.schema
+    forms = {field: kind.keyed_form for field, kind in fields.items()}
+    values = {name: {"anyOf": [value, _keyed(form).schema]} if form else value for name, form in forms.items()}
     return {
         "type": ["object", "null"],
         "properties": {field.replace("_", " "): value for field, value in values.items()},
@@ -212,10 +200,6 @@ def _spellings(field: str) -> str:
     """Return the pattern of a field's names: `enemy_1_diameter`, `Enemy 1 diameter`, `x`, `X position`."""
     words = [f"[{word[0].upper()}{word[0]}]{word[1:]}" for word in field.split("_")]
     return f"^{'[ _]'.join(words)}( position)?$"
-
-
-def _value_schema(kind: Kind) -> Schema:
-    return VALUE if kind.keyed_form is None else {"anyOf": [VALUE, _keyed(kind.keyed_form).schema]}
 
 
 def _keyed(form: KeyedForm) -> Shape[dict[Any, Any]]:

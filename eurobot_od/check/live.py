@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from eurobot_od import live as runtime
-from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Runner, RunOptions
+from eurobot_od.check.results import SuiteResult
+from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.errors import BusError
@@ -30,32 +30,23 @@ RETRY = 0.001
 
 
 class LiveBench:
-    """The bench of a python-can bus; `seen` and `failed` may be called from any thread, once it has begun."""
+    """The bench of a python-can bus; `seen` and `failed` may be called from any thread."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self._driver = runtime.Driver(bus)
         self._loop = asyncio.get_running_loop()
-        self._trace: Trace | None = None
+        self.trace = Trace()
 
-    async def begin(self, trace: Trace) -> None:
-        """Put every frame of the others into a trace."""
-        self._trace = trace
+    async def begin(self) -> None:
+        """Return at once: nobody knows when the nodes on a real bus are up."""
 
     def seen(self, now: float, frame: Frame) -> None:
         """Take in a frame."""
-        self._loop.call_soon_threadsafe(self._add, Seen(now, frame))
+        self._loop.call_soon_threadsafe(self.trace.add, Seen(now, frame))
 
     def failed(self, failure: BusError) -> None:
         """Take in that the bus has failed."""
-        self._loop.call_soon_threadsafe(self._fail, failure)
-
-    def _add(self, seen: Seen) -> None:
-        if self._trace is not None:
-            self._trace.add(seen)
-
-    def _fail(self, failure: BusError) -> None:
-        if self._trace is not None:
-            self._trace.fail(failure)
+        self._loop.call_soon_threadsafe(self.trace.fail, failure)
 
     async def send(self, frame: Frame) -> float:
         """Hand a frame to the driver; raises BusError if it does not take it."""
@@ -68,19 +59,13 @@ class LiveBench:
         return now
 
 
-def run_live(
-    suite: Suite,
-    options: RunOptions,
-    interrupt: Interrupt,
-    show: Callable[[StepResult], None],
-    open_bus: Callable[[], can.BusABC],
-) -> SuiteResult:
+def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusABC]) -> SuiteResult:
     """Run a suite against the nodes on a bus; raises BusError if it cannot be opened."""
 
     async def main() -> SuiteResult:
         bus = open_bus()
         bench = LiveBench(bus)
         with runtime.Watch(bus, bench.seen, time.monotonic, bench.failed):
-            return await Runner(suite, bench, options, interrupt, show).run(f"on {bus.channel_info}")
+            return await Runner(suite, bench, options).run(f"on {bus.channel_info}")
 
     return asyncio.run(main())

@@ -13,23 +13,13 @@ from eurobot_od.check.suite import NodeServices
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.logs.services import SDO_ANSWER_ENTRY, SDO_REQUEST_ENTRY
+from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import (
-    BASE_IDENTIFIER,
-    DATA_TYPES,
-    OCTET_STRING,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
-    VISIBLE_STRING,
-    Address,
-    DataType,
-    Limits,
-)
 from eurobot_od.pdo.kinds import Kind
 
 ADDRESS = re.compile(r"0[xX](?P<index>[0-9A-Fa-f]{1,4})(?::(?P<subindex>0x[0-9A-Fa-f]{1,2}|\d{1,3}))?")
 
-TEXT_TYPES = (VISIBLE_STRING.code, OCTET_STRING.code)
+TEXT_TYPES = (values.VISIBLE_STRING.code, values.OCTET_STRING.code)
 
 
 class TextKind(Kind):
@@ -38,7 +28,7 @@ class TextKind(Kind):
     def parse(self, text: str) -> Any:
         return text
 
-    def write(self, value: Any, limits: Limits) -> int:
+    def write(self, value: Any, limits: values.Limits) -> int:
         """Take any text; it has no raw integer."""
         return 0
 
@@ -49,14 +39,9 @@ class TextKind(Kind):
 class ObjectType(NamedTuple):
     """An object's data type, a number's or a text's, and how its value is written and measured."""
 
-    type: DataType
+    type: values.DataType
     kind: Kind
-    limits: Limits
-
-    @property
-    def widest(self) -> Limits:
-        """What its type can carry, whatever the EDS's limits are."""
-        return Limits(self.type.low, self.type.high)
+    limits: values.Limits
 
     def encode(self, value: Any) -> bytes:
         """Return a value's bytes."""
@@ -73,7 +58,7 @@ class ObjectType(NamedTuple):
         return int.from_bytes(data, "little", signed=self.type.is_signed)
 
 
-def find_address(dictionary: Dictionary, text: str) -> Address:
+def find_address(dictionary: Dictionary, text: str) -> values.Address:
     """Return the address of `0x1017`, `0x1018:1`, `Producer heartbeat time` or `Motion.Braking`; raises UnknownName."""
     match = ADDRESS.fullmatch(text)
     if match is not None:
@@ -91,17 +76,17 @@ def _names(dictionary: Dictionary) -> list[str]:
     return [entry.name for entry in entries] + members
 
 
-def object_type(dictionary: Dictionary, address: Address) -> ObjectType | None:
+def object_type(dictionary: Dictionary, address: values.Address) -> ObjectType | None:
     """Return the type of an object, None if the EDS does not have it or if it is neither a whole number nor a text."""
     variable = dictionary.variable(address)
     if variable is None:
         return None
-    data_type = DATA_TYPES.get(variable.data_type or 0)
+    data_type = values.DATA_TYPES.get(variable.data_type or 0)
     if data_type is None or not (data_type.is_integer or data_type.code in TEXT_TYPES):
         return None
     low = data_type.low if variable.min is None else variable.min
     high = data_type.high if variable.max is None else variable.max
-    return ObjectType(data_type, Kind() if data_type.is_integer else TextKind(), Limits(low, high))
+    return ObjectType(data_type, Kind() if data_type.is_integer else TextKind(), values.Limits(low, high))
 
 
 def services(dictionary: Dictionary) -> NodeServices:
@@ -110,6 +95,6 @@ def services(dictionary: Dictionary) -> NodeServices:
     return NodeServices(
         dictionary.name,
         dictionary.node_id,
-        request & BASE_IDENTIFIER if isinstance(request, int) else SDO_REQUEST_BASE + dictionary.node_id,
-        answer & BASE_IDENTIFIER if isinstance(answer, int) else SDO_RESPONSE_BASE + dictionary.node_id,
+        request & values.BASE_IDENTIFIER if isinstance(request, int) else values.SDO_REQUEST_BASE + dictionary.node_id,
+        answer & values.BASE_IDENTIFIER if isinstance(answer, int) else values.SDO_RESPONSE_BASE + dictionary.node_id,
     )

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
@@ -36,8 +35,7 @@ class Mismatch(NamedTuple):
 # Sent
 
 
-@dataclass(frozen=True)
-class SentMessage:
+class SentMessage(NamedTuple):
     """A message to be sent; fields may be variables."""
 
     protocol: Protocol
@@ -49,17 +47,11 @@ class SentMessage:
         values = {field: operand.resolve(variables) for field, operand in self.fields.items()}
         return self.protocol.encode(self.binding.message(**values))
 
-    @property
-    def is_constant(self) -> bool:
-        """Whether no field is a variable."""
-        return all(operand.variable is None for operand in self.fields.values())
-
     def __str__(self) -> str:
         return self.binding.name
 
 
-@dataclass(frozen=True)
-class SentFrame:
+class SentFrame(NamedTuple):
     """A frame to be sent as it is."""
 
     raw: Frame
@@ -78,14 +70,12 @@ Sent: TypeAlias = "SentMessage | SentFrame"
 # Expected
 
 
-@dataclass(frozen=True)
-class MessagePattern:
+class MessagePattern(NamedTuple):
     """A message whose `fields` are as expected; the others may be anything in their range."""
 
     protocol: Protocol
     binding: Binding
     fields: Mapping[str, Expected]
-    decisive: ClassVar[bool] = True
 
     @property
     def cob_id(self) -> int:
@@ -119,13 +109,11 @@ class MessagePattern:
         return self.binding.name
 
 
-@dataclass(frozen=True)
-class FramePattern:
+class FramePattern(NamedTuple):
     """A frame with these hexadecimal digits as its data, `?` for any digit."""
 
     cob_id: int
     digits: str
-    decisive: ClassVar[bool] = True
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how a frame of this identifier differs."""
@@ -142,17 +130,12 @@ class FramePattern:
         return f"{self.cob_id:03X}#{self.digits}"
 
 
-@dataclass(frozen=True)
-class HeartbeatPattern:
-    """A node's heartbeat with a state, None for any.
-
-    One with another state does not decide: the node may be on its way to the state that is waited for.
-    """
+class HeartbeatPattern(NamedTuple):
+    """A node's heartbeat with a state, None for any."""
 
     node: str
     cob_id: int
     state: NmtState | None
-    decisive: ClassVar[bool] = False
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how a heartbeat differs."""
@@ -173,14 +156,12 @@ class HeartbeatPattern:
         return f"heartbeat of {self.node}"
 
 
-@dataclass(frozen=True)
-class EmergencyPattern:
+class EmergencyPattern(NamedTuple):
     """A node's EMCY with an error code, None for any (CiA 301, 7.2.7)."""
 
     node: str
     cob_id: int
     code: int | None
-    decisive: ClassVar[bool] = True
 
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how an EMCY differs."""
@@ -202,3 +183,8 @@ class EmergencyPattern:
 
 
 Pattern: TypeAlias = "MessagePattern | FramePattern | HeartbeatPattern | EmergencyPattern"
+
+
+def is_final(pattern: Pattern) -> bool:
+    """Whether a frame that differs ends the waiting; no heartbeat does, as the node may be on its way to the state."""
+    return not isinstance(pattern, HeartbeatPattern)

@@ -45,22 +45,18 @@ class SuiteReader:
         wrong: list[tuple[Path, Problem]] = []
         for file in files:
             problems: Problems = []
-            suites += self._read_file(file, problems)
+            try:
+                source = file.read_bytes().decode()
+            except OSError as error:
+                problems.append(Problem(START, error.strerror or str(error)))
+            except UnicodeDecodeError as error:
+                problems.append(Problem(START, f"not UTF-8: byte 0x{error.object[error.start]:02X} at {error.start}"))
+            else:
+                suites += self.read(file, source, problems)
             wrong += ((file, problem) for problem in sorted(problems))
         if wrong:
             raise SuiteError(wrong)
         return suites
-
-    def _read_file(self, file: Path, problems: Problems) -> list[Suite]:
-        try:
-            source = file.read_bytes().decode()
-        except OSError as error:
-            problems.append(Problem(START, error.strerror or str(error)))
-        except UnicodeDecodeError as error:
-            problems.append(Problem(START, f"not UTF-8: byte 0x{error.object[error.start]:02X} at {error.start}"))
-        else:
-            return self.read(file, source, problems)
-        return []
 
     def read(self, file: Path, source: str, problems: Problems) -> list[Suite]:
         """Read the suites of a text; problems are noted, and the suites that have some are left out."""
@@ -81,7 +77,7 @@ class SuiteReader:
         decoder, dictionaries = self._load(next(iter(texts_at(document, "dialect")), self._dialect))
         named, names = texts_at(document, "node"), tuple(dictionaries)
         nodes = tuple(name for name in names if name in named or not named) or names[:1]
-        constants, saved = texts_at(document, "variables"), saved_names(document)
+        constants, saved = texts_at(document, "variables"), frozenset(saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
     def _load(self, dialect: str | None) -> tuple[Decoder, Dictionaries]:

@@ -6,13 +6,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
-from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
+from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
-
-RED = (Status.FAILED, Status.BUS_FAILED)
 
 
 # Console
@@ -41,12 +39,8 @@ def reason_lines(reason: Reason) -> Iterator[str]:
     yield from (f"        {mismatch}" for mismatch in reason.mismatches)
     if reason.frames:
         yield "      last frames (> sent, < received)"
-        yield from (f"        {frame_line(frame)}" for frame in reason.frames)
-
-
-def frame_line(line: Line) -> str:
-    """Return a frame's line: when, which way, and what it means."""
-    return f"{line.time:9.4f} s {'>' if line.own else '<'} {line.frame!s:<21} {line.meaning}".rstrip()
+    for time, own, frame, meaning in reason.frames:
+        yield f"        {time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
 
 
 def summary(results: Sequence[SuiteResult]) -> str:
@@ -111,31 +105,31 @@ def junit(results: Sequence[SuiteResult]) -> str:
 
 
 def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:
-    skipped = sum(result.count(Status.SKIPPED) + bool(result.skipped) for result in results)
     counts = {
         "tests": sum(len(result.steps) + bool(result.skipped) for result in results),
         "failures": sum(result.count(Status.FAILED) for result in results),
         "errors": sum(result.count(Status.BUS_FAILED, Status.INTERRUPTED) for result in results),
-        "skipped": skipped,
+        "skipped": sum(result.count(Status.SKIPPED) + bool(result.skipped) for result in results),
     }
     return {name: str(count) for name, count in counts.items()} | {"time": f"{sum(r.seconds for r in results):.6f}"}
 
 
-JUNIT_ELEMENTS = {
+JUNIT = {
     Status.FAILED: "failure",
+    Status.SKIPPED: "skipped",
     Status.BUS_FAILED: "error",
     Status.INTERRUPTED: "error",
-    Status.SKIPPED: "skipped",
 }
+"""JUnit's elements for steps that did not pass."""
 
 
 def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
     name = step.name if step.section is SuitePart.STEPS else f"{step.section.value}: {step.name}"
     attributes = {"classname": result.file.stem, "name": name, "time": f"{step.seconds:.6f}"}
     case = ElementTree.Element("testcase", attributes | {"file": str(result.file), "line": str(step.place.line)})
-    if step.status in JUNIT_ELEMENTS:
+    if step.status in JUNIT:
         message = step.reason.what if step.reason else step.status.value
-        element = ElementTree.SubElement(case, JUNIT_ELEMENTS[step.status], {"message": message})
+        element = ElementTree.SubElement(case, JUNIT[step.status], {"message": message})
         element.text = "\n".join(reason_lines(step.reason)) if step.reason else None
     return case
 
@@ -145,19 +139,18 @@ def _test_case(result: SuiteResult, step: StepResult) -> ElementTree.Element:
 
 def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
     """Return everything as plain data."""
-    return [_suite_data(result) for result in results]
-
-
-def _suite_data(result: SuiteResult) -> dict[str, Any]:
-    return {
-        "file": str(result.file),
-        "name": result.name,
-        "how": result.how,
-        "seconds": round(result.seconds, 6),
-        "skipped": result.skipped or None,
-        "error": None if result.error is None else str(result.error),
-        "steps": [_step_data(step) for step in result.steps],
-    }
+    return [
+        {
+            "file": str(result.file),
+            "name": result.name,
+            "how": result.how,
+            "seconds": round(result.seconds, 6),
+            "skipped": result.skipped or None,
+            "error": None if result.error is None else str(result.error),
+            "steps": [_step_data(step) for step in result.steps],
+        }
+        for result in results
+    ]
 
 
 def _step_data(step: StepResult) -> dict[str, Any]:
@@ -178,14 +171,13 @@ def _reason_data(reason: Reason) -> dict[str, Any]:
         "expected": reason.expected,
         "came": reason.came,
         "differences": [each._asdict() for each in reason.mismatches],
-        "frames": [_frame_data(line) for line in reason.frames],
-    }
-
-
-def _frame_data(line: Line) -> dict[str, Any]:
-    return {
-        "time": round(line.time, 6),
-        "direction": "sent" if line.own else "received",
-        "frame": str(line.frame),
-        "meaning": line.meaning,
+        "frames": [
+            {
+                "time": round(line.time, 6),
+                "direction": "sent" if line.own else "received",
+                "frame": str(line.frame),
+                "meaning": line.meaning,
+            }
+            for line in reason.frames
+        ],
     }

@@ -40,8 +40,7 @@ class Line(NamedTuple):
     meaning: str
 
 
-@dataclass(frozen=True)
-class Reason:
+class Reason(NamedTuple):
     """Why a step failed: in words, thing by thing, and the frames on the bus up to then."""
 
     what: str
@@ -51,8 +50,7 @@ class Reason:
     frames: tuple[Line, ...] = ()
 
 
-@dataclass(frozen=True)
-class StepResult:
+class StepResult(NamedTuple):
     """How a step ended: `started` seconds after the suite's start, it took `seconds`."""
 
     section: SuitePart

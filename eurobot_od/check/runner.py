@@ -8,26 +8,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.steps import Doer, Failed
 from eurobot_od.check.suite import Group, Step, Suite
-from eurobot_od.check.trace import Trace
 from eurobot_od.errors import BusError, LocalError, RemoteError
 
 FRAMES_SHOWN = 8
 """How many frames a failed step shows, the last ones on the bus."""
-
-
-@dataclass(frozen=True)
-class RunOptions:
-    """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are done."""
-
-    keep_going: bool = False
-    chosen: Callable[[str], bool] = lambda _: True
 
 
 class Interrupt:
@@ -58,20 +49,24 @@ class Interrupt:
             task.result()
 
 
-class Runner:
-    """One run of a suite, made and run inside the event loop; `show` is called with each step's result as it comes."""
+@dataclass(frozen=True)
+class RunOptions:
+    """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are done.
 
-    def __init__(
-        self,
-        suite: Suite,
-        bench: Bench,
-        options: RunOptions,
-        interrupt: Interrupt,
-        show: Callable[[StepResult], None],
-    ) -> None:
-        self._suite, self._bench, self._options, self._interrupt = suite, bench, options, interrupt
-        self._show = show
-        self._trace = Trace()
+    `interrupt` may end a suite; `show` is called with each step's result as it comes.
+    """
+
+    keep_going: bool = False
+    chosen: Callable[[str], bool] = lambda _: True
+    interrupt: Interrupt = field(default_factory=Interrupt)
+    show: Callable[[StepResult], None] = lambda _: None
+
+
+class Runner:
+    """One run of a suite, made and run inside the event loop."""
+
+    def __init__(self, suite: Suite, bench: Bench, options: RunOptions) -> None:
+        self._suite, self._bench, self._options, self._trace = suite, bench, options, bench.trace
         self._results: list[StepResult] = []
         self._stopped = False
         self._error: BusError | None = None
@@ -79,10 +74,10 @@ class Runner:
     async def run(self, how: str) -> SuiteResult:
         """Run the suite, its teardown in any case; `how` names the bench for reports."""
         suite = self._suite
-        await self._bench.begin(self._trace)
+        await self._bench.begin()
         self._start = self._trace.now
-        self._doer = Doer(suite, self._bench, self._trace)
-        await self._interrupt.guard(self._until_teardown())
+        self._doer = Doer(suite.timeout, suite.decoder, self._bench)
+        await self._options.interrupt.guard(self._until_teardown())
         self._stopped = self._error is not None
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
@@ -125,25 +120,24 @@ class Runner:
         try:
             for _ in range(step.repeat):
                 await self._doer.do(step.action)
+            return Status.PASSED, None
         except Failed as failed:
-            return Status.FAILED, replace(failed.reason, frames=self._last_frames())
+            status, reason = Status.FAILED, failed.reason
         except (LocalError, RemoteError) as error:
-            return Status.FAILED, Reason(str(error), frames=self._last_frames())
+            status, reason = Status.FAILED, Reason(str(error))
         except BusError as error:
             self._error = error
-            return Status.BUS_FAILED, Reason(str(error), frames=self._last_frames())
-        return Status.PASSED, None
+            status, reason = Status.BUS_FAILED, Reason(str(error))
+        frames = (
+            Line(time - self._start, own, frame, self._doer.words(frame))
+            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
+        )
+        return status, reason._replace(frames=tuple(frames))
 
     def _tell(self, result: StepResult) -> None:
         self._results.append(result)
-        self._show(result)
+        self._options.show(result)
 
     @property
     def _since_start(self) -> float:
         return self._trace.now - self._start
-
-    def _last_frames(self) -> tuple[Line, ...]:
-        return tuple(
-            Line(time - self._start, own, frame, self._doer.words(frame))
-            for time, frame, own in self._trace.frames[-FRAMES_SHOWN:]
-        )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import yaml
@@ -16,14 +17,14 @@ from eurobot_od.check.objects import ObjectType, find_address, object_type, serv
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
 from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
-from eurobot_od.check.values import Scale, ValueProblem, Variables, expectation
+from eurobot_od.check.values import Expected, ValueProblem, Variables, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address
-from eurobot_od.yaml_places import Problems, Text, refuse
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address, Limits
+from eurobot_od.yaml_places import Problems, Text
 
 T = TypeVar("T")
 
@@ -39,12 +40,27 @@ class ServiceShapes:
         self._words = words
         self._node = shapes.named(words.dictionaries, "node")
         state = Key(shapes.named(STATES, "NMT state"), "state in the heartbeat", needed=True)
-        code = Key(_code(), "error code, or any", needed=True)
+        number = shapes.whole(0, 0xFFFF)
+        any_or_number: Shape[int | None] = Shape(
+            lambda node, problems: None if node.value == ANY else number.read(node, problems),
+            {"anyOf": [{"const": ANY}, NUMBER.schema]},
+        )
+        code = Key(any_or_number, "error code, or any", needed=True)
         command = Key(shapes.named(NMT_COMMANDS, "NMT command"), "NMT command", needed=True)
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
         self.nmt: Shape[Action] = self._service("command", command, self._nmt)
-        self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, self._sdo_keys())
+        sdo = {
+            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
+            "write": Key(SCALAR, "object to write"),
+            "value": Key(SCALAR, "value to write"),
+            "data": Key(TEXT, "bytes to write, in hexadecimal, instead of a value"),
+            "expect": Key(SCALAR, "the value to be read"),
+            "abort": Key(NUMBER, "the abort code with which the node has to refuse"),
+            "save": Key(NAME, "variable that gets the value"),
+            "node": Key(self._node, "whose object; left out: the node under test"),
+        }
+        self._sdo_parts: Shape[dict[str, Any]] = shapes.record(dict, sdo)
         self.sdo: Shape[Action] = Shape(self._read_sdo, self._sdo_parts.schema)
 
     def _dictionary(self, given: Dictionary | None) -> Dictionary:
@@ -63,10 +79,8 @@ class ServiceShapes:
         def read(node: yaml.Node, problems: Problems) -> T:
             is_long = isinstance(node, yaml.MappingNode)
             parts = long.read(node, problems) if is_long else {name: key.shape.read(node, problems)}
-            try:
+            with shapes.refusing(node, problems):
                 return make(parts[name], parts.get("node"))
-            except LocalError as error:
-                refuse(node, problems, str(error))
 
         return Shape(read, {"anyOf": [key.shape.schema, long.schema]})
 
@@ -87,38 +101,27 @@ class ServiceShapes:
 
     # SDO
 
-    def _sdo_keys(self) -> dict[str, Key]:
-        return {
-            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
-            "write": Key(SCALAR, "object to write"),
-            "value": Key(SCALAR, "value to write"),
-            "data": Key(TEXT, "bytes to write, in hexadecimal, instead of a value"),
-            "expect": Key(SCALAR, "the value to be read"),
-            "abort": Key(NUMBER, "the abort code with which the node has to refuse"),
-            "save": Key(NAME, "variable that gets the value"),
-            "node": Key(self._node, "whose object; left out: the node under test"),
-        }
-
     def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
         given = self._sdo_parts.read(node, problems)
-        try:
+        with shapes.refusing(node, problems):
             verb = _verb(given)
             dictionary = self._dictionary(given.get("node"))
-        except LocalError as error:
-            refuse(node, problems, str(error))
         name: Text = given[verb]
         address = taken(name, problems, lambda text: find_address(dictionary, text))
-        target = Target(dictionary, address, _label(address, name), object_type(dictionary, address))
+        place = f"0x{address[0]:04X}:{address[1]}"
+        label = place if name.lower().startswith("0x") else f"{place} {name}"
+        target = Target(dictionary, address, label, object_type(dictionary, address))
         return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
 
     def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
-        expected = None
-        if "expect" in given:
-            expected = taken(given["expect"], problems, lambda text: expectation(text, self._scale(target.typed)))
+        expected = taken(given["expect"], problems, partial(self._expected, target)) if "expect" in given else None
         decode = bytes.hex if target.type is None else target.type.decode
         return SdoRead(
             services(target.node), target.address, target.label, decode, expected, given.get("abort"), given.get("save")
         )
+
+    def _expected(self, target: Target, text: str) -> Expected:
+        return expectation(text, self._words.scale(target.typed.kind, target.typed.limits))
 
     def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
         widened = "abort" in given
@@ -130,11 +133,9 @@ class ServiceShapes:
 
     def _encoder(self, kind: ObjectType, text: str, widened: bool) -> Callable[[Variables], bytes]:
         """Return what makes the bytes of a value; `widened` takes all that its type can carry."""
-        operand = self._scale(kind._replace(limits=kind.widest) if widened else kind).operand(text)
+        limits = Limits(kind.type.low, kind.type.high) if widened else kind.limits
+        operand = self._words.scale(kind.kind, limits).operand(text)
         return lambda variables: kind.encode(operand.resolve(variables))
-
-    def _scale(self, kind: ObjectType) -> Scale:
-        return self._words.scale(kind.kind, kind.limits)
 
 
 class Target(NamedTuple):
@@ -183,18 +184,3 @@ def _bytes(text: str) -> Callable[[Variables], bytes]:
         raise ValueProblem(f"{text!r} is not hexadecimal bytes such as 'E8 03'")
     data = bytes.fromhex(text)
     return lambda _: data
-
-
-def _label(address: Address, name: str) -> str:
-    place = f"0x{address[0]:04X}:{address[1]}"
-    return place if name.lower().startswith("0x") else f"{place} {name}"
-
-
-def _code() -> Shape[int | None]:
-    """Make the shape of an error code, or `any`."""
-    number = shapes.whole(0, 0xFFFF)
-
-    def read(node: yaml.Node, problems: Problems) -> int | None:
-        return None if node.value == ANY else number.read(node, problems)
-
-    return Shape(read, {"anyOf": [{"const": ANY}, NUMBER.schema]})

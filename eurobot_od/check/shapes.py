@@ -5,7 +5,8 @@ Rule of this file: a reader is made together with its schema, so that editor and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -13,7 +14,7 @@ import yaml
 
 from eurobot_od import durations, yaml_places
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.yaml_places import Problem, Problems, Reader, ReadError, Text, place_of, refuse
+from eurobot_od.yaml_places import Problem, Problems, Reader, ReadError, Text, refuse
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -45,15 +46,22 @@ class Key:
 Keys: TypeAlias = Mapping[str, Key]
 
 
+@contextmanager
+def refusing(node: yaml.Node, problems: Problems) -> Iterator[None]:
+    """Have a LocalError noted as a problem of a node; raises ReadError then."""
+    try:
+        yield
+    except LocalError as error:
+        refuse(node, problems, str(error))
+
+
 def converted(shape: Shape[T], convert: Callable[[T], S], schema: Schema | None = None) -> Shape[S]:
     """Make a shape of what `convert` makes from another; it raises LocalError for what it does not take."""
 
     def read(node: yaml.Node, problems: Problems) -> S:
         value = shape.read(node, problems)
-        try:
+        with refusing(node, problems):
             return convert(value)
-        except LocalError as error:
-            refuse(node, problems, str(error))
 
     return Shape(read, shape.schema if schema is None else schema)
 
@@ -146,14 +154,6 @@ def object_schema(keys: Keys) -> Schema:
     return schema | {"required": needed} if needed else schema
 
 
-def only_pair(node: yaml.Node, problems: Problems, what: str) -> tuple[Text, yaml.Node]:
-    """Return the one key of a mapping and its value's node."""
-    pairs = yaml_places.pairs_of(node, problems)
-    if len(pairs) != 1:
-        refuse(node, problems, f"expected {what}, found {len(pairs)} keys")
-    return next(iter(pairs.items()))
-
-
 def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
     """Convert a text that knows its place; the LocalError of one that cannot be converted is noted there."""
     try:
@@ -166,8 +166,3 @@ def taken(text: Text, problems: Problems, convert: Callable[[str], T]) -> T:
 def problem_at(text: Text, what: object) -> Problem:
     """Return a problem of a text that knows its place."""
     return Problem(text.place, str(what))
-
-
-def problem_of(node: yaml.Node, what: object) -> Problem:
-    """Return a problem of a node."""
-    return Problem(place_of(node.start_mark), str(what))

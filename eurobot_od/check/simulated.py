@@ -13,8 +13,8 @@ import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
-from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, Runner, RunOptions
+from eurobot_od.check.results import SuiteResult
+from eurobot_od.check.runner import Runner, RunOptions
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.trace import Seen, Trace
 from eurobot_od.device.nmt import NmtState, error_control
@@ -69,18 +69,19 @@ class SimulatedBench:
 
     def __init__(self, network: Network, tester: Tester) -> None:
         self._network, self._tester = network, tester
+        self.trace = Trace()
         self._sending: tuple[Frame, asyncio.Future[float]] | None = None
 
-    async def begin(self, trace: Trace) -> None:
-        """Put every frame of the others into a trace, and let the nodes boot."""
+    async def begin(self) -> None:
+        """Put every frame of the others into the trace from now on, and let the nodes boot."""
         running = asyncio.get_running_loop()
 
         def seen(now: float, frame: Frame) -> None:
             if self._sending is not None and self._sending[0] == frame:
-                running.call_soon_threadsafe(_settle, self._sending[1], now)
+                running.call_soon_threadsafe(self._sending[1].set_result, now)
                 self._sending = None
             else:
-                running.call_soon_threadsafe(trace.add, Seen(now, frame))
+                running.call_soon_threadsafe(self.trace.add, Seen(now, frame))
 
         self._network.observers.append(seen)
         await asyncio.sleep(POWER_UP)
@@ -95,11 +96,6 @@ class SimulatedBench:
         if not sent.done():
             raise NotSent(frame)
         return sent.result()
-
-
-def _settle(sent: asyncio.Future[float], now: float) -> None:
-    if not sent.done():
-        sent.set_result(now)
 
 
 class Program:
@@ -135,14 +131,7 @@ class Program:
         await self._program()
 
 
-def run_simulated(
-    suite: Suite,
-    options: RunOptions,
-    interrupt: Interrupt,
-    show: Callable[[StepResult], None],
-    make_nodes: MakeNodes,
-    seed: int = 1,
-) -> SuiteResult:
+def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes, with all chance from `seed`."""
     network = Network()
     tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
@@ -157,7 +146,7 @@ def run_simulated(
             program.start()
         try:
             bench = SimulatedBench(network, tester)
-            return await Runner(suite, bench, options, interrupt, show).run("simulated")
+            return await Runner(suite, bench, options).run("simulated")
         finally:
             for program in programs:
                 program.stop()

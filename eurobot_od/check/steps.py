@@ -13,28 +13,14 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from eurobot_od import durations
+from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.patterns import Mismatch, Pattern
+from eurobot_od.check.patterns import Mismatch, Pattern, is_final
 from eurobot_od.check.results import Reason
-from eurobot_od.check.suite import (
-    Action,
-    Expect,
-    Never,
-    Nmt,
-    NodeServices,
-    Order,
-    Period,
-    Poll,
-    Save,
-    SdoRead,
-    SdoWrite,
-    Send,
-    Suite,
-    Wait,
-)
-from eurobot_od.check.trace import Seen, Trace
+from eurobot_od.check.trace import Seen
 from eurobot_od.errors import NoAnswer
 from eurobot_od.frame import Frame
+from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, download, upload
 from eurobot_od.sdo.wire import LENGTH
@@ -51,21 +37,21 @@ class Failed(Exception):
 class Doer:
     """Does the steps of a suite; keeps what they know of each other: the last question, used frames, variables."""
 
-    def __init__(self, suite: Suite, bench: Bench, trace: Trace) -> None:
-        self._suite, self._bench, self._trace = suite, bench, trace
+    def __init__(self, timeout: float, decoder: Decoder, bench: Bench) -> None:
+        self._timeout, self._decoder, self._bench, self._trace = timeout, decoder, bench, bench.trace
         self._variables: dict[str, Any] = {}
         self._used: set[int] = set()
-        self._mark, self._edge = 0, len(trace)
+        self._mark, self._edge = 0, len(bench.trace)
         self._asking = False
 
-    async def do(self, action: Action) -> None:
+    async def do(self, action: suite.Action) -> None:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, BusError if the bus failed."""
         await self.DO[type(action)](self, action)
-        self._asking = isinstance(action, Send) or (self._asking and isinstance(action, Save))
+        self._asking = isinstance(action, suite.Send) or (self._asking and isinstance(action, suite.Save))
 
     def words(self, frame: Frame) -> str:
         """Say what a frame means; nothing if nobody knows."""
-        meaning = self._suite.decoder(frame)
+        meaning = self._decoder(frame)
         return f"{meaning.name}  {meaning.text}".rstrip() if meaning.name else ""
 
     # Asking
@@ -77,23 +63,23 @@ class Doer:
     async def _put(self, frame: Frame) -> None:
         self._trace.add(Seen(await self._bench.send(frame), frame, own=True))
 
-    async def _send(self, action: Send) -> None:
+    async def _send(self, action: suite.Send) -> None:
         if not self._asking:
             self._ask()
         await self._put(action.sent.frame(self._variables))
 
-    async def _nmt(self, action: Nmt) -> None:
+    async def _nmt(self, action: suite.Nmt) -> None:
         self._ask()
         await self._put(Frame(NMT_COB_ID, bytes([action.command, action.node_id])))
 
-    async def _wait(self, action: Wait) -> None:
+    async def _wait(self, action: suite.Wait) -> None:
         await self._trace.sleep(action.seconds)
         self._edge = len(self._trace)
 
     # Expecting
 
     def _longest(self, within: float | None) -> float:
-        return self._suite.timeout if within is None else within
+        return self._timeout if within is None else within
 
     def _deadline(self, within: float | None) -> float:
         return self._trace.now + self._longest(within)
@@ -110,7 +96,7 @@ class Doer:
         self._used.add(number)
         self._edge = number + 1
 
-    async def _expect(self, action: Expect) -> None:
+    async def _expect(self, action: suite.Expect) -> None:
         order, left = action.expected.order, list(action.expected.patterns)
         deadline, start, other = self._deadline(action.within), self._mark, None
         while left:
@@ -119,13 +105,13 @@ class Doer:
                 raise self._nothing(action, left, other)
             number, seen = found
             start = number + 1
-            tried = left[:1] if order is Order.IN_ORDER else left
+            tried = left[:1] if order is suite.Order.IN_ORDER else left
             hit = next((each for each in tried if not self._mismatches(each, seen)), None)
             if hit is not None:
                 self._use(number)
-                left = [] if order is Order.ANY else [each for each in left if each is not hit]
+                left = [] if order is suite.Order.ANY else [each for each in left if each is not hit]
                 start = self._mark
-            elif any(each.decisive for each in left if each.cob_id == seen.frame.cob_id):
+            elif any(is_final(each) for each in left if each.cob_id == seen.frame.cob_id):
                 raise self._other(tried, seen)
             else:
                 other = seen
@@ -141,24 +127,22 @@ class Doer:
     def _other(self, tried: Sequence[Pattern], seen: Seen) -> Failed:
         """Say that something else came than expected: as the pattern that comes nearest to it sees it."""
         nearest = min(tried, key=lambda each: (each.cob_id != seen.frame.cob_id, len(self._mismatches(each, seen))))
-        mismatches = tuple(self._mismatches(nearest, seen))
-        text = nearest.text(self._variables)
-        return Failed(Reason(f"{nearest} is not as expected", text, self._meaning(seen), mismatches))
+        return self._with_last(f"{nearest} is not as expected", nearest, seen)
 
-    def _nothing(self, action: Expect, left: Sequence[Pattern], other: Seen | None) -> Failed:
+    def _nothing(self, action: suite.Expect, left: Sequence[Pattern], other: Seen | None) -> Failed:
         what = f"no {' or '.join(map(str, left))} within {durations.text(self._longest(action.within))}"
         if other is not None:
             return self._with_last(what, left[0], other)
         return Failed(Reason(what, "; ".join(each.text(self._variables) for each in left), "nothing"))
 
-    def _with_last(self, what: str, pattern: Pattern, last: Seen | None) -> Failed:
+    def _with_last(self, what: str, pattern: Pattern, last: Seen | None, off: Sequence[Mismatch] = ()) -> Failed:
         """Say that what was wanted did not come, and what came last instead."""
         wanted = pattern.text(self._variables)
         if last is None:
             return Failed(Reason(what, wanted, "nothing"))
-        return Failed(Reason(what, wanted, self._meaning(last), tuple(self._mismatches(pattern, last))))
+        return Failed(Reason(what, wanted, self._meaning(last), (*self._mismatches(pattern, last), *off)))
 
-    async def _never(self, action: Never) -> None:
+    async def _never(self, action: suite.Never) -> None:
         start, deadline = self._edge, self._deadline(action.span)
         while (found := await self._next([action.pattern], start, deadline)) is not None:
             number, seen = found
@@ -168,7 +152,7 @@ class Doer:
             start = number + 1
         self._edge = len(self._trace)
 
-    async def _poll(self, action: Poll) -> None:
+    async def _poll(self, action: suite.Poll) -> None:
         self._ask()
         started, start, last = self._trace.now, self._mark, None
         deadline, count = self._deadline(action.within), 0
@@ -184,32 +168,30 @@ class Doer:
                     return
         raise self._with_last(f"{action.until} not as wanted after {count} x {action.sent}", action.until, last)
 
-    async def _period(self, action: Period) -> None:
+    async def _period(self, action: suite.Period) -> None:
         latest = action.every + action.tolerance
         start, last = self._edge, None
         for number_of in range(action.count + 1):
             deadline = (self._trace.now if last is None else last.time) + latest
-            found = await self._next([action.pattern], start, deadline)
+            found = await self._next([action.message], start, deadline)
             if found is None:
-                what = f"no {action.pattern} within {durations.text(latest)}, after {number_of} of them"
-                raise self._with_last(what, action.pattern, None)
+                what = f"no {action.message} within {durations.text(latest)}, after {number_of} of them"
+                raise self._with_last(what, action.message, None)
             self._check_period(action, number_of, last, found[1])
             self._use(found[0])
             start, last = self._edge, found[1]
 
-    def _check_period(self, action: Period, number: int, last: Seen | None, seen: Seen) -> None:
-        mismatches = self._mismatches(action.pattern, seen)
+    def _check_period(self, action: suite.Period, number: int, last: Seen | None, seen: Seen) -> None:
+        off = []
         if last is not None and abs(seen.time - last.time - action.every) > action.tolerance:
             wanted = f"{durations.text(action.every)} +- {durations.text(action.tolerance)}"
-            mismatches.append(Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time)))
-        if mismatches:
-            what = f"{action.pattern} is not as expected"
-            text = action.pattern.text(self._variables)
-            raise Failed(Reason(what, text, self._meaning(seen), tuple(mismatches)))
+            off = [Mismatch(f"period {number}", wanted, durations.text(seen.time - last.time))]
+        if off or self._mismatches(action.message, seen):
+            raise self._with_last(f"{action.message} is not as expected", action.message, seen, off)
 
     # SDO
 
-    async def _sdo_read(self, action: SdoRead) -> None:
+    async def _sdo_read(self, action: suite.SdoRead) -> None:
         self._ask()
         data = await self._transfer(action, upload(action.address, self._longest(action.within)))
         if data is None:
@@ -222,12 +204,12 @@ class Doer:
         if action.save is not None:
             self._variables[action.save] = value
 
-    async def _sdo_write(self, action: SdoWrite) -> None:
+    async def _sdo_write(self, action: suite.SdoWrite) -> None:
         self._ask()
         content = action.encode(self._variables)
         await self._transfer(action, download(action.address, content, self._longest(action.within)))
 
-    async def _transfer(self, action: SdoRead | SdoWrite, transfer: Transfer) -> bytes | None:
+    async def _transfer(self, action: suite.SdoRead | suite.SdoWrite, transfer: Transfer) -> bytes | None:
         """Do a transfer that may have to be refused; None if it was refused as it had to be.
 
         Raises Failed, NoAnswer, OddAnswer.
@@ -247,7 +229,7 @@ class Doer:
             raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))
         return data
 
-    async def _run(self, transfer: Transfer, node: NodeServices) -> None:
+    async def _run(self, transfer: Transfer, node: suite.NodeServices) -> None:
         """Do a transfer to its end; raises OddAnswer for an answer that has not the length of an SDO frame."""
         requests = transfer.start(self._trace.now)
         while True:
@@ -268,23 +250,23 @@ class Doer:
 
     # Variables
 
-    async def _save(self, action: Save) -> None:
-        for name, (binding, field) in ((name, (each.binding, each.field)) for name, each in action.variables.items()):
+    async def _save(self, action: suite.Save) -> None:
+        for name, (binding, field) in action.variables.items():
             frames = (each.frame for each in reversed(self._trace.frames) if not each.own)
             last = next((frame for frame in frames if frame.cob_id == binding.cob_id), None)
             if last is None:
                 raise Failed(Reason(f"no {binding.name} has come yet"))
-            self._variables[name] = getattr(self._suite.decoder.protocol.decode(*last), field)
+            self._variables[name] = getattr(self._decoder.protocol.decode(*last), field)
 
     DO: ClassVar[Mapping[type, Callable[[Any, Any], Awaitable[None]]]] = {
-        Send: _send,
-        Expect: _expect,
-        Never: _never,
-        Poll: _poll,
-        Period: _period,
-        SdoRead: _sdo_read,
-        SdoWrite: _sdo_write,
-        Nmt: _nmt,
-        Save: _save,
-        Wait: _wait,
+        suite.Send: _send,
+        suite.Expect: _expect,
+        suite.Never: _never,
+        suite.Poll: _poll,
+        suite.Period: _period,
+        suite.SdoRead: _sdo_read,
+        suite.SdoWrite: _sdo_write,
+        suite.Nmt: _nmt,
+        suite.Save: _save,
+        suite.Wait: _wait,
     }

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od import durations
 from eurobot_od.check.patterns import Pattern, Sent
@@ -18,9 +18,11 @@ from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.yaml_places import Place
 
+TIMEOUT = 1.0
+"""Seconds that an answer may take where the suite does not say."""
 
-@dataclass(frozen=True)
-class Send:
+
+class Send(NamedTuple):
     """Send a message or frame."""
 
     sent: Sent
@@ -37,8 +39,7 @@ class Order(Enum):
     ANY = "any of them"
 
 
-@dataclass(frozen=True)
-class Patterns:
+class Patterns(NamedTuple):
     """Frames to be expected together."""
 
     order: Order
@@ -48,8 +49,7 @@ class Patterns:
         return ", ".join(map(str, self.patterns))
 
 
-@dataclass(frozen=True)
-class Expect:
+class Expect(NamedTuple):
     """Wait for frames, `within` seconds at most (None: the suite's timeout)."""
 
     expected: Patterns
@@ -59,8 +59,7 @@ class Expect:
         return f"expect {self.expected}"
 
 
-@dataclass(frozen=True)
-class Never:
+class Never(NamedTuple):
     """See that no such frame comes for `span` seconds."""
 
     pattern: Pattern
@@ -70,8 +69,7 @@ class Never:
         return f"never {self.pattern}"
 
 
-@dataclass(frozen=True)
-class Poll:
+class Poll(NamedTuple):
     """Send again and again until a frame is as wanted, `within` seconds at most."""
 
     sent: Sent
@@ -83,21 +81,20 @@ class Poll:
         return f"poll {self.sent}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True)  # not a named tuple: those have a method `count`
 class Period:
     """See that `count` distances between frames are `every` seconds, give or take `tolerance`."""
 
-    pattern: Pattern
+    message: Pattern
     every: float
     tolerance: float
     count: int
 
     def __str__(self) -> str:
-        return f"period of {self.pattern}"
+        return f"period of {self.message}"
 
 
-@dataclass(frozen=True)
-class NodeServices:
+class NodeServices(NamedTuple):
     """Where a node's CANopen services are: its name, node-ID, and the COB-IDs of its SDO server."""
 
     name: str
@@ -106,8 +103,7 @@ class NodeServices:
     sdo_answer: int
 
 
-@dataclass(frozen=True)
-class SdoRead:
+class SdoRead(NamedTuple):
     """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable."""
 
     node: NodeServices
@@ -123,8 +119,7 @@ class SdoRead:
         return f"SDO read {self.label}"
 
 
-@dataclass(frozen=True)
-class SdoWrite:
+class SdoWrite(NamedTuple):
     """Write an object; the node takes it, or aborts with `abort`."""
 
     node: NodeServices
@@ -138,8 +133,7 @@ class SdoWrite:
         return f"SDO write {self.label}"
 
 
-@dataclass(frozen=True)
-class Nmt:
+class Nmt(NamedTuple):
     """Send an NMT command to a node, 0 for all."""
 
     command: NmtCommand
@@ -149,16 +143,14 @@ class Nmt:
         return f"NMT {self.command.name.lower().replace('_', ' ')}"
 
 
-@dataclass(frozen=True)
-class FieldOf:
+class FieldOf(NamedTuple):
     """A field of the last message of a type."""
 
     binding: Binding
     field: str
 
 
-@dataclass(frozen=True)
-class Save:
+class Save(NamedTuple):
     """Give variables the values of fields of the messages received last."""
 
     variables: Mapping[str, FieldOf]
@@ -167,8 +159,7 @@ class Save:
         return f"save {', '.join(self.variables)}"
 
 
-@dataclass(frozen=True)
-class Wait:
+class Wait(NamedTuple):
     """Let time pass."""
 
     seconds: float
@@ -177,8 +168,7 @@ class Wait:
         return f"wait {durations.text(self.seconds)}"
 
 
-@dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """Steps that belong together."""
 
     steps: tuple[Step, ...]
@@ -190,8 +180,7 @@ class Group:
 Action: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """One step: its name, where it stands, what is done, and how many times."""
 
     name: str
@@ -200,8 +189,7 @@ class Step:
     repeat: int = 1
 
 
-@dataclass(frozen=True)
-class Suite:
+class Suite(NamedTuple):
     """One document: `nodes` are under test, `dialect` is that of the EDS files it is for (None: any).
 
     `timeout` is in seconds; `dictionaries` are the EDS files that it was checked against, by node, and `decoder` tells
@@ -210,13 +198,13 @@ class Suite:
 
     file: Path
     place: Place
-    name: str
-    nodes: tuple[str, ...]
-    dialect: str | None
-    timeout: float
-    tags: tuple[str, ...]
-    setup: tuple[Step, ...]
-    steps: tuple[Step, ...]
-    teardown: tuple[Step, ...]
     dictionaries: Mapping[str, Dictionary]
     decoder: Decoder
+    nodes: tuple[str, ...]
+    name: str
+    steps: tuple[Step, ...]
+    dialect: str | None = None
+    timeout: float = TIMEOUT
+    tags: tuple[str, ...] = ()
+    setup: tuple[Step, ...] = ()
+    teardown: tuple[Step, ...] = ()

@@ -63,13 +63,10 @@ class Scale(NamedTuple):
                 return None
             raw = self.kind.write(value, self.limits)
         except (ValueError, KeyError, TypeError):
-            raise ValueProblem(f"{text!r} is not allowed; allowed: {self._allowed}") from None
+            # a suite has `unknown` where a program has None
+            allowed = self.kind.allowed(self.limits).replace("None for unknown", "unknown")
+            raise ValueProblem(f"{text!r} is not allowed; allowed: {allowed}") from None
         return raw if self.kind.modulus is not None else value
-
-    @property
-    def _allowed(self) -> str:
-        """Say what may be written: a suite has `unknown` where a program has None."""
-        return self.kind.allowed(self.limits).replace("None for unknown", "unknown")
 
     def _without_unit(self, text: str) -> str:
         unit = self.kind.unit

@@ -6,7 +6,6 @@ They are collected before the suite itself is read, so that each of its words ca
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,8 +51,7 @@ class Networks(NamedTuple):
     catalogue: Catalogue = NOTHING
 
 
-@dataclass(frozen=True)
-class Vocabulary:
+class Vocabulary(NamedTuple):
     """What the EDS files of a network have, and the names of variables: `constants` with values, `saved` by a step.
 
     `nodes` are those under test; `networks` has the others that a suite could be for.
@@ -86,18 +84,14 @@ def texts_at(root: yaml.Node, key: str) -> dict[str, str]:
     return {name: value.value for name, value in _pairs(node) if isinstance(value, yaml.ScalarNode)}
 
 
-def saved_names(root: yaml.Node) -> frozenset[str]:
-    """Return the names of all variables that a step of the document saves."""
-    return frozenset(_saved(root))
-
-
-def _saved(node: yaml.Node) -> Iterator[str]:
+def saved_names(node: yaml.Node) -> Iterator[str]:
+    """Yield the names of all variables that a step below a node saves."""
     if isinstance(node, yaml.SequenceNode):
         for each in node.value:
-            yield from _saved(each)
+            yield from saved_names(each)
     for name, value in _pairs(node):
         if name != "save":
-            yield from _saved(value)
+            yield from saved_names(value)
         elif isinstance(value, yaml.ScalarNode):
             yield value.value
         else:

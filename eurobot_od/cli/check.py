@@ -145,17 +145,18 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
         print(report.heading(suite, reason or how), flush=True)
     if reason:
         return SuiteResult(suite.file, suite.name, how, skipped=reason)
-    options = RunOptions(arguments.keep_going, partial(_is_chosen, arguments.step))
+    chosen, show = partial(_is_chosen, arguments.step), partial(_show, arguments)
+    options = RunOptions(arguments.keep_going, chosen, interrupt, show)
     if arguments.simulate:
         from eurobot_od.check.simulated import run_simulated
         from eurobot_od.robot.check.partners import nodes_under_test
         from eurobot_od.robot.faults import faulty_roles
 
         make_nodes = partial(nodes_under_test, roles=faulty_roles(arguments.fault))
-        return run_simulated(suite, options, interrupt, partial(_show, arguments), make_nodes, seed)
+        return run_simulated(suite, options, make_nodes, seed)
     from eurobot_od.check.live import run_live
 
-    return run_live(suite, options, interrupt, partial(_show, arguments), partial(shared.open_bus, arguments))
+    return run_live(suite, options, partial(shared.open_bus, arguments))
 
 
 def _is_chosen(texts: Sequence[str], name: str) -> bool:

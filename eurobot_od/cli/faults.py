@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -32,20 +32,20 @@ def run(arguments: argparse.Namespace) -> None:
     print(json.dumps(as_data(chosen), indent=2) if arguments.json else as_text(chosen))
 
 
-def as_data(faults: Mapping[str, Iterable[Fault]]) -> list[dict[str, str]]:
+def as_data(faults: Mapping[str, Mapping[str, Fault]]) -> list[dict[str, str]]:
     """Return the faults, given by their nodes, as plain data."""
     return [
-        {"name": fault.name, "node": owner, "text": fault.text, **fault.caught_by._asdict()}
+        {"name": name, "node": owner, "text": fault.text, **fault.caught_by._asdict()}
         for owner, rows in faults.items()
-        for fault in rows
+        for name, fault in rows.items()
     ]
 
 
-def as_text(faults: Mapping[str, Iterable[Fault]]) -> str:
+def as_text(faults: Mapping[str, Mapping[str, Fault]]) -> str:
     """Return the faults as paragraphs, one for each node."""
-    width = max(len(fault.name) for rows in faults.values() for fault in rows)
+    width = max(len(name) for rows in faults.values() for name in rows)
     paragraphs = (
-        "\n".join([f"{owner}:", *(f"  {fault.name:{width}}  {fault.text}" for fault in rows)])
+        "\n".join([f"{owner}:", *(f"  {name:{width}}  {fault.text}" for name, fault in rows.items())])
         for owner, rows in faults.items()
     )
     return "\n\n".join(paragraphs)

@@ -6,13 +6,12 @@ Rule of this file: a log that ends in the middle, or that its reader gives up, e
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.errors import LocalError
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame_or_foreign, shortened
 
 if TYPE_CHECKING:
     import can
@@ -21,24 +20,15 @@ QUERY = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM mess
 """The table of python-can's SqliteWriter."""
 
 
+FLAGS = (Damage.ERROR_FRAME, Damage.FD, Damage.REMOTE, Damage.EXTENDED)
+"""What the flags of a frame say; the first that is set counts."""
+
+
 def of_message(message: can.Message) -> Raw:
     """Return what python-can read, from a log or from a bus."""
-    damage = (
-        Damage.ERROR_FRAME
-        if message.is_error_frame
-        else Damage.FD
-        if message.is_fd
-        else Damage.REMOTE
-        if message.is_remote_frame
-        else Damage.EXTENDED
-        if message.is_extended_id
-        else None
-    )
-    return _raw(damage, message.arbitration_id, bytes(message.data))
-
-
-def _raw(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
-    return Foreign(damage, shortened(f"{cob_id:03X}#{data.hex().upper()}")) if damage else frame(cob_id, data)
+    flags = message.is_error_frame, message.is_fd, message.is_remote_frame, message.is_extended_id
+    damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
+    return frame_or_foreign(damage, message.arbitration_id, bytes(message.data))
 
 
 # SQLite
@@ -46,29 +36,23 @@ def _raw(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
 
 def read_table(file: BinaryIO) -> Entries:
     """Read the table `messages` of an SQLite file."""
+    number = 0
     with closing(sqlite3.connect(f"{Path(file.name).absolute().as_uri()}?mode=ro", uri=True)) as connection:
-        rows = _rows(connection)
-        for number, (time, *row) in enumerate(rows, 1):
-            if isinstance(time, Foreign):
-                yield number, 0.0, "", time
-            else:
+        try:
+            for number, (time, *row) in enumerate(connection.execute(QUERY), 1):
                 yield number, time, "", _of_row(*row)
-
-
-def _rows(connection: sqlite3.Connection) -> Iterator[tuple[Any, ...]]:
-    try:
-        yield from connection.execute(QUERY)
-    except sqlite3.DatabaseError as error:
-        yield (Foreign(Damage.CUT_OFF, str(error)),)
+        except sqlite3.DatabaseError as error:
+            yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, str(error))
 
 
 def _of_row(cob_id: int, extended: int, remote: int, error: int, length: int, data: bytes | None) -> Raw:
     octets = data or b""
-    if error or remote or extended:
-        return _raw(Damage.ERROR_FRAME if error else Damage.REMOTE if remote else Damage.EXTENDED, cob_id, octets)
-    if len(octets) != length:
+    is_classic = not (error or remote or extended)
+    if is_classic and len(octets) != length:
         return Foreign(Damage.UNREADABLE, f"{cob_id:03X}#{octets.hex()} with length {length}")
-    return _raw(Damage.FD if len(octets) > MAX_LENGTH else None, cob_id, octets)
+    flags = error, is_classic and length > MAX_LENGTH, remote, extended
+    damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
+    return frame_or_foreign(damage, cob_id, octets)
 
 
 # Whatever else python-can knows
@@ -82,14 +66,9 @@ def read_messages(file: BinaryIO) -> Entries:
     try:
         with can.LogReader(file.name) as messages:
             for number, message in enumerate(messages, 1):
-                yield number, message.timestamp, _channel(message.channel), of_message(message)
+                channel = "" if message.channel is None else str(message.channel)
+                yield number, message.timestamp, channel, of_message(message)
     except NotImplementedError:  # what it raises without the package it needs
         raise LocalError(f"{file.name}: reading it needs the extra `mf4`: pip install 'eurobot-od[mf4]'") from None
-    except (
-        Exception
-    ) as error:  # what a reader raises for a damaged file is not said anywhere: struct.error, KeyError, ...
+    except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
         yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
-
-
-def _channel(channel: Any) -> str:
-    return "" if channel is None else str(channel)

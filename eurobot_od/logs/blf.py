@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from datetime import datetime, timezone
 from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
-from typing import BinaryIO, TypeAlias
+from typing import BinaryIO
 
-from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, frame_or_foreign, shortened
 
 FILE_HEADER = Struct("<4sL64xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -44,10 +44,6 @@ TICKS = {1: 1e-5}
 NANOSECOND = 1e-9
 
 
-Object: TypeAlias = tuple[int, float, bytes]
-"""One object: its type, time in s since the start, and what comes after its header."""
-
-
 def read_blf(file: BinaryIO) -> Entries:
     """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
     number, time, start = 0, 0.0, 0.0
@@ -65,9 +61,8 @@ def read_blf(file: BinaryIO) -> Entries:
 
 def _start(file: BinaryIO) -> float:
     """Read the file header; return the start time in s since 1970, 0 if there is none."""
-    signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(
-        file.read(FILE_HEADER.size)
-    )
+    head = file.read(FILE_HEADER.size)
+    signature, size, year, month, _, day, hour, minute, second, millisecond = FILE_HEADER.unpack(head)
     if signature != FILE_SIGNATURE:
         raise ValueError("not a BLF file")
     file.read(size - FILE_HEADER.size)
@@ -107,8 +102,11 @@ def _unpacked(body: bytes) -> bytes:
     raise ValueError(f"unknown compression {compression}")
 
 
-def _objects(contents: Iterator[bytes]) -> Iterator[Object]:
-    """Yield the objects in the contents of containers; an object may begin in one and end in the next."""
+def _objects(contents: Iterator[bytes]) -> Iterator[tuple[int, float, bytes]]:
+    """Yield the objects in the contents of containers; an object may begin in one and end in the next.
+
+    Of each its type, its time in s since the start, and what comes after its header.
+    """
     left = b""
     for content in contents:
         data, position = left + content, 0
@@ -131,8 +129,5 @@ def _parse(kind: int, body: bytes) -> Raw:
     if kind in FOREIGN_TYPES:
         return Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
     _, flags, length, identifier, data = CLASSIC.unpack_from(body)
-    cob_id = identifier & ~EXTENDED_FLAG
     damage = Damage.REMOTE if flags & REMOTE_FLAG else Damage.EXTENDED if identifier & EXTENDED_FLAG else None
-    if damage:
-        return Foreign(damage, f"{cob_id:03X}#{data[:length].hex().upper()}")
-    return frame(cob_id, data[:length])
+    return frame_or_foreign(damage, identifier & ~EXTENDED_FLAG, data[:length])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from binascii import a2b_base64
 
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Raw, frame_or_foreign
 from eurobot_od.logs.lines import LineFormat, seconds
 
 HEADER = b"timestamp,"
@@ -36,7 +36,7 @@ class CsvFormat(LineFormat):
             raise ValueError(line)
         if len(data) > MAX_LENGTH and damage in CLASSIC:
             damage = Damage.FD
-        return seconds(stamp), "", _raw(damage, int(identifier, 16), data)
+        return seconds(stamp), "", frame_or_foreign(damage, int(identifier, 16), data)
 
 
 def _data(base64: bytes) -> bytes:
@@ -45,7 +45,3 @@ def _data(base64: bytes) -> bytes:
     if len(base64) != 4 * ((len(data) + 2) // 3):
         raise ValueError(base64)
     return data
-
-
-def _raw(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
-    return Foreign(damage, shortened(f"{cob_id:X}#{data.hex().upper()}")) if damage else frame(cob_id, data)

@@ -57,6 +57,11 @@ def frame(cob_id: int, data: bytes) -> Frame:
     return tuple.__new__(Frame, (cob_id, data))
 
 
+def frame_or_foreign(damage: Damage | None, cob_id: int, data: bytes) -> Raw:
+    """Return a frame, or with damage what stands there instead; raises ValueError as `frame`."""
+    return Foreign(damage, shortened(f"{cob_id:03X}#{data.hex().upper()}")) if damage else frame(cob_id, data)
+
+
 def shortened(text: str | bytes, length: int = 60) -> str:
     """Return text for a report: one line of printable characters, at most `length` long."""
     plain = text.decode("ascii", "backslashreplace") if isinstance(text, bytes) else text

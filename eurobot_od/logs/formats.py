@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import PurePath
-from typing import Any, BinaryIO, NamedTuple, cast
+from typing import Any, BinaryIO, cast
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.logs.entries import Damage, Entries, Foreign, Read
@@ -17,23 +17,17 @@ STANDARD_INPUT = CANDUMP = "log"
 """Format of standard input, unless another is asked for."""
 
 
-class Home(NamedTuple):
-    """Where a format's reader is: a module of this package, and in it a LineFormat or a function."""
-
-    module: str
-    name: str
-
-
 FORMATS = {
-    CANDUMP: Home("candump", "CandumpFormat"),
-    "asc": Home("asc", "AscFormat"),
-    "csv": Home("csv", "CsvFormat"),
-    "trc": Home("trc", "TrcFormat"),
-    "blf": Home("blf", "read_blf"),
-    "db": Home("binary", "read_table"),
-    "mf4": Home("binary", "read_messages"),
+    CANDUMP: ("candump", "CandumpFormat"),
+    "asc": ("asc", "AscFormat"),
+    "csv": ("csv", "CsvFormat"),
+    "trc": ("trc", "TrcFormat"),
+    "blf": ("blf", "read_blf"),
+    "db": ("binary", "read_table"),
+    "mf4": ("binary", "read_messages"),
 }
-"""Formats by suffix, which are those of python-can's readers; imported when they are needed."""
+"""Formats by suffix, which are those of python-can's readers: a module of this package, and in it a LineFormat or a
+function; imported when they are needed."""
 
 BY_NAME = ("db", "mf4")
 """Formats that are not read from front to back."""
@@ -59,8 +53,8 @@ def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
 def read(file: BinaryIO, form: str | None = None) -> Entries:
     """Yield the entries of an open log; errors as `form_of`."""
     suffix, packed = form_of(file, form)
-    home = FORMATS[suffix]
-    found: Any = getattr(import_module(f"eurobot_od.logs.{home.module}"), home.name)
+    module, name = FORMATS[suffix]
+    found: Any = getattr(import_module(f"eurobot_od.logs.{module}"), name)
     reader: Read = (lambda lines: read_lines(lines, found())) if isinstance(found, type) else found
     return _unpacked(reader, file) if packed else reader(file)
 

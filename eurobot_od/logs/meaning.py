@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 CANOPEN = "CANopen"
 """The group of the services, as messages have theirs in the catalogue."""
 
-NO_GROUP = ""
-
 
 class Defect(NamedTuple):
     """One thing that is wrong with a frame, and what exactly."""
@@ -49,6 +47,12 @@ class Meaning(NamedTuple):
     message: Message | None
     text: str
     defects: tuple[Defect, ...] = ()
+
+
+def with_defects(meaning: Meaning) -> str:
+    """Write what a damaged frame means, as far as it could be read, and after `!` what is wrong with it."""
+    wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
+    return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
 
 
 class Decoder:
@@ -75,7 +79,7 @@ class Decoder:
     def _first(self, raw: Raw) -> Meaning:
         """Tell what is not a frame, or the first frame with its COB-ID, for which a reader is made then."""
         if isinstance(raw, Foreign):
-            return Meaning(raw, "", NO_GROUP, (), None, raw.text, (Defect(raw.damage, raw.text),))
+            return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
         binding = self._bindings.get(raw.cob_id)
         read = self._readers[raw.cob_id] = _reader(binding) if binding else self._service
         return read(raw)
@@ -83,7 +87,7 @@ class Decoder:
     def _service(self, frame: Frame) -> Meaning:
         found = self._services.get(frame.cob_id)
         if found is None:
-            return Meaning(frame, "", NO_GROUP, (), None, str(frame), (Defect(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
+            return Meaning(frame, "", "", (), None, str(frame), (Defect(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
         nodes = (found.node,) if found.node else tuple(each.name for each in self.outlines)
         if len(frame.data) != found.length:
             text = f"{len(frame.data)} bytes of data, expected {found.length}"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeAlias
 
-from eurobot_od.logs.meaning import Meaning
+from eurobot_od.logs.meaning import Meaning, with_defects
 
 NAME_WIDTH = 29
 """Width of the column with the messages' names; a longer name pushes its fields to the right."""
@@ -47,8 +47,7 @@ class TextOutput(Output):
     def row(self, meaning: Meaning) -> str:
         name, text = meaning.name, meaning.text
         if meaning.defects:
-            wrong = "; ".join(f"{damage.value}: {what}" for damage, what in meaning.defects)
-            name, text = name or "?", f"{text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
+            name, text = name or "?", with_defects(meaning)
         return f"{name:{NAME_WIDTH}} {text}" if text else name
 
     def writer(self, log: str) -> WriteLine:

@@ -61,7 +61,6 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)
 
 
-PLACE = ("log", "line", "timestamp", "channel")
 FRAME = ("id", "data", "message", "protocol")
 
 
@@ -70,7 +69,7 @@ class CsvOutput(Output):
 
     def __init__(self, fields: Iterable[str]) -> None:
         self._fields = tuple(dict.fromkeys(fields))
-        self.header = ",".join((*PLACE, *FRAME, "text", "damage", *self._fields)) + "\n"
+        self.header = ",".join(("log", "line", "timestamp", "channel", *FRAME, "text", "damage", *self._fields)) + "\n"
 
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)

@@ -13,22 +13,13 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.device.emergency import error_words
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES
+from eurobot_od.od import values
 from eurobot_od.od.outline import Outline
-from eurobot_od.od.values import (
-    EMCY_BASE,
-    ERROR_CONTROL_BASE,
-    NMT_COB_ID,
-    NODE_IDS,
-    NOT_VALID,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
-    Address,
-)
 from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, part_in, reason
 
-EMCY_ENTRY: Address = (0x1014, 0)
-SDO_REQUEST_ENTRY: Address = (0x1200, 1)
-SDO_ANSWER_ENTRY: Address = (0x1200, 2)
+EMCY_ENTRY: values.Address = (0x1014, 0)
+SDO_REQUEST_ENTRY: values.Address = (0x1200, 1)
+SDO_ANSWER_ENTRY: values.Address = (0x1200, 2)
 
 
 class CanopenService(NamedTuple):
@@ -55,35 +46,25 @@ def services(
     `errors` are words for the error codes that are the devices' own.
     """
     known = {each.node_id: KnownNode(each.name, each) for each in outlines}
-    found = {NMT_COB_ID: CanopenService("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
-    for node_id in NODE_IDS:
-        found |= dict(_predefined(node_id, known.get(node_id, KnownNode(f"node {node_id}")), errors))
-    for each in known.values():
-        found |= dict(_configured(each, errors))
+    found = {values.NMT_COB_ID: CanopenService("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
+    for node_id in values.NODE_IDS:
+        node = known.get(node_id, KnownNode(f"node {node_id}"))
+        bases = values.EMCY_BASE, values.SDO_REQUEST_BASE, values.SDO_RESPONSE_BASE
+        found |= {base + node_id: service for base, service in zip(bases, _of_node(node, errors))}
+        found[values.ERROR_CONTROL_BASE + node_id] = CanopenService("Heartbeat", node.name, 1, heartbeat_text)
+    for node in known.values():
+        for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), _of_node(node, errors)):
+            cob_id = node.outline.number(address) if node.outline else None
+            if cob_id is not None and not cob_id & values.NOT_VALID:
+                found[cob_id] = service
     return found
 
 
-def _predefined(node_id: int, node: KnownNode, errors: Mapping[int, str]) -> Iterator[tuple[int, CanopenService]]:
-    yield EMCY_BASE + node_id, _emcy(node, errors)
-    yield SDO_REQUEST_BASE + node_id, _sdo(node, REQUESTS)
-    yield SDO_RESPONSE_BASE + node_id, _sdo(node, ANSWERS)
-    yield ERROR_CONTROL_BASE + node_id, CanopenService("Heartbeat", node.name, 1, heartbeat_text)
-
-
-def _configured(node: KnownNode, errors: Mapping[int, str]) -> Iterator[tuple[int, CanopenService]]:
-    services = _emcy(node, errors), _sdo(node, REQUESTS), _sdo(node, ANSWERS)
-    for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), services):
-        value = node.outline.number(address) if node.outline else None
-        if value is not None and not value & NOT_VALID:
-            yield value, service
-
-
-def _emcy(node: KnownNode, errors: Mapping[int, str]) -> CanopenService:
-    return CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
-
-
-def _sdo(node: KnownNode, table: Commands) -> CanopenService:
-    return CanopenService("SDO", node.name, 8, partial(sdo_text, table, node.outline))
+def _of_node(node: KnownNode, errors: Mapping[int, str]) -> Iterator[CanopenService]:
+    """Yield EMCY, SDO requests and SDO answers."""
+    yield CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
+    for commands in (REQUESTS, ANSWERS):
+        yield CanopenService("SDO", node.name, 8, partial(sdo_text, commands, node.outline))
 
 
 # NMT, heartbeat, EMCY
@@ -119,7 +100,7 @@ def sdo_text(commands: Commands, outline: Outline | None, data: bytes) -> str:
     return text(outline, data) if text else f"command {data[0] >> 5}"
 
 
-def _object(outline: Outline | None, address: Address) -> str:
+def _object(outline: Outline | None, address: values.Address) -> str:
     index, subindex = address
     where = f"0x{index:04X}:{subindex:02X}"
     described = outline.described(address) if outline else None
@@ -132,7 +113,7 @@ def _content(outline: Outline | None, initiate: Initiate) -> str:
     return "" if initiate.size is None else f", {initiate.size} bytes"
 
 
-def _value(outline: Outline | None, address: Address, value: bytes) -> str:
+def _value(outline: Outline | None, address: values.Address, value: bytes) -> str:
     described = outline.described(address) if outline else None
     try:
         return str(described.type.read(value)) if described else value.hex(" ")

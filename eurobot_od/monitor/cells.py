@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
+from eurobot_od.logs.meaning import with_defects
 from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
 
 ALIGN: Mapping[str, Callable[[str, int], str]] = {
@@ -23,28 +24,20 @@ HEADINGS = tuple(ALIGN)
 def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
     """Write a row, one text for each heading."""
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
-    return identifier, row.name, str(row.count), _period(row), f"{max(now - row.last, 0.0):.1f}", values(row)
-
-
-def _period(row: TrafficRow) -> str:
     period = row.period
-    return "" if period is None else f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}"
+    every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
+    return identifier, row.name, str(row.count), every, f"{max(now - row.last, 0.0):.1f}", values(row)
 
 
 def values(row: TrafficRow) -> str:
     """Write the last values, and what is wrong with them."""
-    meaning = row.meaning
-    if not meaning.defects:
-        return meaning.text
-    wrong = "; ".join(dict.fromkeys(f"{damage.value}: {text}" for damage, text in meaning.defects))
-    return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
+    return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
 
 
 def health(name: str, node: NodeHealth, now: float) -> str:
     """Write how a node is."""
-    return f"{name} {'not heard' if node.heard is None else 'LOST' if node.lost(now) else node.state}" + (
-        f" ({node.emergency})" if node.emergency else ""
-    )
+    state = "not heard" if node.heard is None else "LOST" if node.lost(now) else node.state
+    return f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}"
 
 
 def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:

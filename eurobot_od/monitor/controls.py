@@ -30,7 +30,8 @@ class Controls:
         if self.typing:
             self._type(key)
         elif key in KEYS:
-            KEYS[key](self)
+            for name, value in KEYS[key](self).items():
+                setattr(self, name, value)
 
     def _type(self, key: str) -> None:
         if key in ENTER:
@@ -42,29 +43,17 @@ class Controls:
         elif key.isprintable():
             self.part += key
 
-    def _pause(self) -> None:
-        self.paused = not self.paused
 
-    def _next_sort(self) -> None:
-        names = list(SORTS)
-        self.sort = names[(names.index(self.sort) + 1) % len(names)]
-
-    def _begin_filter(self) -> None:
-        self.typing, self.part = True, ""
-
-    def _clear(self) -> None:
-        self.clear = True
-
-    def _quit(self) -> None:
-        self.running = False
+def _next_sort(controls: Controls) -> str:
+    names = list(SORTS)
+    return names[(names.index(controls.sort) + 1) % len(names)]
 
 
-KEYS: Mapping[str, Callable[[Controls], None]] = {
-    "p": Controls._pause,
-    " ": Controls._pause,
-    "s": Controls._next_sort,
-    "/": Controls._begin_filter,
-    "c": Controls._clear,
-    "q": Controls._quit,
+KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
+    **dict.fromkeys("p ", lambda controls: {"paused": not controls.paused}),
+    "s": lambda controls: {"sort": _next_sort(controls)},
+    "/": lambda _: {"typing": True, "part": ""},
+    "c": lambda _: {"clear": True},
+    "q": lambda _: {"running": False},
 }
-"""The keys while no filter is being typed."""
+"""What the keys change while no filter is being typed."""

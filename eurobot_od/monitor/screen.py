@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from eurobot_od.logs.meaning import CANOPEN
-from eurobot_od.monitor.cells import ALIGN, cells, health
+from eurobot_od.monitor.cells import ALIGN, HEADINGS, cells, health
 from eurobot_od.monitor.controls import HELP, Controls
 from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
 
@@ -27,7 +27,6 @@ OLD_AFTER = 3.0
 
 BAR_WIDTH = 20
 HEAVY_LOAD = 0.8
-VALUES = "Last values"
 
 
 def screen(traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], height: int) -> RenderableType:
@@ -63,7 +62,7 @@ def _nodes(traffic: Traffic, now: float) -> Text:
 def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str]) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
     for heading, align in ALIGN.items():
-        ratio = 1 if heading == VALUES else None
+        ratio = 1 if heading == HEADINGS[-1] else None
         table.add_column(heading, justify="right" if align is str.rjust else "left", no_wrap=True, ratio=ratio)
     for row in rows:
         table.add_row(*cells(row, now), style=_style(row, now, colours))

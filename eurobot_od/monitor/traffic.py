@@ -18,7 +18,6 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.logs.statistics import DamageCounts
-from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import Address
 
 OVERHEAD_BITS = 47
@@ -96,7 +95,7 @@ class Traffic:
         self.bitrate = bitrate
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | Damage, TrafficRow] = {}
-        self.nodes = {each.name: NodeHealth(_heartbeat_period(each)) for each in decoder.outlines}
+        self.nodes = {each.name: NodeHealth((each.number(HEARTBEAT_PERIOD) or 0) / 1000) for each in decoder.outlines}
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
@@ -109,27 +108,22 @@ class Traffic:
         meaning = self._explain(raw)
         self.now = time
         self.frames += 1
-        known = isinstance(raw, Frame)
-        key = raw[0]
-        row = self.rows.get(key)
+        row = self.rows.get(raw[0])  # by COB-ID or Damage
         if row is None:
-            row = self.rows[key] = TrafficRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+            row = self.rows[raw[0]] = TrafficRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
-        if known:
-            self._bits += OVERHEAD_BITS + 8 * len(raw[1])
+        if isinstance(raw, Frame):
+            self._bits += OVERHEAD_BITS + 8 * len(raw.data)
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)
-        if meaning.name in HEALTH:
-            self._hear(time, meaning)
+        if meaning.name in HEALTH and not meaning.defects:
+            health = self.nodes.get(meaning.nodes[0])
+            if health is not None:
+                HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
         return meaning
-
-    def _hear(self, time: float, meaning: Meaning) -> None:
-        health = self.nodes.get(meaning.nodes[0])
-        if health is not None and not meaning.defects:
-            HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
 
     def clear(self) -> None:
         """Forget what was counted."""
@@ -149,10 +143,6 @@ class Traffic:
         if span <= 0:
             return 0.0, 0.0
         return (self._bits - bits) / span / self.bitrate, (self.frames - frames) / span
-
-
-def _heartbeat_period(outline: Outline) -> float:
-    return (outline.number(HEARTBEAT_PERIOD) or 0) / 1000
 
 
 def _beat(health: NodeHealth, time: float, state: str) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import StepResult, SuiteResult
-from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot.check.partners import nodes_under_test
@@ -46,7 +46,7 @@ def suite(text: str) -> Suite:
 
 def results(text: str, *, keep_going: bool = True, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes."""
-    return run_simulated(suite(text), RunOptions(keep_going), Interrupt(), lambda _: None, nodes_under_test, seed)
+    return run_simulated(suite(text), RunOptions(keep_going), nodes_under_test, seed)
 
 
 def run(steps: str, head: str = HEAD) -> tuple[StepResult, ...]:

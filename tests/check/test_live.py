@@ -58,7 +58,7 @@ def drive(open_bus: Callable[[], can.BusABC]) -> Iterator[runtime.Live]:
 
 
 def run(text: str, open_bus: Callable[[], can.BusABC], interrupt: Interrupt | None = None) -> SuiteResult:
-    return run_live(suite(text), RunOptions(keep_going=True), interrupt or Interrupt(), lambda _: None, open_bus)
+    return run_live(suite(text), RunOptions(keep_going=True, interrupt=interrupt or Interrupt()), open_bus)
 
 
 @pytest.mark.usefixtures("drive")
@@ -125,7 +125,8 @@ def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None
 
 def test_an_interrupt_gives_up_the_step_and_tidies_up(open_bus: Callable[[], can.BusABC]) -> None:
     interrupt = Interrupt()
-    result = run_live(suite(WAITING), RunOptions(), interrupt, lambda _: interrupt.request(), open_bus)
+    options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())
+    result = run_live(suite(WAITING), options, open_bus)
     assert [(step.name, step.status) for step in result.steps] == [
         ("begun", Status.PASSED),
         ("long", Status.INTERRUPTED),
@@ -149,6 +150,6 @@ def test_an_interrupt_ends_a_simulated_suite_too() -> None:
             interrupt.request()
 
     endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Stop Drive\n"
-    result = run_simulated(suite(endless), RunOptions(), interrupt, show, nodes_under_test)
+    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), nodes_under_test)
     assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
     assert result.count(Status.PASSED) < 10

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 
 from eurobot_od.check.results import Reason
-from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.frame import Frame
 from eurobot_od.robot.check.partners import nodes_under_test
@@ -26,7 +26,7 @@ def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, 
 
     broken = type("Broken", (leaving(sdo_answer, changed), Drive), {})
     make_nodes = partial(nodes_under_test, roles={**ROLES, "drive": broken})
-    (result,) = run_simulated(suite(document(step)), RunOptions(), Interrupt(), lambda _: None, make_nodes).steps
+    (result,) = run_simulated(suite(document(step)), RunOptions(), make_nodes).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
 

@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
-from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import NodeUnderTest, run_simulated
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.node import Node
@@ -39,7 +39,7 @@ def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None
     file = tmp_path / "suite.yaml"
     file.write_text(document(STEPS, HEAD))
     (suite,) = SuiteReader(Networks(lambda _: tmp_path)).read_files([file])
-    result = run_simulated(suite, RunOptions(), Interrupt(), lambda _: None, plain_nodes)
+    result = run_simulated(suite, RunOptions(), plain_nodes)
     assert [step.status for step in result.steps] == 5 * [Status.PASSED]
 
 

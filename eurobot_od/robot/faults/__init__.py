@@ -16,31 +16,25 @@ from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 
 NodeT = TypeVar("NodeT", bound=Node)
 
-FAULTS: dict[type[Node], tuple[Fault, ...]] = {
+FAULTS: dict[type[Node], dict[str, Fault]] = {
     Core: core.FAULTS,
     Drive: drive.FAULTS,
     Navigation: navigation.FAULTS,
     Node: device.FAULTS,
 }
-"""The faults by the class of node that can have them; those of Node any node can have."""
+"""The faults with their names, by the class of node that can have them; those of Node any node can have."""
 
 
 def names() -> list[str]:
     """Return the names of all faults."""
-    return [fault.name for faults in FAULTS.values() for fault in faults]
-
-
-def fitting(role: type[Node]) -> list[Fault]:
-    """Return the faults that a class of node can have."""
-    return [fault for owner, faults in FAULTS.items() if issubclass(role, owner) for fault in faults]
+    return [name for faults in FAULTS.values() for name in faults]
 
 
 def find(name: str) -> tuple[type[Node], Fault]:
     """Return a fault by its name, and the class of node that can have it; raises UnknownName."""
     for owner, faults in FAULTS.items():
-        for fault in faults:
-            if fault.name == name:
-                return owner, fault
+        if name in faults:
+            return owner, faults[name]
     raise UnknownName("fault", name, names())
 
 
@@ -64,4 +58,4 @@ def faulty_roles(names: Iterable[str]) -> dict[str, type[Node]]:
     return roles
 
 
-__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_roles", "find", "fitting", "names"]
+__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_roles", "find", "names"]

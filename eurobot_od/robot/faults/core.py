@@ -6,22 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.faults.hooks import (
-    arriving,
-    both,
-    data,
-    every,
-    exchanged,
-    field,
-    handling,
-    leaving,
-    lost,
-    meaning,
-    preset,
-    raw,
-    unawaited,
-)
+from eurobot_od.robot.faults import hooks
+from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import MOVED, NOT_SENT, REVERSED, TWICE, message_faults, sent_late
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -82,8 +68,8 @@ GOTO = "2.1 Goto: place, angle, speed and barriers"
 ASKED = "2.2 Estimated Location request"
 """A group of steps."""
 
-FAULTS = (
-    *message_faults(
+FAULTS = {
+    **message_faults(
         "core",
         ("drive-not-checked", NOT_SENT, CheckDriveRequest, "2.3 Node Check Request: the drive"),
         ("configuration-byte-order", REVERSED, StartConfigurationSet, CONFIGURATION),
@@ -101,190 +87,122 @@ FAULTS = (
         ("mushroom-late", sent_late(3.0), EmergencyShutdown, "4.2.2 Emergency mushroom: Emergency Shutdown"),
     ),
     # Startup (document 2.3, 5.1)
-    Fault(
-        "either-check-satisfies",
-        "takes either node's check answer for both (2014 robot)",
-        handling(CheckNaviResponse, _either),
-        Caught("core", "2.3 Node Check Response: the navigation's answer is not the drive's"),
+    "either-check-satisfies": Caught(
+        "core", "2.3 Node Check Response: the navigation's answer is not the drive's"
+    ).fault("takes either node's check answer for both (2014 robot)", hooks.handling(CheckNaviResponse, _either)),
+    "check-asked-once": Caught("core", "5.1 Startup: a node that does not answer is asked again").fault(
+        "asks for the drive once and gives up", hooks.preset("Node check.Check attempts", 1)
     ),
-    Fault(
-        "check-asked-once",
-        "asks for the drive once and gives up",
-        preset("Node check.Check attempts", 1),
-        Caught("core", "5.1 Startup: a node that does not answer is asked again"),
-    ),
-    Fault(
-        "checks-not-awaited",
+    "checks-not-awaited": Caught("core", "5.1 Startup: a node that does not answer blocks the startup").fault(
         "goes on with the startup without the nodes' answers",
-        both(
-            leaving(CheckDriveRequest, unawaited(CheckDriveResponse())),
-            leaving(CheckNaviRequest, unawaited(CheckNaviResponse())),
+        hooks.both(
+            hooks.leaving(CheckDriveRequest, hooks.unawaited(CheckDriveResponse())),
+            hooks.leaving(CheckNaviRequest, hooks.unawaited(CheckNaviResponse())),
         ),
-        Caught("core", "5.1 Startup: a node that does not answer blocks the startup"),
     ),
-    Fault(
-        "navigation-not-checked",
+    "navigation-not-checked": Caught("core", "2.3 Node Check Request: the navigation").fault(
         "configures the start when the drive has answered",
-        both(leaving(CheckNaviRequest, lost), leaving(CheckNaviRequest, unawaited(CheckNaviResponse()))),
-        Caught("core", "2.3 Node Check Request: the navigation"),
+        hooks.both(
+            hooks.leaving(CheckNaviRequest, hooks.lost),
+            hooks.leaving(CheckNaviRequest, hooks.unawaited(CheckNaviResponse())),
+        ),
     ),
-    Fault(
-        "configuration-sent-once",
+    "configuration-sent-once": Caught("core", "2.3 Start Configuration Set: again without a confirm").fault(
         "does not send the start configuration again (2014 robot)",
-        preset("Configuration handshake.Configuration transmissions", 1),
-        Caught("core", "2.3 Start Configuration Set: again without a confirm"),
+        hooks.preset("Configuration handshake.Configuration transmissions", 1),
     ),
-    Fault(
-        "configuration-confirm-not-awaited",
+    "configuration-confirm-not-awaited": Caught("core", "2.3 Start Configuration Set: again without a confirm").fault(
         "does not wait for the start configuration's confirm (2014 robot)",
-        leaving(StartConfigurationSet, unawaited(StartConfigurationConfirm())),
-        Caught("core", "2.3 Start Configuration Set: again without a confirm"),
+        hooks.leaving(StartConfigurationSet, hooks.unawaited(StartConfigurationConfirm())),
     ),
-    Fault(
-        "configuration-confirm-unheard",
+    "configuration-confirm-unheard": Caught("core", "2.3 Start Configuration Confirm: confirmed once is enough").fault(
         "sends the start configuration on and on, confirmed or not",
-        arriving(StartConfigurationConfirm, lost),
-        Caught("core", "2.3 Start Configuration Confirm: confirmed once is enough"),
+        hooks.arriving(StartConfigurationConfirm, hooks.lost),
     ),
-    Fault(
-        "configuration-diameters-mixed-up",
+    "configuration-diameters-mixed-up": Caught("core", CONFIGURATION).fault(
         "sends enemy 1's diameter as enemy 2's",
-        leaving(StartConfigurationSet, exchanged("enemy_1_diameter", "enemy_2_diameter")),
-        Caught("core", CONFIGURATION),
+        hooks.leaving(StartConfigurationSet, hooks.exchanged("enemy_1_diameter", "enemy_2_diameter")),
     ),
-    Fault(
-        "configuration-diameter-in-millimetres",
+    "configuration-diameter-in-millimetres": Caught("core", CONFIGURATION).fault(
         "sends the enemies' diameters in millimetres, as far as they fit",
-        leaving(StartConfigurationSet, raw(enemy_1_diameter=lambda d: d * 10, enemy_2_diameter=lambda d: d * 10)),
-        Caught("core", CONFIGURATION),
+        hooks.leaving(
+            StartConfigurationSet, hooks.raw(enemy_1_diameter=lambda d: d * 10, enemy_2_diameter=lambda d: d * 10)
+        ),
     ),
-    Fault(
-        "configuration-colour-wrong",
-        "sends yellow for red",
-        leaving(StartConfigurationSet, raw(team_colour=lambda colour: 1 - colour)),
-        Caught("core", CONFIGURATION),
+    "configuration-colour-wrong": Caught("core", CONFIGURATION).fault(
+        "sends yellow for red", hooks.leaving(StartConfigurationSet, hooks.raw(team_colour=lambda colour: 1 - colour))
     ),
     # Position polling (document 2.2, 4.2.2, 5.2)
-    Fault(
-        "absent-enemy-polled",
-        "asks for an enemy that the start configuration does not have",
-        every(0.6, _poll_absent),
-        Caught("core", "2.3 Start Configuration Set: nobody asks for an enemy that is not there"),
-    ),
-    Fault(
-        "polling-period-wraps",
+    "absent-enemy-polled": Caught(
+        "core", "2.3 Start Configuration Set: nobody asks for an enemy that is not there"
+    ).fault("asks for an enemy that the start configuration does not have", hooks.every(0.6, _poll_absent)),
+    "polling-period-wraps": Caught("core", "5.2 Match: positions are asked for every 600 ms").fault(
         "asks for positions every 655 ms because a counter wraps (2014 robot)",
-        preset("Position polling.Polling period", 655),
-        Caught("core", "5.2 Match: positions are asked for every 600 ms"),
+        hooks.preset("Position polling.Polling period", 655),
     ),
-    Fault(
-        "polling-before-configuration",
-        "asks for positions from the beginning on",
-        every(0.3, lambda core: core.offer(KalmanPositionRequest())),
-        Caught("core", "5.1 Startup: no positions before the start configuration"),
+    "polling-before-configuration": Caught("core", "5.1 Startup: no positions before the start configuration").fault(
+        "asks for positions from the beginning on", hooks.every(0.3, lambda core: core.offer(KalmanPositionRequest()))
     ),
     # Goto (document 2.1)
-    Fault(
-        "goto-sent-swapped",
-        "sends x as y and y as x",
-        leaving(GotoXY, exchanged("x", "y")),
-        Caught("core", GOTO),
+    "goto-sent-swapped": Caught("core", GOTO).fault(
+        "sends x as y and y as x", hooks.leaving(GotoXY, hooks.exchanged("x", "y"))
     ),
-    Fault(
-        "goto-sent-clockwise",
-        "sends the angle of a goto clockwise",
-        leaving(GotoXY, field("angle", lambda angle: -angle)),
-        Caught("core", GOTO),
+    "goto-sent-clockwise": Caught("core", GOTO).fault(
+        "sends the angle of a goto clockwise", hooks.leaving(GotoXY, hooks.field("angle", lambda angle: -angle))
     ),
-    Fault(
-        "goto-speed-as-byte",
-        "sends a speed of 255 for 100 percent",
-        leaving(GotoXY, raw(speed=lambda speed: speed * 255 // 100)),
-        Caught("core", GOTO),
+    "goto-speed-as-byte": Caught("core", GOTO).fault(
+        "sends a speed of 255 for 100 percent", hooks.leaving(GotoXY, hooks.raw(speed=lambda speed: speed * 255 // 100))
     ),
-    Fault(
-        "goto-barriers-one-off",
+    "goto-barriers-one-off": Caught("core", GOTO).fault(
         "numbers the barriers from 0 instead of 1",
-        leaving(GotoXY, field("barriers", lambda flags: Barriers(flags << 2 & 0xFFFF))),
-        Caught("core", GOTO),
+        hooks.leaving(GotoXY, hooks.field("barriers", lambda flags: Barriers(flags << 2 & 0xFFFF))),
     ),
-    Fault(
-        "goto-sent-once",
-        "does not send a goto again that is not confirmed",
-        preset("Goto handshake.Transmissions", 1),
-        Caught("core", "2.1 Goto ACK: a goto that is not confirmed is sent again"),
+    "goto-sent-once": Caught("core", "2.1 Goto ACK: a goto that is not confirmed is sent again").fault(
+        "does not send a goto again that is not confirmed", hooks.preset("Goto handshake.Transmissions", 1)
     ),
-    Fault(
-        "goto-sent-for-ever",
-        "never gives up a goto that is not confirmed",
-        preset("Goto handshake.Transmissions", 200),
-        Caught("core", "2.1 Goto ACK: a goto is sent six times at most"),
+    "goto-sent-for-ever": Caught("core", "2.1 Goto ACK: a goto is sent six times at most").fault(
+        "never gives up a goto that is not confirmed", hooks.preset("Goto handshake.Transmissions", 200)
     ),
-    Fault(
-        "goto-impatient",
-        "waits 50 ms for a goto's confirm",
-        preset("Goto handshake.Confirm wait", 50),
-        Caught("core", "2.1 Goto ACK: 500 ms between two transmissions"),
+    "goto-impatient": Caught("core", "2.1 Goto ACK: 500 ms between two transmissions").fault(
+        "waits 50 ms for a goto's confirm", hooks.preset("Goto handshake.Confirm wait", 50)
     ),
-    Fault(
-        "goto-confirm-unheard",
-        "sends a goto again although it is confirmed",
-        arriving(GotoConfirm, lost),
-        Caught("core", "2.1 Goto ACK: a confirmed goto is not sent again"),
+    "goto-confirm-unheard": Caught("core", "2.1 Goto ACK: a confirmed goto is not sent again").fault(
+        "sends a goto again although it is confirmed", hooks.arriving(GotoConfirm, hooks.lost)
     ),
-    Fault(
-        "state-asked-too-often",
-        "asks for the drive's state every 5 ms",
-        preset("Goto handshake.State request period", 5),
-        Caught("core", "2.1 State Request: time for other messages in between"),
+    "state-asked-too-often": Caught("core", "2.1 State Request: time for other messages in between").fault(
+        "asks for the drive's state every 5 ms", hooks.preset("Goto handshake.State request period", 5)
     ),
-    Fault(
-        "state-asked-once",
+    "state-asked-once": Caught("core", "2.1 State Request: asked again while the drive is under way").fault(
         "asks for the drive's state and does not ask again after the first answer",
-        arriving(GotoStateResponse, meaning(lambda _: GotoStateResponse(0))),
-        Caught("core", "2.1 State Request: asked again while the drive is under way"),
+        hooks.arriving(GotoStateResponse, hooks.meaning(lambda _: GotoStateResponse(0))),
     ),
-    Fault(
-        "unknown-time-as-arrival",
+    "unknown-time-as-arrival": Caught("core", "Table 1 State Response: an unknown time is no arrival").fault(
         "takes an unknown remaining time for the arrival",
-        arriving(GotoStateResponse, meaning(lambda state: GotoStateResponse(state.time or 0))),
-        Caught("core", "Table 1 State Response: an unknown time is no arrival"),
+        hooks.arriving(GotoStateResponse, hooks.meaning(lambda state: GotoStateResponse(state.time or 0))),
     ),
-    Fault(
-        "arrival-unheard",
+    "arrival-unheard": Caught("core", "2.1 State Response: 0 ends the goto").fault(
         "goes on asking after the drive has arrived",
-        arriving(GotoStateResponse, field("time", lambda time: time or 1)),
-        Caught("core", "2.1 State Response: 0 ends the goto"),
+        hooks.arriving(GotoStateResponse, hooks.field("time", lambda time: time or 1)),
     ),
-    Fault(
-        "impossible-unheard",
+    "impossible-unheard": Caught("core", "2.1 State Response: a goto that is not possible ends (2014 robot)").fault(
         "goes on asking when the drive says that a goto is not possible",
-        arriving(GotoStateResponse, field("time", lambda time: None if isinstance(time, GotoFault) else time)),
-        Caught("core", "2.1 State Response: a goto that is not possible ends (2014 robot)"),
+        hooks.arriving(
+            GotoStateResponse, hooks.field("time", lambda time: None if isinstance(time, GotoFault) else time)
+        ),
     ),
     # Stops (document 2.1, 4.2.2)
-    Fault(
-        "obstacle-reason-wrong",
+    "obstacle-reason-wrong": Caught("core", "4.2.2 Obstacle: Emergency Stop for an enemy").fault(
         "says that every obstacle is a thing",
-        leaving(EmergencyStop, field("obstacle", lambda _: Obstacle.OBJECT)),
-        Caught("core", "4.2.2 Obstacle: Emergency Stop for an enemy"),
+        hooks.leaving(EmergencyStop, hooks.field("obstacle", lambda _: Obstacle.OBJECT)),
     ),
-    Fault(
-        "obstacle-bits-unmasked",
+    "obstacle-bits-unmasked": Caught("core", "4.2.2 Obstacle: Emergency Stop for a thing, in one bit").fault(
         "sends more than the obstacle's bit (2014 robot)",
-        leaving(EmergencyStop, data(lambda data: bytes([data[0] | 0xF6]))),
-        Caught("core", "4.2.2 Obstacle: Emergency Stop for a thing, in one bit"),
+        hooks.leaving(EmergencyStop, hooks.data(lambda data: bytes([data[0] | 0xF6]))),
     ),
-    Fault(
-        "state-asked-after-stop",
-        "goes on asking for the state of a goto that was stopped",
-        leaving(EmergencyStop, _ask_on),
-        Caught("core", "2.1 Stop: the goto's state is not asked for any more"),
+    "state-asked-after-stop": Caught("core", "2.1 Stop: the goto's state is not asked for any more").fault(
+        "goes on asking for the state of a goto that was stopped", hooks.leaving(EmergencyStop, _ask_on)
     ),
-    Fault(
-        "goto-after-shutdown",
-        "sends gotos after an Emergency Shutdown",
-        ShutdownForgotten,
-        Caught("core", "4.2.2 Emergency mushroom: no goto after it"),
+    "goto-after-shutdown": Caught("core", "4.2.2 Emergency mushroom: no goto after it").fault(
+        "sends gotos after an Emergency Shutdown", ShutdownForgotten
     ),
-)
+}

@@ -9,24 +9,8 @@ from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.faults.hooks import (
-    arriving,
-    data,
-    emcy,
-    every,
-    heartbeat,
-    kept,
-    leaving,
-    lost,
-    moved,
-    nmt,
-    numbered,
-    only,
-    sdo_answer,
-    sdo_request,
-    twice,
-)
+from eurobot_od.robot.faults import hooks
+from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiate, ServerCommand, aborted, initiate
 
 BOOT_UP = NmtState.INITIALISING
@@ -52,9 +36,11 @@ class WritesForgotten(Node):
     """Confirms what is written by SDO and forgets it."""
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        is_request = frame.cob_id == sdo_request(self) and len(frame.data) == LENGTH
+        is_request = frame.cob_id == hooks.sdo_request(self) and len(frame.data) == LENGTH
         if is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
-            return [Frame(sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, Initiate.of(frame.data).address))]
+            return [
+                Frame(hooks.sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, Initiate.of(frame.data).address))
+            ]
         return super().receive(frame, now)
 
 
@@ -95,143 +81,84 @@ def _babble(node: Node) -> None:
     node.clear_error("babble")
 
 
-FAULTS = (
-    Fault(
-        "boot-up-missing",
-        "sends no boot-up message",
-        leaving(heartbeat, only(lambda data: data[0] != BOOT_UP)),
-        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+FAULTS = {
+    "boot-up-missing": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "sends no boot-up message", hooks.leaving(hooks.heartbeat, hooks.only(lambda data: data[0] != BOOT_UP))
     ),
-    Fault(
-        "reset-ignored",
+    "reset-ignored": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
         "goes on when it is told to reset",
-        arriving(nmt, only(lambda data: data[:1] != bytes([NmtCommand.RESET_NODE]))),
-        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+        hooks.arriving(hooks.nmt, hooks.only(lambda data: data[:1] != bytes([NmtCommand.RESET_NODE]))),
     ),
-    Fault(
-        "heartbeat-missing",
-        "sends no heartbeat",
-        leaving(heartbeat, only(lambda data: data[0] == BOOT_UP)),
-        Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says"),
+    "heartbeat-missing": Caught("canopen", "7.2.8.3.2 Heartbeat: OPERATIONAL by itself, as 0x1F80 says").fault(
+        "sends no heartbeat", hooks.leaving(hooks.heartbeat, hooks.only(lambda data: data[0] == BOOT_UP))
     ),
-    Fault(
-        "heartbeat-stops",
+    "heartbeat-stops": Caught("canopen", "7.2.8.3.2 Heartbeat: every second").fault(
         "sends two heartbeats and then no more",
-        numbered(heartbeat, lambda number: kept if number <= BOOTED + 2 else lost),
-        Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
+        hooks.numbered(hooks.heartbeat, lambda number: hooks.kept if number <= BOOTED + 2 else hooks.lost),
     ),
-    Fault(
-        "heartbeat-every-other",
+    "heartbeat-every-other": Caught("canopen", "7.2.8.3.2 Heartbeat: every second").fault(
         "sends only every other heartbeat",
-        numbered(heartbeat, lambda number: kept if number == BOOTED or number % 2 == 0 else lost),
-        Caught("canopen", "7.2.8.3.2 Heartbeat: every second"),
+        hooks.numbered(
+            hooks.heartbeat, lambda number: hooks.kept if number == BOOTED or number % 2 == 0 else hooks.lost
+        ),
     ),
-    Fault(
-        "heartbeat-of-another-node",
-        "sends boot-up and heartbeat under the next node's identifier",
-        leaving(heartbeat, moved(1)),
-        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+    "heartbeat-of-another-node": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "sends boot-up and heartbeat under the next node's identifier", hooks.leaving(hooks.heartbeat, hooks.moved(1))
     ),
-    Fault(
-        "heartbeat-always-operational",
-        "says OPERATIONAL in every state",
-        leaving(heartbeat, _always_well),
-        Caught("canopen", "7.2.8.3.2 Heartbeat: PRE-OPERATIONAL"),
+    "heartbeat-always-operational": Caught("canopen", "7.2.8.3.2 Heartbeat: PRE-OPERATIONAL").fault(
+        "says OPERATIONAL in every state", hooks.leaving(hooks.heartbeat, _always_well)
     ),
-    Fault(
-        "nmt-ignored",
-        "hears no NMT command",
-        arriving(nmt, lost),
-        Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset"),
+    "nmt-ignored": Caught("canopen", "7.2.8.3.3 NMT: boot-up after a reset").fault(
+        "hears no NMT command", hooks.arriving(hooks.nmt, hooks.lost)
     ),
-    Fault(
-        "nmt-stop-ignored",
+    "nmt-stop-ignored": Caught("canopen", "7.2.8.3.2 Heartbeat: STOPPED").fault(
         "does not hear the NMT command Stop",
-        arriving(nmt, only(lambda data: data[:1] != bytes([NmtCommand.STOP]))),
-        Caught("canopen", "7.2.8.3.2 Heartbeat: STOPPED"),
+        hooks.arriving(hooks.nmt, hooks.only(lambda data: data[:1] != bytes([NmtCommand.STOP]))),
     ),
-    Fault(
-        "nmt-of-others-heeded",
-        "carries out the NMT commands of other nodes",
-        arriving(nmt, _to_us),
-        Caught("canopen", "7.2.8.2.1 NMT: another node's command does not matter"),
+    "nmt-of-others-heeded": Caught("canopen", "7.2.8.2.1 NMT: another node's command does not matter").fault(
+        "carries out the NMT commands of other nodes", hooks.arriving(hooks.nmt, _to_us)
     ),
-    Fault(
-        "works-when-stopped",
-        "answers messages in every NMT state",
-        AlwaysOperational,
-        Caught("canopen", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL"),
+    "works-when-stopped": Caught("canopen", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL").fault(
+        "answers messages in every NMT state", AlwaysOperational
     ),
-    Fault(
-        "deaf-when-stopped",
-        "heeds stops and shutdowns only in OPERATIONAL",
-        DeafWhenStopped,
-        Caught("canopen", "4.2.2 Emergency mushroom: acts in every NMT state"),
+    "deaf-when-stopped": Caught("canopen", "4.2.2 Emergency mushroom: acts in every NMT state").fault(
+        "heeds stops and shutdowns only in OPERATIONAL", DeafWhenStopped
     ),
-    Fault(
-        "emcy-missing",
-        "sends no EMCY",
-        leaving(emcy, lost),
-        Caught("canopen", "7.2.7 EMCY: a frame that is too short"),
+    "emcy-missing": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
+        "sends no EMCY", hooks.leaving(hooks.emcy, hooks.lost)
     ),
-    Fault(
-        "emcy-twice",
-        "sends each EMCY two times",
-        leaving(emcy, twice),
-        Caught("canopen", "7.2.7 EMCY: an error is reported once"),
+    "emcy-twice": Caught("canopen", "7.2.7 EMCY: an error is reported once").fault(
+        "sends each EMCY two times", hooks.leaving(hooks.emcy, hooks.twice)
     ),
-    Fault(
-        "emcy-code-wrong",
+    "emcy-code-wrong": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
         "sends the bytes of the emergency error code the wrong way round",
-        leaving(emcy, data(lambda data: data[1::-1] + data[2:])),
-        Caught("canopen", "7.2.7 EMCY: a frame that is too short"),
+        hooks.leaving(hooks.emcy, hooks.data(lambda data: data[1::-1] + data[2:])),
     ),
-    Fault(
-        "emcy-not-cleared",
+    "emcy-not-cleared": Caught("canopen", "7.2.7 EMCY: the error is gone").fault(
         "does not say that an error is gone",
-        leaving(emcy, only(lambda data: data[:2] != ErrorCode.NO_ERROR.to_bytes(2, "little"))),
-        Caught("canopen", "7.2.7 EMCY: the error is gone"),
+        hooks.leaving(hooks.emcy, hooks.only(lambda data: data[:2] != ErrorCode.NO_ERROR.to_bytes(2, "little"))),
     ),
-    Fault(
-        "short-frame-filled-up",
-        "fills up short messages with left-over bytes and acts on them (2014 robot)",
-        Padded,
-        Caught("canopen", "7.2.7 EMCY: a frame that is too short"),
+    "short-frame-filled-up": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
+        "fills up short messages with left-over bytes and acts on them (2014 robot)", Padded
     ),
-    Fault(
-        "sdo-not-answered",
-        "answers no SDO request",
-        arriving(sdo_request, lost),
-        Caught("canopen", "7.5.2.1 SDO: the device type is readable"),
+    "sdo-not-answered": Caught("canopen", "7.5.2.1 SDO: the device type is readable").fault(
+        "answers no SDO request", hooks.arriving(hooks.sdo_request, hooks.lost)
     ),
-    Fault(
-        "sdo-value-reversed",
+    "sdo-value-reversed": Caught("canopen", "7.5.2.20 SDO: the heartbeat time is 1000 ms").fault(
         "sends the bytes of values the wrong way round",
-        leaving(sdo_answer, data(lambda data: data[:4] + data[:3:-1])),
-        Caught("canopen", "7.5.2.20 SDO: the heartbeat time is 1000 ms"),
+        hooks.leaving(hooks.sdo_answer, hooks.data(lambda data: data[:4] + data[:3:-1])),
     ),
-    Fault(
-        "sdo-write-forgotten",
-        "confirms what is written and forgets it",
-        WritesForgotten,
-        Caught("canopen", "7.2.4.2.3 SDO: what is written is read back"),
+    "sdo-write-forgotten": Caught("canopen", "7.2.4.2.3 SDO: what is written is read back").fault(
+        "confirms what is written and forgets it", WritesForgotten
     ),
-    Fault(
-        "sdo-abort-general",
-        "refuses everything with the code for a general error",
-        leaving(sdo_answer, _general_abort),
-        Caught("canopen", "7.2.4.3.17 SDO: an object that is not there"),
+    "sdo-abort-general": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
+        "refuses everything with the code for a general error", hooks.leaving(hooks.sdo_answer, _general_abort)
     ),
-    Fault(
-        "sdo-abort-silent",
+    "sdo-abort-silent": Caught("canopen", "7.2.4.3.17 SDO: an object that is not there").fault(
         "does not answer a request that it refuses",
-        leaving(sdo_answer, only(lambda data: data[0] != ABORT)),
-        Caught("canopen", "7.2.4.3.17 SDO: an object that is not there"),
+        hooks.leaving(hooks.sdo_answer, hooks.only(lambda data: data[0] != ABORT)),
     ),
-    Fault(
-        "babbling",
-        "sends emergencies all the time",
-        every(0.001, _babble),
-        Caught("canopen", "7.2.7 EMCY: none without an error"),
+    "babbling": Caught("canopen", "7.2.7 EMCY: none without an error").fault(
+        "sends emergencies all the time", hooks.every(0.001, _babble)
     ),
-)
+}

@@ -5,24 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.faults.hooks import (
-    arriving,
-    data,
-    every,
-    exchanged,
-    field,
-    frozen,
-    handling,
-    kept,
-    leaving,
-    lost,
-    meaning,
-    numbered,
-    only,
-    preset,
-    raw,
-)
+from eurobot_od.robot.faults import hooks
+from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
     DRIVES_ON,
     MOVED,
@@ -64,7 +48,6 @@ JUMP = 7000
 GLANCE = 0.01
 """Seconds from one look whether the drive stands to the next."""
 
-
 LOCATION = "2.2 Estimated Location response"
 NODE_CHECK = "2.3 Node Check Response"
 """Groups of steps."""
@@ -74,6 +57,10 @@ POSITION_UNKNOWN = f"{LOCATION}: unknown before the start configuration"
 DRIVE_THERE = f"{NODE_CHECK}: the drive is there"
 CONFIRMED = "2.3 Start Configuration Confirm: the drive confirms"
 """Steps that find several faults: the first ones that look at an answer at all."""
+
+ANGLE_REACHED = "1 and 2.1 Goto: the angle is reached, counted counter-clockwise"
+START_PLACE = "2.3 Start Configuration Set: the robot is at its team's start place"
+"""Steps that find several faults: the first ones that look at an angle, and at a place."""
 
 
 def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
@@ -85,7 +72,7 @@ def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
 
 
 def _begin(drive: Drive, goto: GotoXY) -> None:
-    """Begin a goto without confirming it."""
+    """Begin a goto without confirming it: the answer is not sent."""
     drive.answer_to(goto)
 
 
@@ -160,8 +147,8 @@ def _without(flags: Barriers, passage: Passage, instead: Passage) -> Barriers:
     return Barriers.of({n: instead if p is passage else p for n, p in flags.set_barriers()})
 
 
-FAULTS = (
-    *message_faults(
+FAULTS = {
+    **message_faults(
         "drive",
         ("goto-not-confirmed", NOT_SENT, GotoConfirm, "2.1 Goto ACK: a goto is confirmed"),
         ("goto-confirmed-late", sent_late(0.6), GotoConfirm, "2.1 Goto ACK: a goto is confirmed"),
@@ -182,352 +169,226 @@ FAULTS = (
         ("drive-check-answered-twice", TWICE, CheckDriveResponse, f"{NODE_CHECK}: one answer for one request"),
         ("drive-configuration-not-confirmed", NOT_SENT, StartConfigurationConfirm, CONFIRMED),
     ),
-    *message_faults(
+    **message_faults(
         "emergency",
         ("emergency-stop-ignored", DRIVES_ON, EmergencyStop, "4.2.2 Obstacle: the goto is dropped at once"),
         ("shutdown-ignored", DRIVES_ON, EmergencyShutdown, "4.2.2 Emergency mushroom: the goto is dropped"),
     ),
     # Goto (document 2.1)
-    Fault(
-        "goto-confirmed-on-arrival",
-        "takes Goto Confirm for the arrival",
-        handling(GotoXY, _confirmed_on_arrival),
-        Caught("drive", "2.1 Goto ACK: a goto is confirmed"),
+    "goto-confirmed-on-arrival": Caught("drive", "2.1 Goto ACK: a goto is confirmed").fault(
+        "takes Goto Confirm for the arrival", hooks.handling(GotoXY, _confirmed_on_arrival)
     ),
-    Fault(
-        "goto-confirmed-not-driven",
-        "confirms a goto and stays where it is",
-        handling(GotoXY, lambda drive, *_: drive.offer(GotoConfirm())),
-        Caught("drive", "2.1 State Response: a goto has a remaining time"),
+    "goto-confirmed-not-driven": Caught("drive", "2.1 State Response: a goto has a remaining time").fault(
+        "confirms a goto and stays where it is", hooks.handling(GotoXY, lambda drive, *_: drive.offer(GotoConfirm()))
     ),
-    Fault(
-        "goto-not-replaced",
-        "confirms a new goto but goes on with the one before",
-        handling(GotoXY, _while_driving),
-        Caught("drive", "2.1 Goto: the goto before is dropped"),
+    "goto-not-replaced": Caught("drive", "2.1 Goto: the goto before is dropped").fault(
+        "confirms a new goto but goes on with the one before", hooks.handling(GotoXY, _while_driving)
     ),
-    Fault(
-        "goto-queued",
-        "drives to the first goto's place before it takes the second one",
-        handling(GotoXY, _queued),
-        Caught("drive", "2.1 Goto: the goto before is dropped"),
+    "goto-queued": Caught("drive", "2.1 Goto: the goto before is dropped").fault(
+        "drives to the first goto's place before it takes the second one", hooks.handling(GotoXY, _queued)
     ),
-    Fault(
-        "goto-place-swapped",
+    "goto-place-swapped": Caught("drive", "2.1 Goto: the place is reached").fault(
         "takes x for y and y for x",
-        arriving(GotoXY, meaning(lambda goto: goto._replace(x=min(goto.y, 3000), y=min(goto.x, 2000)))),
-        Caught("drive", "2.1 Goto: the place is reached"),
+        hooks.arriving(GotoXY, hooks.meaning(lambda goto: goto._replace(x=min(goto.y, 3000), y=min(goto.x, 2000)))),
     ),
-    Fault(
-        "goto-x-one-bit-off",
-        "reads x one bit too low, so that it is halved",
-        arriving(GotoXY, raw(x=lambda x: x >> 1)),
-        Caught("drive", "2.1 Goto: the place is reached"),
+    "goto-x-one-bit-off": Caught("drive", "2.1 Goto: the place is reached").fault(
+        "reads x one bit too low, so that it is halved", hooks.arriving(GotoXY, hooks.raw(x=lambda x: x >> 1))
     ),
-    Fault(
-        "goto-angle-ignored",
-        "arrives looking wherever it came from",
-        arriving(GotoXY, field("angle", lambda _: 0)),
-        Caught("drive", "1 and 2.1 Goto: the angle is reached, counted counter-clockwise"),
+    "goto-angle-ignored": Caught("drive", ANGLE_REACHED).fault(
+        "arrives looking wherever it came from", hooks.arriving(GotoXY, hooks.field("angle", lambda _: 0))
     ),
-    Fault(
-        "goto-angle-clockwise",
-        "takes the angle of a goto for clockwise",
-        arriving(GotoXY, field("angle", lambda angle: -angle)),
-        Caught("drive", "1 and 2.1 Goto: the angle is reached, counted counter-clockwise"),
+    "goto-angle-clockwise": Caught("drive", ANGLE_REACHED).fault(
+        "takes the angle of a goto for clockwise", hooks.arriving(GotoXY, hooks.field("angle", lambda angle: -angle))
     ),
-    Fault(
-        "goto-speed-ignored",
-        "drives at full speed whatever the goto says",
-        arriving(GotoXY, field("speed", lambda _: 100)),
-        Caught("drive", "Table 1 Goto: a third of the speed takes longer"),
+    "goto-speed-ignored": Caught("drive", "Table 1 Goto: a third of the speed takes longer").fault(
+        "drives at full speed whatever the goto says", hooks.arriving(GotoXY, hooks.field("speed", lambda _: 100))
     ),
-    Fault(
-        "goto-30-mm-too-far",
-        "drives to a place 30 mm off the one it is told",
-        arriving(GotoXY, raw(x=lambda x: x + 30)),
-        Caught("drive", "2.1 Goto: the place is reached"),
+    "goto-30-mm-too-far": Caught("drive", "2.1 Goto: the place is reached").fault(
+        "drives to a place 30 mm off the one it is told", hooks.arriving(GotoXY, hooks.raw(x=lambda x: x + 30))
     ),
-    Fault(
-        "forced-barrier-ignored",
+    "forced-barrier-ignored": Caught("barriers", "2.1 Barriers: no way past a forced barrier").fault(
         "takes forced barriers for no barriers",
-        arriving(GotoXY, field("barriers", lambda flags: _without(flags, Passage.FORCED, Passage.FREE))),
-        Caught("barriers", "2.1 Barriers: no way past a forced barrier"),
+        hooks.arriving(GotoXY, hooks.field("barriers", lambda flags: _without(flags, Passage.FORCED, Passage.FREE))),
     ),
-    Fault(
-        "forced-barrier-as-normal",
+    "forced-barrier-as-normal": Caught("barriers", "2.1 Barriers: no way past a forced barrier").fault(
         "passes a forced barrier if there is no other way",
-        arriving(GotoXY, field("barriers", lambda flags: _without(flags, Passage.FORCED, Passage.NORMAL))),
-        Caught("barriers", "2.1 Barriers: no way past a forced barrier"),
+        hooks.arriving(GotoXY, hooks.field("barriers", lambda flags: _without(flags, Passage.FORCED, Passage.NORMAL))),
     ),
-    Fault(
-        "normal-barrier-ignored",
+    "normal-barrier-ignored": Caught("barriers", "2.1 Barriers: a way round a normal barrier takes longer").fault(
         "takes normal barriers for no barriers",
-        arriving(GotoXY, field("barriers", lambda flags: _without(flags, Passage.NORMAL, Passage.FREE))),
-        Caught("barriers", "2.1 Barriers: a way round a normal barrier takes longer"),
+        hooks.arriving(GotoXY, hooks.field("barriers", lambda flags: _without(flags, Passage.NORMAL, Passage.FREE))),
     ),
-    Fault(
-        "normal-barrier-as-forced",
+    "normal-barrier-as-forced": Caught("barriers", "2.1 Barriers: a normal barrier is passed if need be").fault(
         "does not drive to a place that only a normal barrier is on",
-        arriving(GotoXY, field("barriers", lambda flags: _without(flags, Passage.NORMAL, Passage.FORCED))),
-        Caught("barriers", "2.1 Barriers: a normal barrier is passed if need be"),
+        hooks.arriving(GotoXY, hooks.field("barriers", lambda flags: _without(flags, Passage.NORMAL, Passage.FORCED))),
     ),
-    Fault(
-        "barrier-bits-swapped",
+    "barrier-bits-swapped": Caught("barriers", "2.1 Barriers: no way past a forced barrier").fault(
         "exchanges the two bits of each barrier",
-        arriving(GotoXY, field("barriers", lambda flags: Barriers(_swapped(flags)))),
-        Caught("barriers", "2.1 Barriers: no way past a forced barrier"),
+        hooks.arriving(GotoXY, hooks.field("barriers", lambda flags: Barriers(_swapped(flags)))),
     ),
-    Fault(
-        "barriers-in-reverse-order",
+    "barriers-in-reverse-order": Caught("barriers", "2.1 Barriers: no way past a forced barrier").fault(
         "counts the barriers from the other end of the flags",
-        arriving(GotoXY, field("barriers", lambda f: Barriers(int(f"{_swapped(f):016b}"[::-1], 2)))),
-        Caught("barriers", "2.1 Barriers: no way past a forced barrier"),
+        hooks.arriving(GotoXY, hooks.field("barriers", lambda f: Barriers(int(f"{_swapped(f):016b}"[::-1], 2)))),
     ),
-    Fault(
-        "barriers-demanded",
+    "barriers-demanded": Caught("bytes", "Table 1 Goto: barriers are optional").fault(
         "refuses a goto that leaves out the optional barriers",
-        arriving(GotoXY, only(lambda data: len(data) != WITHOUT_BARRIERS)),
-        Caught("bytes", "Table 1 Goto: barriers are optional"),
+        hooks.arriving(GotoXY, hooks.only(lambda data: len(data) != WITHOUT_BARRIERS)),
     ),
-    Fault(
-        "half-of-barriers-taken",
+    "half-of-barriers-taken": Caught("bytes", "Table 1 Goto: half of the barriers is refused").fault(
         "takes a goto with half of the barriers",
-        arriving(GotoXY, data(lambda data: data.ljust(8, b"\0") if len(data) > WITHOUT_BARRIERS else data)),
-        Caught("bytes", "Table 1 Goto: half of the barriers is refused"),
+        hooks.arriving(GotoXY, hooks.data(lambda data: data.ljust(8, b"\0") if len(data) > WITHOUT_BARRIERS else data)),
     ),
-    Fault(
-        "places-outside-taken",
+    "places-outside-taken": Caught("bytes", "Table 1 Goto: x = 4000 is refused").fault(
         "drives to the edge when it is sent beyond it",
-        arriving(GotoXY, raw(x=lambda x: min(x, 3000), y=lambda y: min(y, 2000))),
-        Caught("bytes", "Table 1 Goto: x = 4000 is refused"),
+        hooks.arriving(GotoXY, hooks.raw(x=lambda x: min(x, 3000), y=lambda y: min(y, 2000))),
     ),
-    Fault(
-        "angle-360-taken",
-        "takes 360 degrees for 0",
-        arriving(GotoXY, raw(angle=lambda angle: angle % 360)),
-        Caught("bytes", "Table 1 Goto: an angle of 360 degrees is refused"),
+    "angle-360-taken": Caught("bytes", "Table 1 Goto: an angle of 360 degrees is refused").fault(
+        "takes 360 degrees for 0", hooks.arriving(GotoXY, hooks.raw(angle=lambda angle: angle % 360))
     ),
-    Fault(
-        "speed-above-100-taken",
-        "takes 101 percent for 100",
-        arriving(GotoXY, raw(speed=lambda speed: min(speed, 100))),
-        Caught("bytes", "Table 1 Goto: a speed of 101 percent is refused"),
+    "speed-above-100-taken": Caught("bytes", "Table 1 Goto: a speed of 101 percent is refused").fault(
+        "takes 101 percent for 100", hooks.arriving(GotoXY, hooks.raw(speed=lambda speed: min(speed, 100)))
     ),
-    Fault(
-        "three-enemies-taken",
+    "three-enemies-taken": Caught("bytes", "Table 3: three enemies are refused").fault(
         "takes three enemies for two",
-        arriving(StartConfigurationSet, raw(enemies=lambda enemies: min(enemies, 2))),
-        Caught("bytes", "Table 3: three enemies are refused"),
+        hooks.arriving(StartConfigurationSet, hooks.raw(enemies=lambda enemies: min(enemies, 2))),
     ),
     # Stops (document 2.1, 4.2.2)
-    Fault(
-        "stop-on-arrival",
+    "stop-on-arrival": Caught("drive", "2.1 Stop: the goto is dropped").fault(
         "heeds Stop Drive only when it has arrived",
-        handling(StopDrive, lambda drive, stop, healthy: _once_standing(drive, lambda: healthy(stop))),
-        Caught("drive", "2.1 Stop: the goto is dropped"),
+        hooks.handling(StopDrive, lambda drive, stop, healthy: _once_standing(drive, lambda: healthy(stop))),
     ),
-    Fault(
-        "goto-resumed-after-stop",
-        "stops for two seconds and goes on with the goto",
-        handling(StopDrive, _resumed),
-        Caught("drive", "2.1 Stop: the robot stays where it stopped"),
+    "goto-resumed-after-stop": Caught("drive", "2.1 Stop: the robot stays where it stopped").fault(
+        "stops for two seconds and goes on with the goto", hooks.handling(StopDrive, _resumed)
     ),
-    Fault(
-        "brakes-do-not-hold",
-        "takes ten times as long to stop as it should",
-        preset("Motion.Braking", 60),
-        Caught("drive", "2.1 Stop: the robot stands after a second"),
+    "brakes-do-not-hold": Caught("drive", "2.1 Stop: the robot stands after a second").fault(
+        "takes ten times as long to stop as it should", hooks.preset("Motion.Braking", 60)
     ),
-    Fault(
-        "emergency-stop-late",
+    "emergency-stop-late": Caught("emergency", "4.2.2 Obstacle: the goto is dropped at once").fault(
         "is busy for 800 ms before it looks at an Emergency Stop",
-        handling(EmergencyStop, lambda drive, stop, healthy: drive.at(drive.now + 0.8, lambda _: healthy(stop))),
-        Caught("emergency", "4.2.2 Obstacle: the goto is dropped at once"),
+        hooks.handling(EmergencyStop, lambda drive, stop, healthy: drive.at(drive.now + 0.8, lambda _: healthy(stop))),
     ),
-    Fault(
-        "emergency-stop-for-things-ignored",
+    "emergency-stop-for-things-ignored": Caught("emergency", "4.2.2 Obstacle: a thing stops the drive as well").fault(
         "stops for enemies but not for things",
-        handling(EmergencyStop, lambda _, stop, healthy: healthy(stop) if stop.obstacle is Obstacle.ENEMY else None),
-        Caught("emergency", "4.2.2 Obstacle: a thing stops the drive as well"),
+        hooks.handling(
+            EmergencyStop, lambda _, stop, healthy: healthy(stop) if stop.obstacle is Obstacle.ENEMY else None
+        ),
     ),
-    Fault(
-        "unknown-obstacle-ignored",
+    "unknown-obstacle-ignored": Caught("bytes", "Table 1 Extended Stop: an obstacle nobody knows stops as well").fault(
         "drives on when it does not know the obstacle that it is stopped for",
-        arriving(EmergencyStop, only(lambda data: data[:1] in (b"\0", b"\1"))),
-        Caught("bytes", "Table 1 Extended Stop: an obstacle nobody knows stops as well"),
+        hooks.arriving(EmergencyStop, hooks.only(lambda data: data[:1] in (b"\0", b"\1"))),
     ),
-    Fault(
-        "obstacle-reason-lost",
+    "obstacle-reason-lost": Caught("canopen", "2.1 Extended Stop: the reason is kept").fault(
         "forgets whether it was stopped for an enemy or a thing",
-        arriving(EmergencyStop, field("obstacle", lambda _: Obstacle.OBJECT)),
-        Caught("canopen", "2.1 Extended Stop: the reason is kept"),
+        hooks.arriving(EmergencyStop, hooks.field("obstacle", lambda _: Obstacle.OBJECT)),
     ),
-    Fault(
-        "shutdown-not-held",
-        "accepts the next goto after an Emergency Shutdown",
-        handling(EmergencyShutdown, _not_held),
-        Caught("emergency", "4.2.2 Emergency mushroom: no goto is confirmed"),
+    "shutdown-not-held": Caught("emergency", "4.2.2 Emergency mushroom: no goto is confirmed").fault(
+        "accepts the next goto after an Emergency Shutdown", hooks.handling(EmergencyShutdown, _not_held)
     ),
-    Fault(
-        "shutdown-held-for-ever",
-        "stays in its safe state after a new start configuration",
-        handling(StartConfigurationSet, _held_for_ever),
-        Caught("emergency", "4.2.2 Emergency mushroom: a new start configuration ends it"),
+    "shutdown-held-for-ever": Caught("emergency", "4.2.2 Emergency mushroom: a new start configuration ends it").fault(
+        "stays in its safe state after a new start configuration", hooks.handling(StartConfigurationSet, _held_for_ever)
     ),
-    Fault(
-        "mute-after-shutdown",
+    "mute-after-shutdown": Caught("emergency", "4.2.2 Emergency mushroom: the drive still answers node checks").fault(
         "answers no node check after an Emergency Shutdown",
-        handling(CheckDriveRequest, lambda drive, request, healthy: None if drive.safe else healthy(request)),
-        Caught("emergency", "4.2.2 Emergency mushroom: the drive still answers node checks"),
+        hooks.handling(CheckDriveRequest, lambda drive, request, healthy: None if drive.safe else healthy(request)),
     ),
     # State (document 2.1, Table 1)
-    Fault(
-        "state-unasked",
+    "state-unasked": Caught("drive", "2.1 State Request: no answer without a request").fault(
         "sends Goto State Response by itself every 50 ms",
-        every(0.05, lambda drive: drive.offer(GotoStateResponse(drive.remaining()))),
-        Caught("drive", "2.1 State Request: no answer without a request"),
+        hooks.every(0.05, lambda drive: drive.offer(GotoStateResponse(drive.remaining()))),
     ),
-    Fault(
-        "state-short",
+    "state-short": Caught("drive", STATE_UNKNOWN).fault(
         "sends a remaining time of 16 bits instead of 24",
-        leaving(GotoStateResponse, data(lambda data: data[:2])),
-        Caught("drive", STATE_UNKNOWN),
+        hooks.leaving(GotoStateResponse, hooks.data(lambda data: data[:2])),
     ),
-    Fault(
-        "state-long",
+    "state-long": Caught("drive", STATE_UNKNOWN).fault(
         "sends a remaining time of 32 bits instead of 24",
-        leaving(GotoStateResponse, data(lambda data: data + b"\x01")),
-        Caught("drive", STATE_UNKNOWN),
+        hooks.leaving(GotoStateResponse, hooks.data(lambda data: data + b"\x01")),
     ),
-    Fault(
-        "time-unknown-as-zero",
+    "time-unknown-as-zero": Caught("drive", STATE_UNKNOWN).fault(
         "says 0 where the remaining time is unknown",
-        leaving(GotoStateResponse, meaning(lambda state: GotoStateResponse(state.time or 0))),
-        Caught("drive", STATE_UNKNOWN),
+        hooks.leaving(GotoStateResponse, hooks.meaning(lambda state: GotoStateResponse(state.time or 0))),
     ),
-    Fault(
-        "time-in-hundredths",
+    "time-in-hundredths": Caught("drive", "Table 1 State Response: 1 bit is 1 ms").fault(
         "counts the remaining time in hundredths of a second",
-        leaving(
-            GotoStateResponse, meaning(lambda s: GotoStateResponse(s.time // 10 if _under_way(s.time) else s.time))
+        hooks.leaving(
+            GotoStateResponse,
+            hooks.meaning(lambda s: GotoStateResponse(s.time // 10 if _under_way(s.time) else s.time)),
         ),
-        Caught("drive", "Table 1 State Response: 1 bit is 1 ms"),
     ),
-    Fault(
-        "time-never-falls",
+    "time-never-falls": Caught("drive", "2.1 State Response: the time falls").fault(
         "says the same remaining time until it arrives",
-        leaving(GotoStateResponse, field("time", lambda time: 5000 if _under_way(time) else time)),
-        Caught("drive", "2.1 State Response: the time falls"),
+        hooks.leaving(GotoStateResponse, hooks.field("time", lambda time: 5000 if _under_way(time) else time)),
     ),
-    Fault(
-        "time-jumps",
+    "time-jumps": Caught("drive", "2.1 State Response: the time goes on falling").fault(
         "says a remaining time that goes up and down",
-        numbered(GotoStateResponse, lambda number: kept if number % 2 else field("time", _later)),
-        Caught("drive", "2.1 State Response: the time goes on falling"),
+        hooks.numbered(GotoStateResponse, lambda number: hooks.kept if number % 2 else hooks.field("time", _later)),
     ),
-    Fault(
-        "arrival-not-said",
-        "says 1 ms when it has arrived",
-        leaving(GotoStateResponse, field("time", lambda time: time or 1)),
-        Caught("drive", "2.1 State Response: 0 when the place is reached"),
+    "arrival-not-said": Caught("drive", "2.1 State Response: 0 when the place is reached").fault(
+        "says 1 ms when it has arrived", hooks.leaving(GotoStateResponse, hooks.field("time", lambda time: time or 1))
     ),
-    Fault(
-        "arrival-said-at-once",
+    "arrival-said-at-once": Caught("drive", "2.1 State Response: a goto has a remaining time").fault(
         "says that it has arrived as soon as it has a goto",
-        leaving(GotoStateResponse, field("time", lambda time: 0 if _under_way(time) else time)),
-        Caught("drive", "2.1 State Response: a goto has a remaining time"),
+        hooks.leaving(GotoStateResponse, hooks.field("time", lambda time: 0 if _under_way(time) else time)),
     ),
-    Fault(
-        "impossible-as-unknown",
+    "impossible-as-unknown": Caught("barriers", "2.1 Barriers: no way past a forced barrier").fault(
         "says that the time is unknown when there is no way",
-        leaving(GotoStateResponse, meaning(lambda s: s._replace(time=None) if isinstance(s.time, GotoFault) else s)),
-        Caught("barriers", "2.1 Barriers: no way past a forced barrier"),
+        hooks.leaving(
+            GotoStateResponse, hooks.meaning(lambda s: s._replace(time=None) if isinstance(s.time, GotoFault) else s)
+        ),
     ),
     # Filtered position (document 2.2, 4.2.2)
-    Fault(
-        "position-swapped",
-        "sends x as y and y as x",
-        leaving(KalmanPositionResponse, exchanged("x", "y")),
-        Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
+    "position-swapped": Caught("drive", START_PLACE).fault(
+        "sends x as y and y as x", hooks.leaving(KalmanPositionResponse, hooks.exchanged("x", "y"))
     ),
-    Fault(
-        "position-in-centimetres",
-        "sends its position in centimetres",
-        leaving(KalmanPositionResponse, meaning(_in_centimetres)),
-        Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
+    "position-in-centimetres": Caught("drive", START_PLACE).fault(
+        "sends its position in centimetres", hooks.leaving(KalmanPositionResponse, hooks.meaning(_in_centimetres))
     ),
-    Fault(
-        "position-y-one-bit-off",
+    "position-y-one-bit-off": Caught("drive", START_PLACE).fault(
         "sends y one bit too low, so that it is halved",
-        leaving(KalmanPositionResponse, field("y", lambda y: y >> 1)),
-        Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
+        hooks.leaving(KalmanPositionResponse, hooks.field("y", lambda y: y >> 1)),
     ),
-    Fault(
-        "position-angle-clockwise",
-        "sends its angle clockwise",
-        leaving(KalmanPositionResponse, field("angle", lambda angle: -angle)),
-        Caught("drive", "1 and 2.1 Goto: the angle is reached, counted counter-clockwise"),
+    "position-angle-clockwise": Caught("drive", ANGLE_REACHED).fault(
+        "sends its angle clockwise", hooks.leaving(KalmanPositionResponse, hooks.field("angle", lambda angle: -angle))
     ),
-    Fault(
-        "position-source-wrong",
+    "position-source-wrong": Caught("drive", f"{LOCATION}: the source is our robot itself").fault(
         "says that its position comes from the confederate",
-        leaving(KalmanPositionResponse, field("source", lambda _: Source.CONFEDERATE)),
-        Caught("drive", f"{LOCATION}: the source is our robot itself"),
+        hooks.leaving(KalmanPositionResponse, hooks.field("source", lambda _: Source.CONFEDERATE)),
     ),
-    Fault(
-        "position-unknown-as-zero",
-        "says 0, 0 before it knows where it is",
-        leaving(KalmanPositionResponse, meaning(lambda p: p if p.x is not None else p._replace(x=0, y=0, angle=0))),
-        Caught("drive", POSITION_UNKNOWN),
+    "position-unknown-as-zero": Caught("drive", POSITION_UNKNOWN).fault(
+        "says 0, 0 before it knows where it is", hooks.leaving(KalmanPositionResponse, hooks.unknown_as(0))
     ),
-    Fault(
-        "position-frozen",
+    "position-frozen": Caught("drive", "2.1 Goto: the place is reached").fault(
         "goes on saying the first position since the start configuration",
-        frozen(KalmanPositionResponse, StartConfigurationSet),
-        Caught("drive", "2.1 Goto: the place is reached"),
+        hooks.frozen(KalmanPositionResponse, StartConfigurationSet),
     ),
-    Fault(
-        "navigation-ignored",
-        "takes no navigation position into its estimate",
-        arriving(NaviPositionResponse, lost),
-        Caught("drive", "4.2.2 Navigation: the drive takes the position into its estimate"),
+    "navigation-ignored": Caught("drive", "4.2.2 Navigation: the drive takes the position into its estimate").fault(
+        "takes no navigation position into its estimate", hooks.arriving(NaviPositionResponse, hooks.lost)
     ),
-    Fault(
-        "unknown-navigation-taken",
+    "unknown-navigation-taken": Caught("drive", "Table 2: an unknown position changes nothing").fault(
         "takes an unknown navigation position for the place 255, 255",
-        arriving(NaviPositionResponse, meaning(lambda p: p if p.x is not None else p._replace(x=255, y=255, angle=0))),
-        Caught("drive", "Table 2: an unknown position changes nothing"),
+        hooks.arriving(NaviPositionResponse, hooks.unknown_as(255)),
     ),
     # Node check and start configuration (document 2.3)
-    Fault(
-        "check-needs-configuration",
+    "check-needs-configuration": Caught("drive", DRIVE_THERE).fault(
         "answers node checks only after the start configuration, so that the startup blocks",
-        handling(CheckDriveRequest, lambda drive, request, healthy: healthy(request) if drive.configuration else None),
-        Caught("drive", DRIVE_THERE),
+        hooks.handling(
+            CheckDriveRequest, lambda drive, request, healthy: healthy(request) if drive.configuration else None
+        ),
     ),
-    Fault(
-        "drive-configuration-not-applied",
+    "drive-configuration-not-applied": Caught("drive", START_PLACE).fault(
         "confirms the start configuration and forgets it",
-        handling(StartConfigurationSet, lambda drive, *_: drive.offer(StartConfigurationConfirm())),
-        Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
+        hooks.handling(StartConfigurationSet, lambda drive, *_: drive.offer(StartConfigurationConfirm())),
     ),
-    Fault(
-        "team-colours-swapped",
+    "team-colours-swapped": Caught("drive", START_PLACE).fault(
         "takes red for yellow and yellow for red",
-        arriving(StartConfigurationSet, field("team_colour", lambda colour: TeamColour(1 - colour))),
-        Caught("drive", "2.3 Start Configuration Set: the robot is at its team's start place"),
+        hooks.arriving(StartConfigurationSet, hooks.field("team_colour", lambda colour: TeamColour(1 - colour))),
     ),
-    Fault(
-        "team-colour-ignored",
+    "team-colour-ignored": Caught("drive", "2.3 Start Configuration Set: yellow starts upper right").fault(
         "starts upper left whatever the team colour",
-        arriving(StartConfigurationSet, field("team_colour", lambda _: TeamColour.RED)),
-        Caught("drive", "2.3 Start Configuration Set: yellow starts upper right"),
+        hooks.arriving(StartConfigurationSet, hooks.field("team_colour", lambda _: TeamColour.RED)),
     ),
-    Fault(
-        "configuration-once",
+    "configuration-once": Caught("drive", "2.3 Start Configuration Set: yellow starts upper right").fault(
         "takes the first start configuration, and confirms later ones without taking them",
-        handling(StartConfigurationSet, _only_first),
-        Caught("drive", "2.3 Start Configuration Set: yellow starts upper right"),
+        hooks.handling(StartConfigurationSet, _only_first),
     ),
-)
+}

@@ -1,4 +1,4 @@
-"""What a fault is: a name, a sentence, the class that makes it, and the step of a check that finds it."""
+"""What a fault is: a sentence, the class that makes it, and the step of a check that finds it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ class Caught(NamedTuple):
     suite: str
     step: str
 
+    def fault(self, text: str, mixin: Mixin) -> Fault:
+        """Return a fault that this step finds."""
+        return Fault(text, mixin, self)
+
 
 class Fault(NamedTuple):
     """Something that is wrong with a node.
@@ -20,7 +24,6 @@ class Fault(NamedTuple):
     `mixin` is the class that goes in front of the node's class; `text` says what the node does wrong.
     """
 
-    name: str
     text: str
     mixin: Mixin
     caught_by: Caught

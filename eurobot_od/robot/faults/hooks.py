@@ -258,7 +258,7 @@ def _whole_protocol(folder: Path) -> Protocol:
     return EurobotProtocol.load(folder)
 
 
-def meaning(change: Callable[[Any], Message]) -> FrameChange:
+def meaning(change: Callable[[Any], Any]) -> FrameChange:
     """Change what a frame says: `change` gets its message and returns another one."""
 
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
@@ -274,38 +274,37 @@ def meaning(change: Callable[[Any], Message]) -> FrameChange:
 def field(name: str, change: Callable[[Any], Any]) -> FrameChange:
     """Change one field of a message unless it is unknown."""
 
-    def changed(message: Any) -> Message:
+    def changed(message: Any) -> Any:
         value = getattr(message, name)
-        replaced: Message = message if value is None else message._replace(**{name: change(value)})
-        return replaced
+        return message if value is None else message._replace(**{name: change(value)})
 
     return meaning(changed)
 
 
+def unknown_as(coordinate: int) -> FrameChange:
+    """Change an unknown position to a known one, x and y the same, at 0 degrees."""
+    return meaning(lambda place: place if place.x is not None else place._replace(x=coordinate, y=coordinate, angle=0))
+
+
 def exchanged(one: str, other: str) -> FrameChange:
     """Exchange the raw values of two fields; what grows too wide is cut."""
-
-    def changed(node: Node, frame: Frame) -> Iterable[Frame]:
-        return [_packed(node, frame, lambda values: {one: values[other], other: values[one]})]
-
-    return changed
+    return _raw_values(lambda values: {one: values[other], other: values[one]})
 
 
 def raw(**changes: Callable[[int], int]) -> FrameChange:
     """Change raw values of a message's fields, whatever they mean; what grows too wide is cut."""
+    return _raw_values(lambda values: {name: change(values[name]) for name, change in changes.items()})
 
+
+def _raw_values(change: Callable[[dict[str, int]], dict[str, int]]) -> FrameChange:
     def changed(node: Node, frame: Frame) -> Iterable[Frame]:
-        return [_packed(node, frame, lambda values: {name: change(values[name]) for name, change in changes.items()})]
+        binding = node.device.protocol.binding_of(frame.cob_id)
+        try:
+            values = binding.unpack(frame.data)
+        except UNREADABLE:
+            return [frame]
+        widths = binding.layout.widths
+        cut = {name: value & (1 << widths[name]) - 1 for name, value in change(values).items()}
+        return [Frame(frame.cob_id, binding.pack(values | cut))]
 
     return changed
-
-
-def _packed(node: Node, frame: Frame, change: Callable[[dict[str, int]], dict[str, int]]) -> Frame:
-    binding = node.device.protocol.binding_of(frame.cob_id)
-    try:
-        values = binding.unpack(frame.data)
-    except UNREADABLE:
-        return frame
-    widths = binding.layout.widths
-    cut = {name: value & (1 << widths[name]) - 1 for name, value in change(values).items()}
-    return Frame(frame.cob_id, binding.pack(values | cut))

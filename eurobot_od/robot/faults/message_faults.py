@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 from eurobot_od import durations
@@ -38,10 +38,12 @@ def replaced_by(other: Message) -> Wrong:
     return Wrong(f"sends {_words(type(other))} for {{}}", lambda message: leaving(message, foreign(other)))
 
 
-def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> Iterator[Fault]:
+def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> dict[str, Fault]:
     """Make faults that steps of one suite find; a row has the fault's name, what is wrong, with what, and the step."""
-    for name, wrong, message, step in rows:
-        yield Fault(name, wrong.text.format(_words(message)), wrong.mixin(message), Caught(suite, step))
+    return {
+        name: Caught(suite, step).fault(wrong.text.format(_words(message)), wrong.mixin(message))
+        for name, wrong, message, step in rows
+    }
 
 
 def _reversed(content: bytes) -> bytes:

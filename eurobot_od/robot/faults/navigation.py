@@ -4,18 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.faults.hooks import (
-    arriving,
-    data,
-    exchanged,
-    field,
-    frozen,
-    handling,
-    leaving,
-    meaning,
-    raw,
-)
+from eurobot_od.robot.faults import hooks
+from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
     NOT_ANSWERED,
     NOT_SENT,
@@ -45,7 +35,6 @@ from eurobot_od.robot.values import Source
 SCATTER = 150
 """How far a bad beacon is off, mm."""
 
-
 LOCATION = "2.2 Estimated Location response"
 NODE_CHECK = "2.3 Node Check Response"
 """Groups of steps."""
@@ -68,8 +57,8 @@ def _under_enemy_2(navigation: Navigation, *_: object) -> None:
     navigation.offer(Enemy2PositionResponse(*answer))
 
 
-FAULTS = (
-    *message_faults(
+FAULTS = {
+    **message_faults(
         "navigation",
         ("navi-not-answered", NOT_ANSWERED, NaviPositionRequest, OUR_PLACE),
         ("navi-answered-late", sent_late(0.3), NaviPositionResponse, f"{LOCATION}: follows directly"),
@@ -82,88 +71,58 @@ FAULTS = (
         ("navi-check-answered-twice", TWICE, CheckNaviResponse, f"{NODE_CHECK}: one answer for one request"),
         ("navi-configuration-not-confirmed", NOT_SENT, StartConfigurationConfirm, CONFIRMED),
     ),
-    Fault(
-        "navi-swapped",
-        "sends x as y and y as x",
-        leaving(NaviPositionResponse, exchanged("x", "y")),
-        Caught("navigation", OUR_PLACE),
+    "navi-swapped": Caught("navigation", OUR_PLACE).fault(
+        "sends x as y and y as x", hooks.leaving(NaviPositionResponse, hooks.exchanged("x", "y"))
     ),
-    Fault(
-        "navi-in-centimetres",
+    "navi-in-centimetres": Caught("navigation", OUR_PLACE).fault(
         "sends our robot's place in centimetres",
-        leaving(NaviPositionResponse, raw(x=lambda x: x // 10, y=lambda y: y // 10)),
-        Caught("navigation", OUR_PLACE),
+        hooks.leaving(NaviPositionResponse, hooks.raw(x=lambda x: x // 10, y=lambda y: y // 10)),
     ),
-    Fault(
-        "navi-short",
+    "navi-short": Caught("navigation", OUR_PLACE).fault(
         "sends our robot's place without the byte with the source",
-        leaving(NaviPositionResponse, data(lambda data: data[:4])),
-        Caught("navigation", OUR_PLACE),
+        hooks.leaving(NaviPositionResponse, hooks.data(lambda data: data[:4])),
     ),
-    Fault(
-        "navi-angle-clockwise",
+    "navi-angle-clockwise": Caught("flows", "1 Navigation: angles count counter-clockwise").fault(
         "sends our robot's angle clockwise",
-        leaving(NaviPositionResponse, field("angle", lambda angle: -angle)),
-        Caught("flows", "1 Navigation: angles count counter-clockwise"),
+        hooks.leaving(NaviPositionResponse, hooks.field("angle", lambda angle: -angle)),
     ),
-    Fault(
-        "navi-source-wrong",
+    "navi-source-wrong": Caught("navigation", "Table 2: the source of our robot's place is our robot itself").fault(
         "says that our robot's place comes from enemy 1",
-        leaving(NaviPositionResponse, field("source", lambda _: Source.ENEMY_1)),
-        Caught("navigation", "Table 2: the source of our robot's place is our robot itself"),
+        hooks.leaving(NaviPositionResponse, hooks.field("source", lambda _: Source.ENEMY_1)),
     ),
-    Fault(
-        "navi-scattered",
+    "navi-scattered": Caught("navigation", OUR_PLACE).fault(
         "measures our robot's place 150 mm off, here or there",
-        leaving(NaviPositionResponse, meaning(_scattered)),
-        Caught("navigation", OUR_PLACE),
+        hooks.leaving(NaviPositionResponse, hooks.meaning(_scattered)),
     ),
-    Fault(
-        "navi-frozen",
-        "goes on saying the first place that it saw",
-        frozen(NaviPositionResponse, StartConfigurationSet),
-        Caught("flows", "4.2.2 Navigation: the navigation follows our robot"),
+    "navi-frozen": Caught("flows", "4.2.2 Navigation: the navigation follows our robot").fault(
+        "goes on saying the first place that it saw", hooks.frozen(NaviPositionResponse, StartConfigurationSet)
     ),
-    Fault(
-        "enemy-source-wrong",
+    "enemy-source-wrong": Caught("navigation", "Table 2: the source of enemy 1's place is enemy 1").fault(
         "says that enemy 1's place is our robot's",
-        leaving(Enemy1PositionResponse, field("source", lambda _: Source.INTERNAL)),
-        Caught("navigation", "Table 2: the source of enemy 1's place is enemy 1"),
+        hooks.leaving(Enemy1PositionResponse, hooks.field("source", lambda _: Source.INTERNAL)),
     ),
-    Fault(
-        "enemies-mixed-up",
-        "answers for enemy 1 under the identifier of enemy 2",
-        handling(Enemy1PositionRequest, _under_enemy_2),
-        Caught("navigation", f"{LOCATION}: enemy 1"),
+    "enemies-mixed-up": Caught("navigation", f"{LOCATION}: enemy 1").fault(
+        "answers for enemy 1 under the identifier of enemy 2", hooks.handling(Enemy1PositionRequest, _under_enemy_2)
     ),
-    Fault(
-        "enemy-unknown-as-zero",
-        "says 0, 0 for an enemy that is not there",
-        leaving(Enemy2PositionResponse, meaning(lambda p: p if p.x is not None else p._replace(x=0, y=0, angle=0))),
-        Caught("navigation", "Table 2: an enemy that is not there is unknown"),
+    "enemy-unknown-as-zero": Caught("navigation", "Table 2: an enemy that is not there is unknown").fault(
+        "says 0, 0 for an enemy that is not there", hooks.leaving(Enemy2PositionResponse, hooks.unknown_as(0))
     ),
-    Fault(
-        "enemy-invented",
+    "enemy-invented": Caught("navigation", "Table 2: an enemy that is not there is unknown").fault(
         "finds an enemy that the start configuration does not have",
-        arriving(StartConfigurationSet, raw(enemies=lambda _: 2, confederates=lambda _: 1)),
-        Caught("navigation", "Table 2: an enemy that is not there is unknown"),
+        hooks.arriving(StartConfigurationSet, hooks.raw(enemies=lambda _: 2, confederates=lambda _: 1)),
     ),
-    Fault(
-        "enemy-angle-invented",
+    "enemy-angle-invented": Caught("navigation", "Table 2: an angle that is not measured is unknown").fault(
         "says 0 degrees for an enemy's angle, which it cannot measure",
-        leaving(Enemy1PositionResponse, meaning(lambda p: p._replace(angle=0) if p.x is not None else p)),
-        Caught("navigation", "Table 2: an angle that is not measured is unknown"),
+        hooks.leaving(Enemy1PositionResponse, hooks.meaning(lambda p: p._replace(angle=0) if p.x is not None else p)),
     ),
-    Fault(
-        "navi-configuration-not-applied",
+    "navi-configuration-not-applied": Caught("navigation", "Table 2: an enemy that is not there is unknown").fault(
         "confirms the start configuration and forgets it",
-        handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
-        Caught("navigation", "Table 2: an enemy that is not there is unknown"),
+        hooks.handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
     ),
-    Fault(
-        "navi-mute-after-shutdown",
+    "navi-mute-after-shutdown": Caught(
+        "navigation", "4.2.2 Emergency mushroom: the navigation still answers node checks"
+    ).fault(
         "answers no node check after an Emergency Shutdown",
-        handling(CheckNaviRequest, lambda node, request, healthy: None if node.safe else healthy(request)),
-        Caught("navigation", "4.2.2 Emergency mushroom: the navigation still answers node checks"),
+        hooks.handling(CheckNaviRequest, lambda node, request, healthy: None if node.safe else healthy(request)),
     ),
-)
+}

@@ -60,8 +60,8 @@ CHECKED = PROTOCOL.encode(CheckNaviResponse())
     ],
 )
 def test_a_row_becomes_a_fault(wrong: Wrong, message: type[Message], text: str, left: list[Frame]) -> None:
-    (fault,) = message_faults("drive", ("a-name", wrong, message, "a step"))
-    assert (fault.name, fault.text, fault.caught_by) == ("a-name", text, Caught("drive", "a step"))
+    ((name, fault),) = message_faults("drive", ("a-name", wrong, message, "a step")).items()
+    assert (name, fault.text, fault.caught_by) == ("a-name", text, Caught("drive", "a step"))
     node: Drive = type("Faulty", (fault.mixin, Drive), {})(DICTIONARY)
     node.start(0.0)
     assert node.receive(PROTOCOL.encode(GotoStateRequest()), 0.0) == left
