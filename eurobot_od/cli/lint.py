@@ -19,7 +19,7 @@ from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
 
 if TYPE_CHECKING:
-    from eurobot_od.lint.network import Network
+    from eurobot_od.lint.network import LintedNetwork
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -70,9 +70,9 @@ def _run_files(arguments: Namespace) -> ExitStatus:
     return ExitStatus.WRONG_INPUT if unreadable else status
 
 
-def read_network(files: Sequence[str]) -> Network:
+def read_network(files: Sequence[str]) -> LintedNetwork:
     """Read a network: one YAML file that names the nodes, or their EDS and DCF files; raises DictionaryError."""
-    from eurobot_od.lint.network import Member, Network, nodes_of
+    from eurobot_od.lint.network import LintedNetwork, Member, nodes_of
     from eurobot_od.od.network import read_network_file
 
     if len(files) == 1 and files[0].lower().endswith((".yaml", ".yml")):
@@ -80,9 +80,9 @@ def read_network(files: Sequence[str]) -> Network:
         members = [
             Member(name, file, load(read_bytes(file), file), node_id) for name, (file, node_id) in said.nodes.items()
         ]
-        return Network(nodes_of(members), said.shared, said.order, said.bit_rate)
+        return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
     devices = [(file, load(read_bytes(file), file)) for file in files]
-    return Network(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
+    return LintedNetwork(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
 
 
 def explanation(code: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.lint.file_rules import BIT_RATES, bit_rates, form_of, up_to
-from eurobot_od.lint.findings import Problems, Rule, Rules
+from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import concise
 from eurobot_od.od.values import DOMAIN, UNSIGNED32
@@ -18,14 +18,14 @@ DCF_KEYS = ("parametervalue", "denotation", "uploadfile", "downloadfile", "param
 
 
 @RULES.rule("E701", "CiA 306, DCF")
-def without_commissioning(device: LintedDevice) -> Problems:
+def without_commissioning(device: LintedDevice) -> Violations:
     """A DCF has [DeviceComissioning]."""
     if device.is_dcf and device.commissioning is None:
         yield TOP, "a DCF without [DeviceComissioning]: nobody knows the node-ID"
 
 
 @RULES.rule("W702", "CiA 306, DCF")
-def other_spelling(device: LintedDevice) -> Problems:
+def other_spelling(device: LintedDevice) -> Violations:
     """The section is spelled [DeviceComissioning]."""
     section = device.section("devicecommissioning")
     if section:
@@ -33,7 +33,7 @@ def other_spelling(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E703", "CiA 306, [DeviceComissioning]")
-def node_id(device: LintedDevice) -> Problems:
+def node_id(device: LintedDevice) -> Violations:
     """NodeID is 1 to 127."""
     section = device.commissioning
     if section and device.node_id is None:
@@ -41,7 +41,7 @@ def node_id(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E704", "CiA 306, [DeviceComissioning]")
-def bit_rate(device: LintedDevice) -> Problems:
+def bit_rate(device: LintedDevice) -> Violations:
     """Baudrate is a bit rate of CANopen in kbit/s."""
     section, number = device.commissioning, device.commissioned("baudrate")
     if section and (number is None or number.value not in BIT_RATES):
@@ -50,7 +50,7 @@ def bit_rate(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E705", "CiA 306, [DeviceComissioning]")
-def unsupported_bit_rate(device: LintedDevice) -> Problems:
+def unsupported_bit_rate(device: LintedDevice) -> Violations:
     """Baudrate is one that the device supports."""
     section, number, rates = device.commissioning, device.commissioned("baudrate"), bit_rates(device)
     if section and number and number.value in BIT_RATES and rates and number.value not in rates:
@@ -58,7 +58,7 @@ def unsupported_bit_rate(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E708", "CiA 306, [DeviceComissioning]")
-def serial_number(device: LintedDevice) -> Problems:
+def serial_number(device: LintedDevice) -> Violations:
     """LSS_SerialNumber is 0x1018 sub 4."""
     section, said, real = device.commissioning, device.commissioned("lss_serialnumber"), device.value(0x1018, 4)
     if section and said and real and said != real:
@@ -67,7 +67,7 @@ def serial_number(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W709", "CiA 306, LastEDS")
-def without_last_eds(device: LintedDevice) -> Problems:
+def without_last_eds(device: LintedDevice) -> Violations:
     """A DCF says from which EDS it was made."""
     section = device.section("fileinfo")
     if device.is_dcf and section and not section.text("lasteds"):
@@ -75,7 +75,7 @@ def without_last_eds(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W710", "CiA 306, DCF")
-def dcf_keys_in_eds(device: LintedDevice) -> Problems:
+def dcf_keys_in_eds(device: LintedDevice) -> Violations:
     """ParameterValue, Denotation, UploadFile and DownloadFile are a DCF's."""
     for key in DCF_KEYS if not device.is_dcf else ():
         for section, entry in device.entries[key]:
@@ -83,7 +83,7 @@ def dcf_keys_in_eds(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E711", "CiA 306, DCF")
-def parameter_of_constant(device: LintedDevice) -> Problems:
+def parameter_of_constant(device: LintedDevice) -> Violations:
     """A constant's ParameterValue is its DefaultValue."""
     for each in device.variables:
         given, default = each.number("parametervalue"), each.number("defaultvalue")
@@ -93,7 +93,7 @@ def parameter_of_constant(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E712", "CiA 306, DCF")
-def file_of_number(device: LintedDevice) -> Problems:
+def file_of_number(device: LintedDevice) -> Violations:
     """UploadFile and DownloadFile are a DOMAIN's."""
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
@@ -112,7 +112,7 @@ def is_concise(text: str) -> bool:
 
 
 @RULES.rule("E713", "CiA 302-3, object 0x1F22; public: dcf-tools, dcfgen")
-def concise_dcf(device: LintedDevice) -> Problems:
+def concise_dcf(device: LintedDevice) -> Violations:
     """A concise DCF is whole."""
     found = device.objects.get(0x1F22)
     for sub, variable in found.subs.items() if found else ():

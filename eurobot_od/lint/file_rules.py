@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 
-from eurobot_od.lint.findings import Problems, Rule, Rules
+from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import values
 from eurobot_od.od.description import OBJECT_LISTS
@@ -19,7 +19,7 @@ from eurobot_od.od.values import Number, PdoDirection, parse_number
 
 RULES = Rules()
 
-Check = Callable[[LintedDevice], Problems]
+Check = Callable[[LintedDevice], Violations]
 
 # How it is written
 
@@ -27,7 +27,7 @@ Check = Callable[[LintedDevice], Problems]
 def oddity_of(kind: Odd, sentence: str) -> Check:
     """Make the rule that reports what the reader stumbled over; `{}` in the sentence is the oddity's own text."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         return ((each, sentence.format(each.text)) for each in device.document.oddities if each.kind is kind)
 
     return check
@@ -109,7 +109,7 @@ ELSEWHERE = ("tool", "dynamicchannels", "supportedmodules", "connectedmodules", 
 
 
 @RULES.rule("W116", "CiA 306, all sections")
-def unknown_sections(device: LintedDevice) -> Problems:
+def unknown_sections(device: LintedDevice) -> Violations:
     """A section is one of those of CiA 306."""
     for section in device.other_sections:
         name = section.name.strip().lower()
@@ -131,7 +131,7 @@ def looks_like_object(name: str) -> bool:
 
 
 @RULES.rule("E117", "CiA 306, object description")
-def malformed_names(device: LintedDevice) -> Problems:
+def malformed_names(device: LintedDevice) -> Violations:
     """An object's section is named by 4 hexadecimal digits, `sub` and the sub-index without leading zero."""
     wrong = [each for each in device.other_sections if looks_like_object(each.name.strip().lower())]
     for section in wrong + [each for _, each in device.object_sections if each.name != each.name.strip()]:
@@ -139,7 +139,7 @@ def malformed_names(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W118", "CiA 306, all sections")
-def unknown_keys(device: LintedDevice) -> Problems:
+def unknown_keys(device: LintedDevice) -> Violations:
     """A key is one of those its section has."""
     known = [(section, keys) for name, keys in KNOWN_KEYS.items() for section in [device.section(name)] if section]
     # lists such as [2000Name] have a key for each sub-index: E424 looks at those
@@ -150,7 +150,7 @@ def unknown_keys(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E119", "CiA 306, object lists and comments")
-def unknown_numbers(device: LintedDevice) -> Problems:
+def unknown_numbers(device: LintedDevice) -> Violations:
     """Entries that are counted are numbered 1, 2, 3 without leading zeros."""
     for name, (count, prefix) in NUMBERED.items():
         for key, entry in _entries(device, name).items():
@@ -166,7 +166,7 @@ def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
 
 
 @RULES.rule("E120", "CiA 306, all sections")
-def missing_sections(device: LintedDevice) -> Problems:
+def missing_sections(device: LintedDevice) -> Violations:
     """[FileInfo], [DeviceInfo] and [MandatoryObjects] are there."""
     for name in ("FileInfo", "DeviceInfo", "MandatoryObjects"):
         if device.section(name.lower()) is None:
@@ -179,7 +179,7 @@ def missing_sections(device: LintedDevice) -> Problems:
 def missing_of(name: str, keys: Sequence[str], why: str = "") -> Check:
     """Make the rule that a section, if it is there, has these keys."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         section = device.section(name)
         for key in keys if section else ():
             if section and not section.text(key.lower()):
@@ -196,7 +196,7 @@ def form_of(keys: Sequence[str], form: Form, *names: str) -> Check:
     """Make the rule that the values of these keys of some sections, where they are given, have a form."""
     lower, (fits, words) = _lower(*keys), form
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for key, entry in (each for name in names for each in _entries(device, name).items()):
             if key in lower and entry.value and not fits(entry.value):
                 yield entry, f"{entry.key} is {entry.value[:40]}, but has to be {words}"
@@ -257,7 +257,7 @@ FORMS = (
 
 
 @RULES.rule("W207", "CiA 306, [FileInfo]")
-def old_edition(device: LintedDevice) -> Problems:
+def old_edition(device: LintedDevice) -> Violations:
     """EDSVersion is 4.0 or later."""
     version = device.document.text("fileinfo", "edsversion")
     if is_version(version) and int(version.partition(".")[0][:9]) < 4:
@@ -266,7 +266,7 @@ def old_edition(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W210", "CiA 306, [FileInfo]")
-def other_file_name(device: LintedDevice) -> Problems:
+def other_file_name(device: LintedDevice) -> Violations:
     """FileName is the file's name."""
     name = device.document.text("fileinfo", "filename")
     if name and name.lower() != device.name.lower():
@@ -274,7 +274,7 @@ def other_file_name(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I211", "CiA 306, [FileInfo]")
-def modified_before_created(device: LintedDevice) -> Problems:
+def modified_before_created(device: LintedDevice) -> Violations:
     """A file is not modified before it is created."""
     created, modified = (device.document.text("fileinfo", key.lower()) for key in DATES)
     if is_date(created) and is_date(modified) and modified[6:] + modified[:5] < created[6:] + created[:5]:
@@ -285,7 +285,7 @@ def modified_before_created(device: LintedDevice) -> Problems:
 def identity_of(key: str, sub: int) -> Check:
     """Make the rule that a number of [DeviceInfo] is the one in the identity object."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         said, identity = device.number("deviceinfo", key.lower()), device.value(0x1018, sub)
         if said and identity and said != identity:
             at = device.at("deviceinfo", key.lower())
@@ -295,7 +295,7 @@ def identity_of(key: str, sub: int) -> Check:
 
 
 @RULES.rule("W215", "CiA 301, bit rates")
-def no_bit_rate(device: LintedDevice) -> Problems:
+def no_bit_rate(device: LintedDevice) -> Violations:
     """A device supports at least one bit rate."""
     if device.section("deviceinfo") and not bit_rates(device):
         yield device.at("deviceinfo", "baudrate_10"), "no BaudRate_... is 1: the device fits to no network"
@@ -309,7 +309,7 @@ def bit_rates(device: LintedDevice) -> set[int]:
 def pdo_count_of(key: str, direction: PdoDirection) -> Check:
     """Make the rule that the number of PDOs is the number of communication records."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         said, compact = (device.number("deviceinfo", each) for each in (key.lower(), "compactpdo"))
         real = sum(index in values.COMMUNICATION_RECORDS[direction] for index in device.objects)
         if said and said.value != real and not (compact and compact.value):
@@ -326,7 +326,7 @@ def granularity(device: LintedDevice) -> int | None:
 
 
 @RULES.rule("E225", "CiA 306, [DeviceInfo]")
-def granularity_zero(device: LintedDevice) -> Problems:
+def granularity_zero(device: LintedDevice) -> Violations:
     """Granularity is above 0 if a mapping can be changed."""
     if granularity(device) == 0 and any(pdo.mapping and pdo.mapping.is_writable for pdo in device.pdos):
         at = device.at("deviceinfo", "granularity")
@@ -334,7 +334,7 @@ def granularity_zero(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W226", "CiA 306, [DeviceInfo]")
-def granularity_above_zero(device: LintedDevice) -> Problems:
+def granularity_above_zero(device: LintedDevice) -> Violations:
     """Granularity is 0 if no mapping can be changed."""
     mappings = [pdo.mapping for pdo in device.pdos if pdo.mapping]
     if granularity(device) and mappings and not any(each.is_writable for each in mappings):
@@ -342,7 +342,7 @@ def granularity_above_zero(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E227", "CiA 306, [DeviceInfo]")
-def below_granularity(device: LintedDevice) -> Problems:
+def below_granularity(device: LintedDevice) -> Violations:
     """No mapped object is shorter than the granularity."""
     bits = granularity(device) or 0
     for pdo, each in device.mapped:
@@ -351,7 +351,7 @@ def below_granularity(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W230", "CiA 305, LSS address")
-def incomplete_lss(device: LintedDevice) -> Problems:
+def incomplete_lss(device: LintedDevice) -> Violations:
     """A device with LSS has its whole identity, 0x1018 sub 1 to 4."""
     missing = [sub for sub in (1, 2, 3, 4) if device.variable(0x1018, sub) is None]
     if device.document.text("deviceinfo", "lss_supported") == "1" and missing and 0x1018 in device.objects:
@@ -394,7 +394,7 @@ def dummies(device: LintedDevice) -> dict[int, Entry]:
 
 
 @RULES.rule("W232", "CiA 306, [DummyUsage]")
-def missing_dummies(device: LintedDevice) -> Problems:
+def missing_dummies(device: LintedDevice) -> Violations:
     """[DummyUsage] has Dummy0001 to Dummy0007."""
     section = device.section("dummyusage")
     missing = [code for code in values.DUMMIES if code not in dummies(device)]
@@ -403,7 +403,7 @@ def missing_dummies(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W233", "CiA 306, [DummyUsage]")
-def short_dummies(device: LintedDevice) -> Problems:
+def short_dummies(device: LintedDevice) -> Violations:
     """An enabled dummy is not shorter than the granularity."""
     least = granularity(device) or 0
     for code, entry in dummies(device).items():
@@ -413,7 +413,7 @@ def short_dummies(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E234", "CiA 306, [Comments]")
-def comment_lines(device: LintedDevice) -> Problems:
+def comment_lines(device: LintedDevice) -> Violations:
     """Lines is the number of comment lines."""
     said, real = device.number("comments", "lines"), len(_entries(device, "comments").keys() - {"lines"})
     if device.section("comments") and (said is None or said.value != real):
@@ -424,7 +424,7 @@ def comment_lines(device: LintedDevice) -> Problems:
 def gaps_of(*names: str) -> Check:
     """Make the rule that the entries of counting sections have no gap."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for name in names:
             section, numbers = device.section(name), _numbers(device, name)
             missing = next((n for n in range(1, len(numbers) + 1) if n not in numbers), None)
@@ -459,7 +459,7 @@ def listed(device: LintedDevice, *names: str) -> list[tuple[int, Entry]]:
 
 
 @RULES.rule("E301", "CiA 306, object lists")
-def no_supported_objects(device: LintedDevice) -> Problems:
+def no_supported_objects(device: LintedDevice) -> Violations:
     """A list of objects says how many it has."""
     for section, _ in _lists(device):
         if parse_number(section.text("supportedobjects")) is None:
@@ -467,7 +467,7 @@ def no_supported_objects(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E302", "CiA 306, object lists")
-def supported_objects(device: LintedDevice) -> Problems:
+def supported_objects(device: LintedDevice) -> Violations:
     """SupportedObjects is the number of entries."""
     for section, entries in _lists(device):
         said, real = parse_number(section.text("supportedobjects")), len(entries)
@@ -477,7 +477,7 @@ def supported_objects(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E304", "CiA 306, object lists")
-def no_indices(device: LintedDevice) -> Problems:
+def no_indices(device: LintedDevice) -> Violations:
     """The entries of a list are indices."""
     for _, entries in _lists(device):
         for entry in entries.values():
@@ -487,7 +487,7 @@ def no_indices(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E305", "CiA 306, object lists")
-def listed_twice(device: LintedDevice) -> Problems:
+def listed_twice(device: LintedDevice) -> Violations:
     """An object is listed once."""
     first: dict[int, Entry] = {}
     for index, entry in listed(device, *LISTS):
@@ -496,7 +496,7 @@ def listed_twice(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E306", "CiA 306, object lists")
-def listed_only(device: LintedDevice) -> Problems:
+def listed_only(device: LintedDevice) -> Violations:
     """A listed object has a section."""
     for index, entry in listed(device, *LISTS):
         if FIRST_OBJECT <= index <= 0xFFFF and (index not in device.objects or device.objects[index].section is None):
@@ -504,7 +504,7 @@ def listed_only(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E307", "CiA 306, object lists")
-def described_only(device: LintedDevice) -> Problems:
+def described_only(device: LintedDevice) -> Violations:
     """An object with a section is listed."""
     known = {index for index, _ in listed(device, *LISTS)}
     for index, each in device.objects.items():
@@ -513,7 +513,7 @@ def described_only(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E308", "CiA 301, mandatory objects")
-def missing_mandatory(device: LintedDevice) -> Problems:
+def missing_mandatory(device: LintedDevice) -> Violations:
     """0x1000, 0x1001 and 0x1018 are there."""
     for index in MANDATORY:
         if index not in device.objects and device.objects:
@@ -521,7 +521,7 @@ def missing_mandatory(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I314", "custom; many tools rely on nothing else")
-def unsorted(device: LintedDevice) -> Problems:
+def unsorted(device: LintedDevice) -> Violations:
     """Lists are in the order of the indices."""
     for name in LISTS:
         pairs = pairwise(listed(device, name))
@@ -533,7 +533,7 @@ def unsorted(device: LintedDevice) -> Problems:
 def misplaced_of(names: Sequence[str], is_wrong: Callable[[int], bool], sentence: str) -> Check:
     """Make the rule that some indices are not in some lists."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         return ((entry, f"0x{index:04X} {sentence}") for index, entry in listed(device, *names) if is_wrong(index))
 
     return check

@@ -30,10 +30,10 @@ class Located(Protocol):
         """Column, from 1."""
 
 
-Problem: TypeAlias = tuple[Located, str]
+Violation: TypeAlias = tuple[Located, str]
 """One place where a rule does not hold, and what is wrong there in one sentence."""
 
-Problems: TypeAlias = Iterator[Problem]
+Violations: TypeAlias = Iterator[Violation]
 """What a check of a file yields."""
 
 
@@ -55,16 +55,16 @@ class Rule(NamedTuple):
         return Severity(self.code[0])
 
 
-Check = TypeVar("Check", bound=Callable[..., Iterable[Any]])
+CheckT = TypeVar("CheckT", bound=Callable[..., Iterable[Any]])
 
 
 class Rules(list[Rule]):
     """The rules of one part, in the order of its file; those that differ only in data are added as rows."""
 
-    def rule(self, code: str, clause: str) -> Callable[[Check], Check]:
+    def rule(self, code: str, clause: str) -> Callable[[CheckT], CheckT]:
         """Enter a function as a rule; its docstring is what the rule demands."""
 
-        def enter(check: Check) -> Check:
+        def enter(check: CheckT) -> CheckT:
             self.append(Rule(code, check.__doc__ or "", clause, check))
             return check
 

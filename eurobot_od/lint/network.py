@@ -105,7 +105,7 @@ def _spot(node: NetworkNode, pdo: LintedPdo, sub: int) -> Spot:
     return node.spot(where.place if where else TOP)
 
 
-class Network:
+class LintedNetwork:
     """All nodes, and what is declared of them: messages with several senders, the order of priorities, the bit rate."""
 
     def __init__(
@@ -224,7 +224,7 @@ def own_node_id(device: LintedDevice) -> int | None:
 
 
 @RULES.rule("E801", "CiA 301, PDO")
-def two_producers(network: Network) -> Conflicts:
+def two_producers(network: LintedNetwork) -> Conflicts:
     """An identifier has one producer, unless it is declared as shared."""
     for identifier, (first, *others) in network.producers.items():
         for each in others if not network.is_shared(identifier) else ():
@@ -232,7 +232,7 @@ def two_producers(network: Network) -> Conflicts:
 
 
 @RULES.rule("I802", "declared in the network file, or by the EDS files' names")
-def declared_producers(network: Network) -> Conflicts:
+def declared_producers(network: LintedNetwork) -> Conflicts:
     """A shared identifier is declared."""
     for identifier, (first, *others) in network.producers.items():
         if others and network.is_shared(identifier):
@@ -242,7 +242,7 @@ def declared_producers(network: Network) -> Conflicts:
 
 
 @RULES.rule("W803", "CiA 301, PDO")
-def without_producer(network: Network) -> Conflicts:
+def without_producer(network: LintedNetwork) -> Conflicts:
     """What is received is sent."""
     for identifier, ports in network.consumers.items():
         for each in ports if identifier not in network.producers else ():
@@ -250,7 +250,7 @@ def without_producer(network: Network) -> Conflicts:
 
 
 @RULES.rule("W804", "CiA 301, PDO")
-def without_consumer(network: Network) -> Conflicts:
+def without_consumer(network: LintedNetwork) -> Conflicts:
     """What is sent is received."""
     for identifier, ports in network.producers.items():
         for each in ports if identifier not in network.consumers else ():
@@ -258,7 +258,7 @@ def without_consumer(network: Network) -> Conflicts:
 
 
 @RULES.rule("I805", "CiA 301, object 0x1400 sub 1, bit 31")
-def switched_off(network: Network) -> Conflicts:
+def switched_off(network: LintedNetwork) -> Conflicts:
     """A receiver of a message that is sent is valid."""
     for node in network.nodes:
         for pdo in node.device.pdos:
@@ -274,7 +274,7 @@ def switched_off(network: Network) -> Conflicts:
                 yield _spot(node, pdo, 1), text
 
 
-def _pairs(network: Network) -> Iterator[tuple[Port, Port]]:
+def _pairs(network: LintedNetwork) -> Iterator[tuple[Port, Port]]:
     """Give every producer with every consumer of its identifier."""
     for identifier, ports in network.producers.items():
         for producer in ports:
@@ -282,7 +282,7 @@ def _pairs(network: Network) -> Iterator[tuple[Port, Port]]:
 
 
 @RULES.rule("E806", "CiA 301, RPDO length (EMCY 8210)")
-def too_short(network: Network) -> Conflicts:
+def too_short(network: LintedNetwork) -> Conflicts:
     """A consumer expects no more bytes than are sent."""
     for producer, consumer in _pairs(network):
         if producer.size < consumer.size:
@@ -291,7 +291,7 @@ def too_short(network: Network) -> Conflicts:
 
 
 @RULES.rule("W807", "CiA 301, RPDO length (EMCY 8220)")
-def too_long(network: Network) -> Conflicts:
+def too_long(network: LintedNetwork) -> Conflicts:
     """A consumer expects all bytes that are sent."""
     for producer, consumer in _pairs(network):
         if producer.size > consumer.size:
@@ -304,7 +304,7 @@ def _lengths(producer: Port, consumer: Port) -> str:
 
 
 @RULES.rule("E810", "CiA 301, PDO mapping")
-def other_order(network: Network) -> Conflicts:
+def other_order(network: LintedNetwork) -> Conflicts:
     """Producer and consumer map objects of the same names in the same order."""
     for producer, consumer in _pairs(network):
         names = [[name for name, _ in port.layout if name] for port in (producer, consumer)]
@@ -313,7 +313,7 @@ def other_order(network: Network) -> Conflicts:
 
 
 @RULES.rule("W811", "CiA 301, PDO mapping")
-def other_bits(network: Network) -> Conflicts:
+def other_bits(network: LintedNetwork) -> Conflicts:
     """Producer and consumer cut the data at the same bits."""
     for producer, consumer in _pairs(network):
         bits = [[length for _, length in port.layout] for port in (producer, consumer)]
@@ -326,7 +326,7 @@ def other_bits(network: Network) -> Conflicts:
 
 
 @RULES.rule("E808", "CiA 301, pre-defined connection set")
-def service_identifiers(network: Network) -> Conflicts:
+def service_identifiers(network: LintedNetwork) -> Conflicts:
     """No PDO has the identifier of another service in use."""
     for identifier in network.identifiers:
         for name, _ in network.services.get(identifier, [])[:1]:
@@ -335,7 +335,7 @@ def service_identifiers(network: Network) -> Conflicts:
 
 
 @RULES.rule("I809", "CiA 301, pre-defined connection set and restricted CAN-IDs")
-def unused_service_identifiers(network: Network) -> Conflicts:
+def unused_service_identifiers(network: LintedNetwork) -> Conflicts:
     """A custom identifier is outside the ranges of other services."""
     for identifier, ports in network.producers.items():
         found = owner(identifier, values.RESERVED + values.PREDEFINED)
@@ -348,7 +348,7 @@ def unused_service_identifiers(network: Network) -> Conflicts:
 
 
 @RULES.rule("W827", "CiA 301, pre-defined connection set")
-def default_of_other_node(network: Network) -> Conflicts:
+def default_of_other_node(network: LintedNetwork) -> Conflicts:
     """A custom identifier is not a default PDO of a node in the network."""
     for identifier, ports in network.producers.items():
         found = owner(identifier, DEFAULT_PDOS)
@@ -359,7 +359,7 @@ def default_of_other_node(network: Network) -> Conflicts:
 
 
 @RULES.rule("E812", "CiA 301, pre-defined connection set")
-def double_services(network: Network) -> Conflicts:
+def double_services(network: LintedNetwork) -> Conflicts:
     """Different services have different identifiers."""
     for identifier, entries in network.services.items():
         names = dict.fromkeys(name for name, _ in entries)
@@ -368,7 +368,7 @@ def double_services(network: Network) -> Conflicts:
 
 
 @RULES.rule("W813", "CAN: the lower identifier wins")
-def declared_order(network: Network) -> Conflicts:
+def declared_order(network: LintedNetwork) -> Conflicts:
     """Identifiers follow the declared order of priorities."""
     known = {each.pdo.title: each for ports in network.producers.values() for each in ports}
     for before, after in pairwise([known[name] for name in network.order if name in known]):
@@ -378,7 +378,7 @@ def declared_order(network: Network) -> Conflicts:
 
 
 @RULES.rule("W814", "the network file")
-def not_in_order(network: Network) -> Conflicts:
+def not_in_order(network: LintedNetwork) -> Conflicts:
     """The declared order of priorities names messages that are sent."""
     known = {each.pdo.title for ports in network.producers.values() for each in ports}
     for name in network.order:
@@ -387,7 +387,7 @@ def not_in_order(network: Network) -> Conflicts:
 
 
 @RULES.rule("I815", "custom")
-def numbering(network: Network) -> Conflicts:
+def numbering(network: LintedNetwork) -> Conflicts:
     """A node's TPDOs are numbered in the order of their priorities."""
     for node in network.nodes:
         own = [each for ports in network.producers.values() for each in ports if each.node is node]
@@ -400,7 +400,7 @@ def numbering(network: Network) -> Conflicts:
 
 
 @RULES.rule("E816", "CiA 301, node-ID")
-def same_node_id(network: Network) -> Conflicts:
+def same_node_id(network: LintedNetwork) -> Conflicts:
     """Every node has a node-ID of its own."""
     for each in network.nodes:
         first = network.node_ids[each.node_id]
@@ -409,14 +409,14 @@ def same_node_id(network: Network) -> Conflicts:
 
 
 @RULES.rule("I817", "CiA 306, [DeviceComissioning]")
-def guessed_node_id(network: Network) -> Conflicts:
+def guessed_node_id(network: LintedNetwork) -> Conflicts:
     """The file or the network file says the node-ID."""
     for each in network.nodes:
         if each.is_guess:
             yield each.spot(), f"nothing says the node-ID of {each.name}; taken as {each.node_id}"
 
 
-def _watches(network: Network) -> Iterator[tuple[Spot, str, int, int, NetworkNode | None]]:
+def _watches(network: LintedNetwork) -> Iterator[tuple[Spot, str, int, int, NetworkNode | None]]:
     """Give every consumer heartbeat time: its place, whose it is, the node-ID watched, the time in ms, that node."""
     for node in network.nodes:
         for variable, node_id, time in heartbeats(node.device):
@@ -429,7 +429,7 @@ def _heartbeat(node: NetworkNode) -> int:
 
 
 @RULES.rule("E818", "CiA 301, objects 0x1016 and 0x1017")
-def impatient(network: Network) -> Conflicts:
+def impatient(network: LintedNetwork) -> Conflicts:
     """A heartbeat consumer waits longer than the producer's period."""
     for place, name, _, time, watched in _watches(network):
         if watched and 0 < time <= _heartbeat(watched):
@@ -437,7 +437,7 @@ def impatient(network: Network) -> Conflicts:
 
 
 @RULES.rule("W819", "CiA 301, object 0x1016")
-def nobody_to_watch(network: Network) -> Conflicts:
+def nobody_to_watch(network: LintedNetwork) -> Conflicts:
     """A heartbeat consumer waits for a node of the network."""
     for place, name, node_id, _, watched in _watches(network):
         if watched is None:
@@ -445,7 +445,7 @@ def nobody_to_watch(network: Network) -> Conflicts:
 
 
 @RULES.rule("W820", "CiA 301, objects 0x1016 and 0x1017")
-def silent(network: Network) -> Conflicts:
+def silent(network: LintedNetwork) -> Conflicts:
     """A heartbeat consumer waits for a heartbeat that is sent."""
     for place, name, _, _, watched in _watches(network):
         if watched and not _heartbeat(watched):
@@ -453,7 +453,7 @@ def silent(network: Network) -> Conflicts:
 
 
 @RULES.rule("E821", "CiA 306, [DeviceInfo]")
-def no_common_bit_rate(network: Network) -> Conflicts:
+def no_common_bit_rate(network: LintedNetwork) -> Conflicts:
     """All nodes have a bit rate in common."""
     rates = [bit_rates(each.device) for each in network.nodes]
     if rates and not set(BIT_RATES).intersection(*rates):
@@ -462,7 +462,7 @@ def no_common_bit_rate(network: Network) -> Conflicts:
 
 
 @RULES.rule("E822", "CiA 306, [DeviceInfo]")
-def unsupported_bit_rate(network: Network) -> Conflicts:
+def unsupported_bit_rate(network: LintedNetwork) -> Conflicts:
     """All nodes support the network's bit rate."""
     for each in network.nodes:
         if network.bit_rate and network.bit_rate not in bit_rates(each.device):
@@ -471,7 +471,7 @@ def unsupported_bit_rate(network: Network) -> Conflicts:
 
 
 @RULES.rule("E823", "CiA 306, [DeviceComissioning]")
-def different_bit_rates(network: Network) -> Conflicts:
+def different_bit_rates(network: LintedNetwork) -> Conflicts:
     """All nodes are set to one bit rate."""
     rates = [(node, node.device.commissioned("baudrate")) for node in network.nodes]
     said = [(node, rate.value) for node, rate in rates if rate and rate.value]
@@ -481,15 +481,15 @@ def different_bit_rates(network: Network) -> Conflicts:
             yield at, f"{node.name} is set to {rate} kbit/s, {said[0][0].name} to {said[0][1]}"
 
 
-def _with_bit(network: Network, index: int, bit: int) -> list[NetworkNode]:
+def _with_bit(network: LintedNetwork, index: int, bit: int) -> list[NetworkNode]:
     """Return the nodes whose object has a bit set."""
     return [each for each in network.nodes if (each.device.value(index) or Number(0)).value & bit]
 
 
-def one_of(index: int, bit: int, what: str) -> Callable[[Network], Conflicts]:
+def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflicts]:
     """Make the rule that only one node has a bit set in an object."""
 
-    def check(network: Network) -> Conflicts:
+    def check(network: LintedNetwork) -> Conflicts:
         nodes = _with_bit(network, index, bit)
         for each in nodes[1:]:
             place = each.spot(each.device.objects[index].place)
@@ -499,7 +499,7 @@ def one_of(index: int, bit: int, what: str) -> Callable[[Network], Conflicts]:
 
 
 @RULES.rule("W826", "CiA 301, object 0x1005")
-def nobody_sends_sync(network: Network) -> Conflicts:
+def nobody_sends_sync(network: LintedNetwork) -> Conflicts:
     """Synchronous PDOs have a node that sends SYNC."""
     ports = [each for identifier in network.identifiers for each in network.ports(identifier)]
     for each in ports if not _with_bit(network, 0x1005, SYNC_PRODUCER) else ():
@@ -518,7 +518,7 @@ RULES += (
 )  # fmt: skip
 
 
-def lint_network(network: Network) -> list[Finding]:
+def lint_network(network: LintedNetwork) -> list[Finding]:
     """Check a network; findings are ordered by file and place."""
     found = {
         Finding(at.file, at.line, at.column, rule.code, text) for rule in RULES for at, text in rule.check(network)
@@ -527,7 +527,7 @@ def lint_network(network: Network) -> list[Finding]:
     return sorted(found, key=lambda each: (files[each.file], each.line, each.column, each.code))
 
 
-def overview(network: Network) -> list[tuple[str, str, str, str]]:
+def overview(network: LintedNetwork) -> list[tuple[str, str, str, str]]:
     """Return one row for each identifier: itself, its name, its producers, its consumers."""
     return [
         (f"0x{each:03X}", network.title(each), _names(network.producers, each), _names(network.consumers, each))

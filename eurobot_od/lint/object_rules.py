@@ -9,7 +9,7 @@ from collections.abc import Callable, Container, Iterator
 from typing import NamedTuple
 
 from eurobot_od.lint.file_rules import Check, granularity
-from eurobot_od.lint.findings import Problems, Rule, Rules
+from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import LIMITS, VALUES, LintedDevice
 from eurobot_od.od import values
 from eurobot_od.od.description import (
@@ -33,7 +33,7 @@ VALUE_KEYS = ("datatype", "accesstype", "defaultvalue", "pdomapping", "lowlimit"
 
 
 @RULES.rule("E401", "CiA 306, object description")
-def without_name(device: LintedDevice) -> Problems:
+def without_name(device: LintedDevice) -> Violations:
     """An object and a sub-index have a ParameterName."""
     for name, section in device.object_sections:
         if not name.list and not section.text("parametername"):
@@ -41,7 +41,7 @@ def without_name(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E402", "CiA 301, object codes")
-def unknown_kind(device: LintedDevice) -> Problems:
+def unknown_kind(device: LintedDevice) -> Violations:
     """ObjectType is 0, 2, 5, 6, 7, 8 or 9."""
     codes = {each.value for each in ObjectCode}
     for section, entry in device.entries["objecttype"]:
@@ -56,7 +56,7 @@ def _simple(device: LintedDevice) -> Iterator[DescribedVariable]:
 
 
 @RULES.rule("E403", "CiA 306, object description")
-def without_type(device: LintedDevice) -> Problems:
+def without_type(device: LintedDevice) -> Violations:
     """A variable has a DataType."""
     for each in _simple(device):
         if not each.section.text("datatype"):
@@ -64,7 +64,7 @@ def without_type(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E404", "CiA 301, data types")
-def unknown_type(device: LintedDevice) -> Problems:
+def unknown_type(device: LintedDevice) -> Violations:
     """DataType is one that CiA 301 has."""
     for section, entry in device.entries["datatype"]:
         number = parse_number(entry.value)
@@ -74,7 +74,7 @@ def unknown_type(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E405", "CiA 306, object description")
-def without_access(device: LintedDevice) -> Problems:
+def without_access(device: LintedDevice) -> Violations:
     """A variable has an AccessType."""
     for each in _simple(device):
         if not each.access:
@@ -82,7 +82,7 @@ def without_access(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E406", "CiA 306, object description")
-def unknown_access(device: LintedDevice) -> Problems:
+def unknown_access(device: LintedDevice) -> Violations:
     """AccessType is ro, wo, rw, rwr, rww or const."""
     for section, entry in device.entries["accesstype"]:
         if entry.value and entry.value.lower() not in values.ACCESS_TYPES:
@@ -96,7 +96,7 @@ def _composed(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]
 
 
 @RULES.rule("E407", "CiA 306, object description")
-def orphans(device: LintedDevice) -> Problems:
+def orphans(device: LintedDevice) -> Violations:
     """A sub-index belongs to an object with a section."""
     for each in device.objects.values():
         if each.section is None:
@@ -104,7 +104,7 @@ def orphans(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E408", "CiA 306, object description")
-def sub_keys_on_variable(device: LintedDevice) -> Problems:
+def sub_keys_on_variable(device: LintedDevice) -> Violations:
     """A VAR has no SubNumber and no CompactSubObj."""
     for section, entry in device.entries["subnumber"] + device.entries["compactsubobj"]:
         name = parse_section_name(section.name.strip())
@@ -115,7 +115,7 @@ def sub_keys_on_variable(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E409", "CiA 306, object description")
-def value_keys_on_record(device: LintedDevice) -> Problems:
+def value_keys_on_record(device: LintedDevice) -> Violations:
     """An array or record has no value of its own."""
     for each, section in _composed(device):
         for key in VALUE_KEYS if not each.compact else ():
@@ -125,7 +125,7 @@ def value_keys_on_record(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E410", "CiA 306, object description")
-def subs_of_variable(device: LintedDevice) -> Problems:
+def subs_of_variable(device: LintedDevice) -> Violations:
     """A VAR has no sections for sub-indices."""
     for each in device.objects.values():
         sub = next((s for s in each.subs.values() if s.section is not each.section), None)
@@ -134,7 +134,7 @@ def subs_of_variable(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E411", "CiA 306, object description")
-def without_sub_number(device: LintedDevice) -> Problems:
+def without_sub_number(device: LintedDevice) -> Violations:
     """An array or record has SubNumber or CompactSubObj."""
     for each, section in _composed(device):
         if not section.text("subnumber") and not each.compact:
@@ -142,7 +142,7 @@ def without_sub_number(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E412", "CiA 306, object description")
-def wrong_sub_number(device: LintedDevice) -> Problems:
+def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
     for each, section in _composed(device):
         said, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
@@ -151,7 +151,7 @@ def wrong_sub_number(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E413", "CiA 301, sub-index 0")
-def without_sub_0(device: LintedDevice) -> Problems:
+def without_sub_0(device: LintedDevice) -> Violations:
     """An array or record has sub-index 0."""
     for each, section in _composed(device):
         if 0 not in each.subs and each.subs and not each.compact:
@@ -159,7 +159,7 @@ def without_sub_0(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E414", "CiA 301, sub-index 0")
-def type_of_sub_0(device: LintedDevice) -> Problems:
+def type_of_sub_0(device: LintedDevice) -> Violations:
     """Sub-index 0 is an UNSIGNED8."""
     for each, _ in _composed(device):
         zero = each.subs.get(0)
@@ -168,7 +168,7 @@ def type_of_sub_0(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E415", "CiA 301, sub-index 0")
-def highest_sub(device: LintedDevice) -> Problems:
+def highest_sub(device: LintedDevice) -> Violations:
     """A constant sub-index 0 is the highest sub-index."""
     # sub 0 of 0x1003 counts the errors there are, that of a mapping what is mapped
     counting = [range(0x1003, 0x1004), *values.MAPPING_RECORDS.values()]
@@ -180,7 +180,7 @@ def highest_sub(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W416", "CiA 301, object codes")
-def mixed_array(device: LintedDevice) -> Problems:
+def mixed_array(device: LintedDevice) -> Violations:
     """The sub-indices of an array have one type."""
     for each, _ in _composed(device):
         types = {sub: v.number("datatype") for sub, v in each.subs.items() if 0 < sub < 0xFF}
@@ -191,7 +191,7 @@ def mixed_array(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I417", "custom; tools that look up by name find one only")
-def same_names(device: LintedDevice) -> Problems:
+def same_names(device: LintedDevice) -> Violations:
     """The sub-indices of an object have different names."""
     for each, _ in _composed(device):
         first: dict[str, DescribedVariable] = {}
@@ -209,7 +209,7 @@ def _compact(device: LintedDevice) -> Iterator[tuple[DescribedObject, Section]]:
 
 
 @RULES.rule("W420", "CiA 306, CompactSubObj; public: dcf-tools takes it for records too, so only a warning")
-def compact_kind(device: LintedDevice) -> Problems:
+def compact_kind(device: LintedDevice) -> Violations:
     """CompactSubObj describes arrays."""
     for each, section in _compact(device):
         if each.compact and each.code not in (ObjectCode.ARRAY, *SIMPLE, None):
@@ -217,7 +217,7 @@ def compact_kind(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E421", "CiA 306, CompactSubObj")
-def compact_count(device: LintedDevice) -> Problems:
+def compact_count(device: LintedDevice) -> Violations:
     """CompactSubObj is a number from 0 to 254."""
     for _, section in _compact(device):
         number = parse_number(section.text("compactsubobj"))
@@ -226,7 +226,7 @@ def compact_count(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E422", "CiA 306, CompactSubObj")
-def compact_and_sub_number(device: LintedDevice) -> Problems:
+def compact_and_sub_number(device: LintedDevice) -> Violations:
     """An object has SubNumber or CompactSubObj, not both."""
     for each, section in _compact(device):
         number = parse_number(section.text("subnumber"))
@@ -235,7 +235,7 @@ def compact_and_sub_number(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E423", "CiA 306, CompactSubObj")
-def entry_lists(device: LintedDevice) -> Problems:
+def entry_lists(device: LintedDevice) -> Violations:
     """NrOfEntries is the number of entries of [xxxxName] and [xxxxValue]."""
     for name, section in device.object_sections:
         if name.list:
@@ -245,7 +245,7 @@ def entry_lists(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E424", "CiA 306, CompactSubObj")
-def entry_list_keys(device: LintedDevice) -> Problems:
+def entry_list_keys(device: LintedDevice) -> Violations:
     """[xxxxName] and [xxxxValue] name sub-indices of a compact object."""
     for name, section in device.object_sections:
         highest = device.objects[name.object_index].compact if name.list else 0
@@ -260,7 +260,7 @@ NUMERIC_KEYS = ("subnumber", "objflags", "pdomapping", "objecttype", "datatype",
 
 
 @RULES.rule("E430", "CiA 306, numbers")
-def no_number(device: LintedDevice) -> Problems:
+def no_number(device: LintedDevice) -> Violations:
     """A number is decimal, 0x hexadecimal or 0 octal."""
     numeric = (entry for key in NUMERIC_KEYS[:3] for _, entry in device.entries[key] if entry.value)
     malformed = [e for e in numeric if parse_number(e.value) is None]
@@ -285,7 +285,7 @@ def _octals(device: LintedDevice) -> Iterator[Entry]:
 
 
 @RULES.rule("E431", "CiA 306, numbers")
-def wrong_octal(device: LintedDevice) -> Problems:
+def wrong_octal(device: LintedDevice) -> Violations:
     """A number with a leading zero is octal."""
     for entry in _octals(device):
         if is_wrong_octal(entry.value):
@@ -293,7 +293,7 @@ def wrong_octal(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W432", "CiA 306, numbers")
-def octal(device: LintedDevice) -> Problems:
+def octal(device: LintedDevice) -> Violations:
     """Numbers are not octal unless that is meant."""
     for entry in _octals(device):
         number = parse_number(entry.value)
@@ -302,7 +302,7 @@ def octal(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E433", "CiA 306, $NODEID")
-def misplaced_node_id(device: LintedDevice) -> Problems:
+def misplaced_node_id(device: LintedDevice) -> Violations:
     """A value with the node-ID is $NODEID or $NODEID+number."""
     for each in device.integers:
         if each.number is None and each.has_node_id:
@@ -311,7 +311,7 @@ def misplaced_node_id(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E434", "CiA 306, $NODEID")
-def node_id_in_text(device: LintedDevice) -> Problems:
+def node_id_in_text(device: LintedDevice) -> Violations:
     """$NODEID is in integers only."""
     for each in device.others:
         if each.has_node_id:
@@ -321,7 +321,7 @@ def node_id_in_text(device: LintedDevice) -> Problems:
 def outside_type_of(keys: tuple[str, ...]) -> Check:
     """Make the rule that limits, or values, fit into the variable's type."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key in keys):
             if each.number and not (
                 each.type.low <= each.number.value and each.number.at(device.node_ids[-1]) <= each.type.high
@@ -333,7 +333,7 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
 
 
 @RULES.rule("E437", "CiA 306, object description")
-def crossed_limits(device: LintedDevice) -> Problems:
+def crossed_limits(device: LintedDevice) -> Violations:
     """LowLimit is not above HighLimit."""
     for section, entry in device.entries["lowlimit"]:
         low, high = parse_number(entry.value), parse_number(section.text("highlimit"))
@@ -345,7 +345,7 @@ def crossed_limits(device: LintedDevice) -> Problems:
 def outside_limits_of(key: str) -> Check:
     """Make the rule that a value is inside its limits."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for each in (value for value in device.integers if value.key == key):
             number, (low, high) = each.number or Number(0), map(each.variable.number, LIMITS)
             first, last = device.node_ids[0], device.node_ids[-1]
@@ -357,7 +357,7 @@ def outside_limits_of(key: str) -> Check:
 
 
 @RULES.rule("W440", "CiA 306, object description")
-def limits_without_meaning(device: LintedDevice) -> Problems:
+def limits_without_meaning(device: LintedDevice) -> Violations:
     """Only numbers have limits."""
     for each in (value for value in device.others if value.key in LIMITS):
         if each.type not in values.REALS:
@@ -376,7 +376,7 @@ def is_real(text: str) -> bool:
 
 
 @RULES.rule("E441", "CiA 306, numbers")
-def malformed_real(device: LintedDevice) -> Problems:
+def malformed_real(device: LintedDevice) -> Violations:
     """A REAL is a decimal number or a bit pattern."""
     for each in device.others:
         if each.type in values.REALS and not is_real(each.entry.value) and not each.has_node_id:
@@ -384,7 +384,7 @@ def malformed_real(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W442", "public: dcf-tools reads bit patterns, canopen decimal numbers")
-def ambiguous_real(device: LintedDevice) -> Problems:
+def ambiguous_real(device: LintedDevice) -> Violations:
     """A REAL has no value but 0."""
     for each in device.others:
         if each.type in values.REALS and is_real(each.entry.value) and each.number != Number(0):
@@ -393,7 +393,7 @@ def ambiguous_real(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W443", "public: dcf-tools and canopen both read it so")
-def odd_octets(device: LintedDevice) -> Problems:
+def odd_octets(device: LintedDevice) -> Violations:
     """An OCTET_STRING is written in hexadecimal."""
     for each in (value for value in device.others if value.key in VALUES):
         text = each.entry.value.replace(" ", "")
@@ -402,7 +402,7 @@ def odd_octets(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E444", "CiA 306, object description")
-def pdo_mapping_flag(device: LintedDevice) -> Problems:
+def pdo_mapping_flag(device: LintedDevice) -> Violations:
     """PDOMapping is 0 or 1."""
     for section, entry in device.entries["pdomapping"]:
         number = parse_number(entry.value)
@@ -411,7 +411,7 @@ def pdo_mapping_flag(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E445", "CiA 306, ObjFlags")
-def object_flags(device: LintedDevice) -> Problems:
+def object_flags(device: LintedDevice) -> Violations:
     """ObjFlags has bits 0 and 1 only."""
     for section, entry in device.entries["objflags"]:
         number = parse_number(entry.value)
@@ -420,7 +420,7 @@ def object_flags(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W446", "CiA 306, object description")
-def constant_without_value(device: LintedDevice) -> Problems:
+def constant_without_value(device: LintedDevice) -> Violations:
     """A constant has a value."""
     for each in device.variables:
         if each.access == "const" and not (each.value_entry and each.value_entry.value):
@@ -428,7 +428,7 @@ def constant_without_value(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W447", "CiA 306, object description")
-def mappable_rw(device: LintedDevice) -> Problems:
+def mappable_rw(device: LintedDevice) -> Violations:
     """A mappable variable is rwr or rww, not rw."""
     for each in device.variables:
         if each.access == "rw" and each.is_mappable:
@@ -437,7 +437,7 @@ def mappable_rw(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W448", "CiA 301, PDO mapping")
-def mappable_text(device: LintedDevice) -> Problems:
+def mappable_text(device: LintedDevice) -> Violations:
     """A mappable variable has a fixed length."""
     for each in device.variables:
         if each.is_mappable and each.type and each.type.bits == 0:
@@ -446,7 +446,7 @@ def mappable_text(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I449", "CiA 301, PDO mapping")
-def mappable_without_pdo(device: LintedDevice) -> Problems:
+def mappable_without_pdo(device: LintedDevice) -> Violations:
     """A device with mappable variables has a PDO."""
     first = next((each for each in device.variables if each.is_mappable), None)
     if first and not device.pdos:
@@ -454,7 +454,7 @@ def mappable_without_pdo(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W450", "CiA 306, [DeviceInfo]")
-def finer_than_granularity(device: LintedDevice) -> Problems:
+def finer_than_granularity(device: LintedDevice) -> Violations:
     """No mappable variable is shorter than the granularity."""
     bits = granularity(device) or 0
     for each in device.variables:
@@ -519,7 +519,7 @@ def _known(device: LintedDevice) -> Iterator[tuple[DescribedVariable, Known]]:
 
 
 @RULES.rule("E501", "CiA 301, each object")
-def known_types(device: LintedDevice) -> Problems:
+def known_types(device: LintedDevice) -> Violations:
     """Objects of the communication profile have the standard's type."""
     for variable, known in _known(device):
         if variable.section.text("datatype") and variable.type != known.type:
@@ -529,7 +529,7 @@ def known_types(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E502", "CiA 301, each object")
-def known_access(device: LintedDevice) -> Problems:
+def known_access(device: LintedDevice) -> Violations:
     """Objects that the standard makes read-only are ro or const."""
     for variable, known in _known(device):
         if known.access and variable.access in values.ACCESS_TYPES and variable.access not in known.access:
@@ -538,7 +538,7 @@ def known_access(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W503", "CiA 301, each object")
-def mappable_communication(device: LintedDevice) -> Problems:
+def mappable_communication(device: LintedDevice) -> Violations:
     """What configures communication is not mappable."""
     for variable, _ in _known(device):
         if variable.is_mappable and variable.index not in (0x1001, 0x1002):
@@ -548,7 +548,7 @@ def mappable_communication(device: LintedDevice) -> Problems:
 def value_of(index: int, subs: range, fits: Callable[[int], bool], sentence: str) -> Check:
     """Make the rule that the values of an object's sub-indices are such and such, for every node-ID."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         found = device.objects.get(index)
         for sub, variable in found.subs.items() if found else ():
             at, value = variable.value_entry, variable.value
@@ -571,7 +571,7 @@ def heartbeats(device: LintedDevice) -> list[tuple[DescribedVariable, int, int]]
 
 
 @RULES.rule("E509", "CiA 301, object 0x1016")
-def double_heartbeats(device: LintedDevice) -> Problems:
+def double_heartbeats(device: LintedDevice) -> Violations:
     """A node's heartbeat is consumed once."""
     first: dict[int, DescribedVariable] = {}
     for variable, node_id, _ in heartbeats(device):
@@ -580,7 +580,7 @@ def double_heartbeats(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W510", "CiA 301, error control")
-def no_error_control(device: LintedDevice) -> Problems:
+def no_error_control(device: LintedDevice) -> Violations:
     """A device has heartbeat or node guarding."""
     if device.objects and not {0x1017, 0x100C} & device.objects.keys():
         at = next(iter(device.objects.values())).place
@@ -588,7 +588,7 @@ def no_error_control(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W511", "CiA 301, error control")
-def both_error_controls(device: LintedDevice) -> Problems:
+def both_error_controls(device: LintedDevice) -> Violations:
     """A device uses heartbeat or node guarding."""
     heartbeat, *times = (device.variable(index) for index in (0x1017, 0x100C, 0x100D))
     if heartbeat and all(each and each.value and each.value.value for each in (heartbeat, *times)):
@@ -598,7 +598,7 @@ def both_error_controls(device: LintedDevice) -> Problems:
 def needs_of(index: int, needed: int, why: str) -> Check:
     """Make the rule that an object needs another one."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         found = device.objects.get(index)
         if found and needed not in device.objects:
             yield found.place, f"0x{index:04X} without 0x{needed:04X}: {why}"
@@ -607,7 +607,7 @@ def needs_of(index: int, needed: int, why: str) -> Check:
 
 
 @RULES.rule("E515", "CiA 301, object 0x1200")
-def first_server(device: LintedDevice) -> Problems:
+def first_server(device: LintedDevice) -> Violations:
     """The first SDO server has the fixed identifiers."""
     for sub, base in ((1, values.SDO_REQUEST_BASE), (2, values.SDO_RESPONSE_BASE)):
         variable = device.variable(0x1200, sub)
@@ -618,7 +618,7 @@ def first_server(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I524", "CiA 301, object 0x1000")
-def profile_objects(device: LintedDevice) -> Problems:
+def profile_objects(device: LintedDevice) -> Violations:
     """A device with objects of a device profile says which."""
     type_ = device.value(0x1000)
     first = next((each for index, each in device.objects.items() if 0x6000 <= index < 0xA000), None)

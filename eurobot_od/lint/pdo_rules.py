@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 
 from eurobot_od.lint.file_rules import Check, dummies
-from eurobot_od.lint.findings import Problems, Rule, Rules
+from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import MULTIPLEXED, LintedDevice, LintedPdo, MappingEntry
 from eurobot_od.od import values
 from eurobot_od.od.description import DescribedVariable
@@ -33,7 +33,7 @@ def _setting(device: LintedDevice, sub: int) -> Iterator[tuple[LintedPdo, Entry,
 
 
 @RULES.rule("E601", "CiA 301, objects 0x1600 and 0x1A00")
-def mapping_only(device: LintedDevice) -> Problems:
+def mapping_only(device: LintedDevice) -> Violations:
     """A PDO mapping has its communication record."""
     for pdo in device.pdos:
         if pdo.mapping and pdo.communication is None:
@@ -42,7 +42,7 @@ def mapping_only(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E602", "CiA 301, objects 0x1400 and 0x1800")
-def communication_only(device: LintedDevice) -> Problems:
+def communication_only(device: LintedDevice) -> Violations:
     """A PDO communication record has its mapping."""
     for pdo in device.pdos:
         if pdo.communication and pdo.mapping is None:
@@ -51,7 +51,7 @@ def communication_only(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E603", "CiA 301, objects 0x1400 and 0x1800")
-def without_parameters(device: LintedDevice) -> Problems:
+def without_parameters(device: LintedDevice) -> Violations:
     """A PDO has a COB-ID and a transmission type."""
     for pdo in device.pdos:
         missing = [sub for sub in (1, 2) if pdo.setting(sub) is None]
@@ -64,7 +64,7 @@ def without_parameters(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E604", "CiA 301, objects 0x1400 and 0x1800")
-def reserved_bits(device: LintedDevice) -> Problems:
+def reserved_bits(device: LintedDevice) -> Violations:
     """Bits 11 to 28 of the COB-ID of a base frame are 0."""
     for pdo, at, cob_id in _setting(device, 1):
         if not cob_id & values.EXTENDED and cob_id & RESERVED_BITS:
@@ -72,7 +72,7 @@ def reserved_bits(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W605", "CiA 301, objects 0x1400 and 0x1800")
-def extended(device: LintedDevice) -> Problems:
+def extended(device: LintedDevice) -> Violations:
     """PDOs have 11-bit identifiers."""
     for pdo, at, cob_id in _setting(device, 1):
         if cob_id & values.EXTENDED:
@@ -90,7 +90,7 @@ def _identifiers(device: LintedDevice) -> Iterator[tuple[LintedPdo, Entry | Sect
 def in_range_of(ranges: tuple[IdentifierRange, ...], sentence: str) -> Check:
     """Make the rule that no PDO has an identifier in some ranges."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for pdo, at, identifier in _identifiers(device):
             found = owner(identifier, ranges)
             if found:
@@ -100,7 +100,7 @@ def in_range_of(ranges: tuple[IdentifierRange, ...], sentence: str) -> Check:
 
 
 @RULES.rule("I608", "CiA 301, pre-defined connection set; an error only if that node-ID is in the network (E808)")
-def in_predefined(device: LintedDevice) -> Problems:
+def in_predefined(device: LintedDevice) -> Violations:
     """A custom identifier is not where a node has its default one."""
     for pdo, at, identifier in _identifiers(device):
         found, cob_id = owner(identifier, values.PREDEFINED), pdo.value(1)
@@ -111,7 +111,7 @@ def in_predefined(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W609", "public: CANopenNode, CO_PDO.c, adds the node-ID to such an identifier")
-def on_default_base(device: LintedDevice) -> Problems:
+def on_default_base(device: LintedDevice) -> Violations:
     """No identifier is the base of the PDO's own default."""
     for pdo, at, identifier in _identifiers(device):
         if identifier in pdo.default_base:
@@ -119,7 +119,7 @@ def on_default_base(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E610", "CiA 301, PDO")
-def one_identifier(device: LintedDevice) -> Problems:
+def one_identifier(device: LintedDevice) -> Violations:
     """The valid PDOs of a device have different identifiers."""
     first: dict[int, LintedPdo] = {}
     for pdo, at, identifier in _identifiers(device):
@@ -128,7 +128,7 @@ def one_identifier(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E611", "CiA 301, objects 0x1400 and 0x1800")
-def outside_cob_id(device: LintedDevice) -> Problems:
+def outside_cob_id(device: LintedDevice) -> Violations:
     """$NODEID+... stays inside 11 bits."""
     for pdo, at, cob_id in _setting(device, 1):
         value, highest = pdo.value(1), (cob_id & values.BASE_IDENTIFIER) + device.node_ids[-1]
@@ -154,7 +154,7 @@ SYNCHRONOUS, RTR_TYPES = range(241), (252, 253)
 def transmission_of(direction: PdoDirection, is_reserved: Callable[[int], bool], sentence: str) -> Check:
     """Make the rule that no PDO of a direction has a reserved transmission type."""
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for pdo, at, value in _setting(device, 2):
             if pdo.direction is direction and is_reserved(value):
                 yield at, f"transmission type {value} of {pdo.name}: {sentence}"
@@ -163,7 +163,7 @@ def transmission_of(direction: PdoDirection, is_reserved: Callable[[int], bool],
 
 
 @RULES.rule("E623", "CiA 301, object 0x1800")
-def rtr_forbidden(device: LintedDevice) -> Problems:
+def rtr_forbidden(device: LintedDevice) -> Violations:
     """A TPDO sent on remote frames allows them."""
     for pdo, at, value in _setting(device, 2):
         cob_id = pdo.value(1)
@@ -172,7 +172,7 @@ def rtr_forbidden(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W624", "CiA 301, object 0x1005")
-def synchronous_without_sync(device: LintedDevice) -> Problems:
+def synchronous_without_sync(device: LintedDevice) -> Violations:
     """A device with synchronous PDOs has a SYNC."""
     for pdo, at, value in _setting(device, 2):
         if (value in SYNCHRONOUS or value == RTR_TYPES[0]) and 0x1005 not in device.objects and pdo.is_valid:
@@ -180,7 +180,7 @@ def synchronous_without_sync(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W625", "CiA 301, objects 0x1400 and 0x1800")
-def compatibility_entry(device: LintedDevice) -> Problems:
+def compatibility_entry(device: LintedDevice) -> Violations:
     """Sub-index 4 is reserved."""
     for pdo, at, value in _setting(device, 4):
         if value:
@@ -188,7 +188,7 @@ def compatibility_entry(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W626", "CiA 301, object 0x1400")
-def inhibited_rpdo(device: LintedDevice) -> Problems:
+def inhibited_rpdo(device: LintedDevice) -> Violations:
     """Inhibit time and SYNC start value are for TPDOs."""
     for sub, what in ((3, "an inhibit time"), (6, "a SYNC start value")):
         for pdo, at, value in _setting(device, sub):
@@ -197,7 +197,7 @@ def inhibited_rpdo(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E627", "CiA 301, object 0x1800 sub 6")
-def sync_start(device: LintedDevice) -> Problems:
+def sync_start(device: LintedDevice) -> Violations:
     """A SYNC start value is 0 to 240."""
     for pdo, at, value in _setting(device, 6):
         if not 0 <= value <= 240:
@@ -205,7 +205,7 @@ def sync_start(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W628", "CiA 301, object 0x1800")
-def slower_than_event(device: LintedDevice) -> Problems:
+def slower_than_event(device: LintedDevice) -> Violations:
     """An event timer is not shorter than the inhibit time."""
     for pdo, at, milliseconds in _setting(device, 5):
         inhibit = pdo.value(3)
@@ -240,7 +240,7 @@ def _counts(device: LintedDevice) -> Iterator[tuple[LintedPdo, DescribedVariable
 
 
 @RULES.rule("E630", "CiA 301, objects 0x1600 and 0x1A00")
-def count_range(device: LintedDevice) -> Problems:
+def count_range(device: LintedDevice) -> Violations:
     """A PDO maps 0 to 64 objects, or is multiplexed."""
     for pdo, variable, count in _counts(device):
         if not 0 <= count <= MOST_OBJECTS and count not in MULTIPLEXED:
@@ -248,7 +248,7 @@ def count_range(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E631", "CiA 301, objects 0x1600 and 0x1A00")
-def too_few_entries(device: LintedDevice) -> Problems:
+def too_few_entries(device: LintedDevice) -> Violations:
     """A mapping has as many entries as sub-index 0 says."""
     for pdo, variable, count in _counts(device):
         missing = next((n for n in range(1, min(count, MOST_OBJECTS) + 1) if not pdo.entry(n)), 0)
@@ -257,7 +257,7 @@ def too_few_entries(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E632", "CiA 301, objects 0x1600 and 0x1A00")
-def no_entry(device: LintedDevice) -> Problems:
+def no_entry(device: LintedDevice) -> Violations:
     """Mapped entries have no gap."""
     for pdo, _, count in _counts(device):
         for n in range(1, min(count, MOST_OBJECTS) + 1) if not pdo.is_multiplexed else ():
@@ -267,7 +267,7 @@ def no_entry(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I633", "CiA 301, objects 0x1600 and 0x1A00; public: Kollmorgen AKD manual, `0: PDO is not active`")
-def no_data(device: LintedDevice) -> Problems:
+def no_data(device: LintedDevice) -> Violations:
     """A PDO has data."""
     for pdo, variable, count in _counts(device):
         if count == 0 and pdo.is_valid:
@@ -275,7 +275,7 @@ def no_data(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I634", "CiA 301, objects 0x1600 and 0x1A00")
-def left_over(device: LintedDevice) -> Problems:
+def left_over(device: LintedDevice) -> Violations:
     """Entries after the mapped ones are empty."""
     for pdo, _, count in _counts(device):
         unused = (v for sub, v in pdo.mapping.subs.items() if count < sub < 255 and v.value) if pdo.mapping else ()
@@ -285,7 +285,7 @@ def left_over(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E635", "CiA 301, PDO mapping")
-def too_long(device: LintedDevice) -> Problems:
+def too_long(device: LintedDevice) -> Violations:
     """A PDO has at most 64 bits."""
     for pdo, variable, _ in _counts(device):
         if pdo.bits > 64:
@@ -301,7 +301,7 @@ def _objects(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, De
 
 
 @RULES.rule("E636", "CiA 301, PDO mapping")
-def missing_object(device: LintedDevice) -> Problems:
+def missing_object(device: LintedDevice) -> Violations:
     """A mapped object is there."""
     for pdo, each in device.mapped:
         if not _is_dummy(each) and device.variable(each.index, each.sub) is None:
@@ -313,7 +313,7 @@ def _is_dummy(each: MappingEntry) -> bool:
 
 
 @RULES.rule("E637", "CiA 301, PDO mapping (abort 0604 0041)")
-def not_mappable(device: LintedDevice) -> Problems:
+def not_mappable(device: LintedDevice) -> Violations:
     """A mapped object is mappable."""
     for pdo, each, variable in _objects(device):
         if not variable.is_mappable and not _is_dummy(each):
@@ -321,7 +321,7 @@ def not_mappable(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E638", "CiA 301, PDO mapping (abort 0604 0042)")
-def longer_than_type(device: LintedDevice) -> Problems:
+def longer_than_type(device: LintedDevice) -> Violations:
     """A mapped length is not above the type's."""
     for pdo, each, variable in _objects(device):
         if variable.type and 0 < variable.type.bits < each.bits:
@@ -343,7 +343,7 @@ def _fits(each: MappingEntry, variable: DescribedVariable) -> bool:
 
 
 @RULES.rule("W639", "CiA 301, PDO mapping")
-def cut(device: LintedDevice) -> Problems:
+def cut(device: LintedDevice) -> Violations:
     """A mapped length leaves room for every value of the object."""
     for pdo, each, variable in _shorter(device):
         if not _fits(each, variable):
@@ -352,7 +352,7 @@ def cut(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("I640", "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes")
-def shortened(device: LintedDevice) -> Problems:
+def shortened(device: LintedDevice) -> Violations:
     """A mapped length is the type's."""
     for pdo, each, variable in _shorter(device):
         if _fits(each, variable) and variable.type:
@@ -364,7 +364,7 @@ def direction_of(direction: PdoDirection) -> Check:
     """Make the rule that PDOs of a direction map objects whose access type allows it."""
     refused = set(values.ACCESS_TYPES) - set(values.MAPPABLE[direction])
 
-    def check(device: LintedDevice) -> Problems:
+    def check(device: LintedDevice) -> Violations:
         for pdo, each, variable in _objects(device):
             if pdo.direction is direction and variable.access in refused:
                 yield each.at, f"{pdo.name} maps {each.where}, which is {variable.access}"
@@ -373,7 +373,7 @@ def direction_of(direction: PdoDirection) -> Check:
 
 
 @RULES.rule("E643", "CiA 301, dummy entries")
-def dummy_in_tpdo(device: LintedDevice) -> Problems:
+def dummy_in_tpdo(device: LintedDevice) -> Violations:
     """Only RPDOs map dummies."""
     for pdo, each in device.mapped:
         if _is_dummy(each) and pdo.direction is PdoDirection.TPDO:
@@ -381,7 +381,7 @@ def dummy_in_tpdo(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E644", "CiA 306, [DummyUsage]")
-def disabled_dummy(device: LintedDevice) -> Problems:
+def disabled_dummy(device: LintedDevice) -> Violations:
     """A mapped dummy is enabled in [DummyUsage]."""
     enabled = {code for code, entry in dummies(device).items() if entry.value == "1"}
     for pdo, each in device.mapped:
@@ -390,7 +390,7 @@ def disabled_dummy(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E645", "CiA 301, dummy entries")
-def dummy_length(device: LintedDevice) -> Problems:
+def dummy_length(device: LintedDevice) -> Violations:
     """A mapped dummy has the length of its type."""
     for pdo, each in device.mapped:
         type_ = values.DATA_TYPES.get(each.index)
@@ -399,7 +399,7 @@ def dummy_length(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E646", "CiA 301, PDO mapping")
-def no_bits(device: LintedDevice) -> Problems:
+def no_bits(device: LintedDevice) -> Violations:
     """A mapped object has at least one bit."""
     for pdo, each in device.mapped:
         if each.bits == 0:
@@ -407,7 +407,7 @@ def no_bits(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W647", "CiA 301, PDO mapping")
-def mapped_twice(device: LintedDevice) -> Problems:
+def mapped_twice(device: LintedDevice) -> Violations:
     """A PDO maps an object once."""
     for pdo in device.pdos:
         counts = Counter((each.index, each.sub) for each in pdo.mapped() if not _is_dummy(each))
@@ -417,7 +417,7 @@ def mapped_twice(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W648", "CiA 301, objects 0x1600 and 0x1A00")
-def half_writable(device: LintedDevice) -> Problems:
+def half_writable(device: LintedDevice) -> Violations:
     """Sub-index 0 and the entries of a mapping can be written, or none can."""
     for pdo, variable, _ in _counts(device):
         entries = [each for sub, each in pdo.mapping.subs.items() if sub] if pdo.mapping else []
@@ -427,7 +427,7 @@ def half_writable(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("W649", "CiA 301, objects 0x1400 and 0x1800")
-def fixed_cob_id(device: LintedDevice) -> Problems:
+def fixed_cob_id(device: LintedDevice) -> Violations:
     """A PDO with a writable mapping has a writable COB-ID."""
     for pdo in device.pdos:
         setting = pdo.setting(1)
@@ -438,7 +438,7 @@ def fixed_cob_id(device: LintedDevice) -> Problems:
 
 
 @RULES.rule("E650", "CiA 301, objects 0x1600 and 0x1A00")
-def relative_entry(device: LintedDevice) -> Problems:
+def relative_entry(device: LintedDevice) -> Violations:
     """A mapping entry is index, sub-index and length."""
     for pdo, _, count in _counts(device):
         for sub, variable in pdo.mapping.subs.items() if pdo.mapping else ():

@@ -19,7 +19,7 @@ from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od import values
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
 from eurobot_od.od.document import Odd, read, read_bytes
-from eurobot_od.od.pdos import PADDING, MappedObject, Part, Pdo, Refused, fatal
+from eurobot_od.od.pdos import PADDING, MappedObject, OnRefused, Part, Pdo, fatal
 from eurobot_od.od.values import Address, DataType, Limits, Number, PdoDirection, Value, parse_number
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ class Outline:
         """All PDOs with their default communication and mapping parameters; see `read_pdos`."""
         return self.read_pdos(self.default)
 
-    def read_pdos(self, value: Callable[[Address], Value], refused: Refused = fatal) -> tuple[Pdo, ...]:
+    def read_pdos(self, value: Callable[[Address], Value], refused: OnRefused = fatal) -> tuple[Pdo, ...]:
         """Read RPDOs, then TPDOs, from the parameter values that `value` gives.
 
         `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised.

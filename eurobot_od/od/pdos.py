@@ -57,7 +57,7 @@ class Part(NamedTuple):
     bits: int
 
 
-Refused: TypeAlias = Callable[[MappingError], object]
+OnRefused: TypeAlias = Callable[[MappingError], object]
 """What is done about a PDO that does not hold, which is then left out."""
 
 

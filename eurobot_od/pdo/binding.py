@@ -16,7 +16,7 @@ from eurobot_od.frame import Data, Frame
 from eurobot_od.od.pdos import MappedObject, Pdo
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo import codec
-from eurobot_od.pdo.catalogue import Entry, field_name, first_free, made_type
+from eurobot_od.pdo.catalogue import CatalogueEntry, field_name, first_free, made_type
 from eurobot_od.pdo.codec import Column, Unknown
 from eurobot_od.pdo.kinds import Kind, OutOfRange
 from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
@@ -30,7 +30,7 @@ class Binding:
     that have it as a TPDO and as an RPDO. Raises MappingError if the mapping and the message type's fields do not fit.
     """
 
-    def __init__(self, file: Path, pdo: Pdo, name: str, entry: Entry | None) -> None:
+    def __init__(self, file: Path, pdo: Pdo, name: str, entry: CatalogueEntry | None) -> None:
         self.file, self.pdo, self.name, self.cob_id = file, pdo, name, pdo.cob_id
         self.senders: list[str] = []
         self.receivers: list[str] = []
@@ -39,7 +39,7 @@ class Binding:
             self.layout = Layout(self._slots)
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
-        self.type, self.group, self.always = entry or Entry(made_type(name, self.layout.fields))
+        self.type, self.group, self.always = entry or CatalogueEntry(made_type(name, self.layout.fields))
         self.kinds = kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
         self._check_fields()

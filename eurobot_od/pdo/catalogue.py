@@ -21,7 +21,7 @@ _Class = TypeVar("_Class", bound=type)
 NO_GROUP = ""
 
 
-class Entry(NamedTuple):
+class CatalogueEntry(NamedTuple):
     """A message type, the `group` of messages that it is one of, and whether it acts `always`: in every NMT state."""
 
     type: type[Message]
@@ -37,18 +37,18 @@ class Catalogue:
 
     def __init__(self, errors: Mapping[int, str] = MappingProxyType({})) -> None:
         self.errors = errors
-        self._entries: dict[str, Entry] = {}
+        self._entries: dict[str, CatalogueEntry] = {}
 
     def message(self, group: str = NO_GROUP, *, always: bool = False) -> Callable[[_Class], _Class]:
         """Return the decorator that enters a message class; its name is the PDO's in CamelCase."""
 
         def enter(message_type: _Class) -> _Class:
-            self._entries[plain_name(message_type.__name__)] = Entry(told_apart(message_type), group, always)
+            self._entries[plain_name(message_type.__name__)] = CatalogueEntry(told_apart(message_type), group, always)
             return message_type
 
         return enter
 
-    def find(self, name: str) -> Entry | None:
+    def find(self, name: str) -> CatalogueEntry | None:
         """Return the entry for a PDO's name, None if nobody has entered one."""
         return self._entries.get(plain_name(name))
 

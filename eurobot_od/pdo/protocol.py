@@ -13,17 +13,17 @@ from typing import Any, TypeAlias
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od.outline import Outline
-from eurobot_od.od.pdos import Pdo, Refused, fatal
+from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, Entry, plain_name
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, plain_name
 from eurobot_od.pdo.message import Message
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\s*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
 
 
-Source: TypeAlias = tuple[Outline, Iterable[Pdo]]
+PdoSource: TypeAlias = tuple[Outline, Iterable[Pdo]]
 """What a file says, often a whole `Dictionary`, and those of its PDOs that are looked at."""
 
 
@@ -35,7 +35,9 @@ class Protocol:
     dictionaries disagree about a message; by default it is raised.
     """
 
-    def __init__(self, sources: Iterable[Source], catalogue: Catalogue = NOTHING, refused: Refused = fatal) -> None:
+    def __init__(
+        self, sources: Iterable[PdoSource], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
+    ) -> None:
         self.catalogue = catalogue
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
@@ -66,7 +68,7 @@ class Protocol:
             _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo, name, entry))
         (binding.senders if pdo.direction is PdoDirection.TPDO else binding.receivers).append(dictionary.name)
 
-    def _identify(self, dictionary: Outline, pdo: Pdo) -> tuple[str, Entry | None]:
+    def _identify(self, dictionary: Outline, pdo: Pdo) -> tuple[str, CatalogueEntry | None]:
         """Return the name of a PDO's message, and its entry in the catalogue.
 
         Outside the catalogue a record's name need not say which PDO it is: half of the EDS files in the world repeat

@@ -69,7 +69,7 @@ class Ended(NamedTuple):
     requests: list[bytes]
 
 
-Steps: TypeAlias = Generator[list[bytes], bytes, Ended]
+ClientSteps: TypeAlias = Generator[list[bytes], bytes, Ended]
 """A transfer step by step; time-out and abort are thrown into it, and a step may raise OddAnswer."""
 
 
@@ -79,7 +79,7 @@ class Transfer:
     `deadline` is when to call `tick`, infinite before the transfer starts and when it is `done`.
     """
 
-    def __init__(self, address: Address, steps: Steps, wait: float) -> None:
+    def __init__(self, address: Address, steps: ClientSteps, wait: float) -> None:
         self.wait = wait
         self._address, self._steps = address, steps
         self._outcome: bytes | TransferError | None = None
@@ -150,7 +150,7 @@ def block_download(address: Address, content: bytes, wait: float) -> Transfer:
 # Expedited and segmented
 
 
-def _upload(address: Address) -> Steps:
+def _upload(address: Address) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
     initiated = _initiated(answer, ServerCommand.UPLOAD, address)
     if initiated.command & wire.EXPEDITED:
@@ -165,7 +165,7 @@ def _upload(address: Address) -> Steps:
     return Ended(bytes(content), [])
 
 
-def _download(address: Address, content: bytes) -> Steps:
+def _download(address: Address, content: bytes) -> ClientSteps:
     request = wire.carrying(ClientCommand.DOWNLOAD, address, content)
     _initiated((yield [request]), ServerCommand.DOWNLOAD, address)
     left = [] if request[0] & wire.EXPEDITED else wire.parts(content)
@@ -179,7 +179,7 @@ def _download(address: Address, content: bytes) -> Steps:
 # Blocks
 
 
-def _block_upload(address: Address, segments: int) -> Steps:
+def _block_upload(address: Address, segments: int) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
@@ -224,7 +224,7 @@ def _receive_block(
     return arrived, complete, latest
 
 
-def _block_download(address: Address, content: bytes) -> Steps:
+def _block_download(address: Address, content: bytes) -> ClientSteps:
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
     answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
     initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)

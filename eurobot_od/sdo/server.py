@@ -48,7 +48,7 @@ class Answer(NamedTuple):
     takes: Callable[[int], bool] | None = None
 
 
-Steps: TypeAlias = Generator[Answer, bytes, None]
+ServerSteps: TypeAlias = Generator[Answer, bytes, None]
 """A transfer step by step; a step may raise Abort."""
 
 
@@ -62,7 +62,7 @@ class SdoServer:
     def forget(self) -> None:
         """Drop the transfer under way without a word."""
         self._address, self.deadline = NO_ADDRESS, inf
-        self._steps: Steps | None = None
+        self._steps: ServerSteps | None = None
         self._takes: Callable[[int], bool] | None = None
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
@@ -109,7 +109,7 @@ class SdoServer:
 # Uploads
 
 
-def _upload(access: ObjectAccess, request: Initiate) -> Steps:
+def _upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
     """Send up to 4 bytes at once, or segments of 7 bytes, one for each request (CiA 301, 7.2.4.3.6)."""
     content = access.read(request.address)
     answer, toggle = wire.carrying(ServerCommand.UPLOAD, request.address, content), 0
@@ -121,7 +121,7 @@ def _upload(access: ObjectAccess, request: Initiate) -> Steps:
     yield Answer([answer])
 
 
-def _block_upload(access: ObjectAccess, request: Initiate) -> Steps:
+def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
     """Send blocks of segments, each block acknowledged, the whole under a CRC (CiA 301, 7.2.4.3.12)."""
 
     def takes(command: int) -> bool:
@@ -185,7 +185,7 @@ class Download:
         self._access.write(self._address, bytes(self.content))
 
 
-def _download(access: ObjectAccess, request: Initiate) -> Steps:
+def _download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     """Take up to 4 bytes at once, or segments of up to 7 bytes, each answered (CiA 301, 7.2.4.3.4)."""
     answer = wire.initiate(ServerCommand.DOWNLOAD << 5, request.address)
     if request.command & wire.EXPEDITED:
@@ -205,7 +205,7 @@ def _download(access: ObjectAccess, request: Initiate) -> Steps:
     yield Answer([answer])
 
 
-def _block_download(access: ObjectAccess, request: Initiate) -> Steps:
+def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     """Take blocks of segments; what arrives after a gap is asked for again (CiA 301, 7.2.4.3.8)."""
     size = request.number if request.command & wire.BLOCK_SIZE_GIVEN else None
     download, arrived, complete = Download(access, request.address, size), 0, False
@@ -234,7 +234,7 @@ def _block_download(access: ObjectAccess, request: Initiate) -> Steps:
     yield Answer([wire.plain(command | Block.END)])
 
 
-INITIATE: Mapping[int, Callable[[ObjectAccess, Initiate], Steps]] = {
+INITIATE: Mapping[int, Callable[[ObjectAccess, Initiate], ServerSteps]] = {
     ClientCommand.DOWNLOAD: _download,
     ClientCommand.UPLOAD: _upload,
     ClientCommand.BLOCK_UPLOAD: _block_upload,

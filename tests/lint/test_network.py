@@ -13,16 +13,16 @@ from eurobot_od.cli.lint import read_network
 from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.model import load
-from eurobot_od.lint.network import RULES, Member, Network, lint_network, nodes_of, overview
+from eurobot_od.lint.network import RULES, LintedNetwork, Member, lint_network, nodes_of, overview
 
 ROOT = Path(__file__).resolve().parents[2]
 NETWORK_FILE = ROOT / "eds/network.yaml"
 DIALECTS = sorted(each for each in (ROOT / "eds").iterdir() if each.is_dir())
 
 
-def network_of(texts: dict[str, str]) -> Network:
+def network_of(texts: dict[str, str]) -> LintedNetwork:
     devices = [Member(name, f"{name}.eds", load(text.encode(), f"{name}.eds")) for name, text in texts.items()]
-    return Network(nodes_of(devices))
+    return LintedNetwork(nodes_of(devices))
 
 
 def our_texts() -> dict[str, str]:
