@@ -1,4 +1,4 @@
-"""What all three nodes have in common: a CANopen device, timers, and a table of what each message does.
+"""A node: a CANopen device with an application, which has timers and a table of what each message does.
 
 Rule of this package: no clock and no bus. `receive` and `tick` take the time in seconds and return the frames to
 send; `next_wakeup` says when to call `tick`. A message whose value is out of range is never acted on.
@@ -24,10 +24,11 @@ from eurobot_od.pdo.message import Message, is_flagged
 
 
 class Node:
-    """A node of the robot, made from its EDS; `store` keeps its settings over a restart, None while it runs only.
+    """A node, made from its EDS; `store` keeps its settings over a restart, None as long as it runs.
 
     `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
-    answer with, or None.
+    answer with, or None. As it stands, the class does nothing with a message: it runs anybody's device.
+
     `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
     sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
     `guard` to their lock, and `wake` to what makes them call `tick` soon; it is called with the guard held, and not
