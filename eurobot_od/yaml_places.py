@@ -52,12 +52,12 @@ class Text(str):
         return self
 
 
-class Number(int):
+class PlacedNumber(int):
     """A whole number, zero or more, and its `place`."""
 
     place: Place
 
-    def __new__(cls, value: int, place: Place) -> Number:
+    def __new__(cls, value: int, place: Place) -> PlacedNumber:
         """Make `value` remember `place`."""
         self = super().__new__(cls, value)
         self.place = place
@@ -65,7 +65,7 @@ class Number(int):
 
 
 Problems = list[Problem]
-Reader = Callable[[yaml.Node, Problems], T]
+NodeReader = Callable[[yaml.Node, Problems], T]
 
 
 def place_of(mark: yaml.Mark) -> Place:
@@ -85,11 +85,11 @@ def refuse(node: yaml.Node, problems: Problems, what: str) -> NoReturn:
     raise ReadError
 
 
-def number(node: yaml.Node, problems: Problems) -> Number:
+def number(node: yaml.Node, problems: Problems) -> PlacedNumber:
     """Read a whole number, decimal without leading zeros or 0x hexadecimal, and not in quotes."""
     if not isinstance(node, yaml.ScalarNode) or node.style is not None or not NUMBER.fullmatch(node.value):
         refuse(node, problems, f"expected a whole number, decimal or 0x hexadecimal, found {shown(node)}")
-    return Number(int(node.value, 0), place_of(node.start_mark))
+    return PlacedNumber(int(node.value, 0), place_of(node.start_mark))
 
 
 def any_text(node: yaml.Node, problems: Problems) -> Text:
@@ -115,12 +115,12 @@ def scalar(node: yaml.Node, problems: Problems) -> Text:
     return Text(node.value, place_of(node.start_mark))
 
 
-def number_or_text(node: yaml.Node, problems: Problems) -> Number | Text:
+def number_or_text(node: yaml.Node, problems: Problems) -> PlacedNumber | Text:
     """Read a number, or else a text."""
     return text(node, problems) if node.tag == STRING else number(node, problems)
 
 
-def matching(pattern: str, what: str) -> Reader[Text]:
+def matching(pattern: str, what: str) -> NodeReader[Text]:
     """Make a reader of a text that matches all of a regular expression, called `what`."""
 
     def read(node: yaml.Node, problems: Problems) -> Text:
@@ -132,7 +132,7 @@ def matching(pattern: str, what: str) -> Reader[Text]:
     return read
 
 
-def listing(item: Reader[T], length: int | None = None) -> Reader[tuple[T, ...]]:
+def listing(item: NodeReader[T], length: int | None = None) -> NodeReader[tuple[T, ...]]:
     """Make a reader of a list of items, of exactly `length` of them if given."""
 
     def read(node: yaml.Node, problems: Problems) -> tuple[T, ...]:
@@ -145,7 +145,7 @@ def listing(item: Reader[T], length: int | None = None) -> Reader[tuple[T, ...]]
     return read
 
 
-def mapping(value: Reader[T], key: Reader[Text] = text) -> Reader[dict[Text, T]]:
+def mapping(value: NodeReader[T], key: NodeReader[Text] = text) -> NodeReader[dict[Text, T]]:
     """Make a reader of a mapping from texts to values, in the file's order, no key twice."""
 
     def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
@@ -155,7 +155,9 @@ def mapping(value: Reader[T], key: Reader[Text] = text) -> Reader[dict[Text, T]]
     return read
 
 
-def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mapping[str, Reader[Any]]) -> Reader[T]:
+def record(
+    make: Callable[..., T], needed: Mapping[str, NodeReader[Any]], may: Mapping[str, NodeReader[Any]]
+) -> NodeReader[T]:
     """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others."""
     readers = {**needed, **may}
 
@@ -173,7 +175,7 @@ def record(make: Callable[..., T], needed: Mapping[str, Reader[Any]], may: Mappi
     return read
 
 
-def pairs_of(node: yaml.Node, problems: Problems, read_key: Reader[Text] = text) -> dict[Text, yaml.Node]:
+def pairs_of(node: yaml.Node, problems: Problems, read_key: NodeReader[Text] = text) -> dict[Text, yaml.Node]:
     """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
     if not isinstance(node, yaml.MappingNode):
         refuse(node, problems, f"expected a mapping, found {shown(node)}")
@@ -186,7 +188,7 @@ def pairs_of(node: yaml.Node, problems: Problems, read_key: Reader[Text] = text)
     return pairs
 
 
-def read_all(parts: Iterator[tuple[Reader[T], yaml.Node]], problems: Problems) -> list[T]:
+def read_all(parts: Iterator[tuple[NodeReader[T], yaml.Node]], problems: Problems) -> list[T]:
     """Read every part, also after a faulty one, to find all problems; then give up if there was one."""
     before, values = len(problems), []
     for reader, node in parts:
@@ -199,7 +201,7 @@ def read_all(parts: Iterator[tuple[Reader[T], yaml.Node]], problems: Problems) -
     return values
 
 
-def read_yaml(source: str, reader: Reader[T], problems: Problems) -> T:
+def read_yaml(source: str, reader: NodeReader[T], problems: Problems) -> T:
     """Read one YAML document; raise ReadError, with the problems noted, if there are any."""
     value = reader(compose(source, problems), problems)
     if problems:

@@ -14,7 +14,7 @@ import yaml
 
 from eurobot_od import durations, yaml_places
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.yaml_places import Problem, Problems, Reader, ReadError, Text, refuse
+from eurobot_od.yaml_places import NodeReader, Problem, Problems, ReadError, Text, refuse
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -25,7 +25,7 @@ Schema: TypeAlias = "dict[str, Any]"
 class Shape(Generic[T]):
     """What may stand at a place: `read` takes it from the YAML, `schema` describes it."""
 
-    read: Reader[T]
+    read: NodeReader[T]
     schema: Schema
 
 
@@ -128,7 +128,7 @@ def mapping(key: Shape[Any], value: Shape[T]) -> Shape[dict[Text, T]]:
 
     def read(node: yaml.Node, problems: Problems) -> dict[Text, T]:
         pairs = yaml_places.pairs_of(node, problems)
-        keys: list[tuple[Reader[Any], yaml.Node]] = [(key.read, each) for each, _ in node.value]
+        keys: list[tuple[NodeReader[Any], yaml.Node]] = [(key.read, each) for each, _ in node.value]
         values = [(value.read, each) for each in pairs.values()]
         return dict(zip(pairs, yaml_places.read_all(iter(keys + values), problems)[len(keys) :]))
 

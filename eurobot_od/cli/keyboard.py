@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-Wait = Callable[[float], str]
+WaitForKey = Callable[[float], str]
 """Waits for a time in s, or less if a key was pressed, and returns the keys pressed."""
 
 
 @contextmanager
-def keys() -> Iterator[Wait]:
+def keys() -> Iterator[WaitForKey]:
     """Give the keys pressed while the context lasts."""
     if not sys.stdin.isatty():
         yield _no_keys
@@ -33,7 +33,7 @@ def _no_keys(pause: float) -> str:
 
 
 @contextmanager
-def _posix_keys() -> Iterator[Wait]:
+def _posix_keys() -> Iterator[WaitForKey]:
     import select
     import termios
     import tty

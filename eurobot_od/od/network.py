@@ -21,7 +21,7 @@ import yaml
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od.values import NODE_IDS, parse_number
-from eurobot_od.yaml_places import Problems, Reader, ReadError, listing, mapping, read_yaml, record, refuse, scalar
+from eurobot_od.yaml_places import NodeReader, Problems, ReadError, listing, mapping, read_yaml, record, refuse, scalar
 
 
 class NodeFile(NamedTuple):
@@ -40,7 +40,7 @@ class NetworkFile(NamedTuple):
     bit_rate: int | None = None
 
 
-def number_of(numbers: range) -> Reader[int]:
+def number_of(numbers: range) -> NodeReader[int]:
     """Make a reader of a number as an EDS has it."""
 
     def read(node: yaml.Node, problems: Problems) -> int:

@@ -22,7 +22,7 @@ from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.make.layout import ObjectLayout, Slice, layouts
 from eurobot_od.od.make.table import DialectRow, Field, MessageRow, NodeRow, Table
 from eurobot_od.od.values import DataType, PdoDirection
-from eurobot_od.yaml_places import Number, Text
+from eurobot_od.yaml_places import PlacedNumber, Text
 
 U8, U16, U32, STRING = values.UNSIGNED8, values.UNSIGNED16, values.UNSIGNED32, values.VISIBLE_STRING
 UNSIGNED = {1: U8, 2: U16, 3: values.DATA_TYPES[0x16], 4: U32}
@@ -238,7 +238,7 @@ def field_entry(name: str, whole: Field, access: str, node: NodeRow | None = Non
 
 def default_of(whole: Field, node: NodeRow | None = None) -> int:
     """Return a field's default as a number; `node` is the one whose setting it is."""
-    if isinstance(whole.default, Number):
+    if isinstance(whole.default, PlacedNumber):
         return whole.default
     return node.node_id if node and whole.default == values.NODE_ID else whole.codes[whole.default]
 

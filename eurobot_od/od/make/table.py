@@ -17,7 +17,7 @@ import yaml
 from eurobot_od import yaml_places
 from eurobot_od.errors import EurobotError
 from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
-from eurobot_od.yaml_places import Number, Place, Problem, Problems, Reader, ReadError, Text, refuse
+from eurobot_od.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 """The bit rates in kbit/s that an EDS has keys for (CiA 306)."""
@@ -26,7 +26,7 @@ HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
 FILE_NAME = re.compile(r"[A-Za-z0-9_-]+")
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
-Entries = TypeVar("Entries", bound=dict[Text, Any])
+EntriesT = TypeVar("EntriesT", bound=dict[Text, Any])
 Time = NewType("Time", Text)
 Date = NewType("Date", Text)
 
@@ -34,19 +34,19 @@ Date = NewType("Date", Text)
 # The shape of the YAML
 
 
-def filled(read_entries: Reader[Entries]) -> Reader[Entries]:
+def filled(read_entries: NodeReader[EntriesT]) -> NodeReader[EntriesT]:
     """Make a reader that refuses an empty mapping."""
 
-    def read(node: yaml.Node, problems: Problems) -> Entries:
+    def read(node: yaml.Node, problems: Problems) -> EntriesT:
         return read_entries(node, problems) or refuse(node, problems, "expected at least one entry")
 
     return read
 
 
-def naming_files(read_entries: Reader[Entries]) -> Reader[Entries]:
+def naming_files(read_entries: NodeReader[EntriesT]) -> NodeReader[EntriesT]:
     """Make a reader of a mapping whose keys become names of files or folders, on any system."""
 
-    def read(node: yaml.Node, problems: Problems) -> Entries:
+    def read(node: yaml.Node, problems: Problems) -> EntriesT:
         entries = filled(read_entries)(node, problems)
         wrong = [name for name in entries if not FILE_NAME.fullmatch(name)]
         for name in wrong:
@@ -65,10 +65,10 @@ class Field:
     `default` is a number, one of the codes or, of a setting, `$NODEID`: the node-ID of the node that has the setting.
     """
 
-    bits: Number
-    range: tuple[Number, Number]
-    default: Number | Text
-    codes: dict[Text, Number] = field(default_factory=dict)
+    bits: PlacedNumber
+    range: tuple[PlacedNumber, PlacedNumber]
+    default: PlacedNumber | Text
+    codes: dict[Text, PlacedNumber] = field(default_factory=dict)
     unit: str = ""  # for readers of the table; an EDS has no key for it
 
     @property
@@ -86,7 +86,7 @@ class Field:
 class Record:
     """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
 
-    index: Number
+    index: PlacedNumber
     fields: Annotated[dict[Text, Field], filled]
 
 
@@ -94,7 +94,7 @@ class Record:
 class MessageRow:
     """A message: one PDO in each of its nodes; `object` is its data, None without any."""
 
-    identifier: Number
+    identifier: PlacedNumber
     senders: tuple[Text, ...]
     receivers: tuple[Text, ...]
     listeners: tuple[Text, ...] = ()
@@ -109,12 +109,12 @@ class MessageRow:
 class NodeRow:
     """A node: its identity, the nodes whose heartbeats it watches, its own settings."""
 
-    node_id: Number
+    node_id: PlacedNumber
     product_name: Text
-    product_number: Number
+    product_number: PlacedNumber
     order_code: Text
     watches: tuple[Text, ...]
-    communication_error: Number
+    communication_error: PlacedNumber
     settings: dict[Text, Record]
 
 
@@ -122,9 +122,9 @@ class NodeRow:
 class DialectRow:
     """How one dialect differs: its number in the identity, further fields, other widths, and its bit order."""
 
-    revision_number: Number
+    revision_number: PlacedNumber
     fields: dict[Text, dict[Text, Field]] = field(default_factory=dict)
-    widths: dict[Text, dict[Text, Number]] = field(default_factory=dict)
+    widths: dict[Text, dict[Text, PlacedNumber]] = field(default_factory=dict)
     most_significant_first: tuple[Text, ...] = ()
 
     def form_of(self, name: Text, plain: Record) -> Record:
@@ -139,15 +139,15 @@ class Vendor:
     """The vendor in the identity of every node."""
 
     name: Text
-    number: Number
+    number: PlacedNumber
 
 
 @dataclass(frozen=True)
 class FileData:
     """The fixed [FileInfo] of every EDS file: `time` hh:mmAM or PM, `date` mm-dd-yyyy, `comment` who made it."""
 
-    version: Number
-    revision: Number
+    version: PlacedNumber
+    revision: PlacedNumber
     time: Time
     date: Date
     author: Text
@@ -160,13 +160,13 @@ class Table:
 
     file: FileData
     vendor: Vendor
-    serial_number: Number
+    serial_number: PlacedNumber
     hardware_version: Text
     software_version: Text
-    bit_rate: Number
-    bit_rates: tuple[Number, ...]
-    heartbeat: Number
-    heartbeat_timeout: Number
+    bit_rate: PlacedNumber
+    bit_rates: tuple[PlacedNumber, ...]
+    heartbeat: PlacedNumber
+    heartbeat_timeout: PlacedNumber
     nodes: Annotated[dict[Text, NodeRow], naming_files]
     settings: dict[Text, Record]
     objects: dict[Text, Record]
@@ -192,25 +192,25 @@ class TableError(EurobotError):
         super().__init__("\n".join(f"{file}:{line}:{column}: {what}" for (line, column), what in self.problems))
 
 
-READERS: dict[Any, Reader[Any]] = {
-    Number: yaml_places.number,
+READERS: dict[Any, NodeReader[Any]] = {
+    PlacedNumber: yaml_places.number,
     Text: yaml_places.text,
     str: yaml_places.text,
     Text | None: yaml_places.text,  # None by leaving it out
-    Number | Text: yaml_places.number_or_text,
+    PlacedNumber | Text: yaml_places.number_or_text,
     Time: yaml_places.matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM"),
     Date: yaml_places.matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy"),
 }
 """What reads a single value, by its annotation."""
 
 
-def reader_of(kind: Any) -> Reader[Any]:
+def reader_of(kind: Any) -> NodeReader[Any]:
     """Make the reader of what an annotation says; in a dataclass, what has a default may be left out."""
     if kind in READERS:
         return READERS[kind]
     origin, inner = get_origin(kind), get_args(kind)
     if origin is Annotated:
-        wrap: Callable[[Reader[Any]], Reader[Any]] = inner[1]
+        wrap: Callable[[NodeReader[Any]], NodeReader[Any]] = inner[1]
         return wrap(reader_of(inner[0]))
     if origin is dict:
         return yaml_places.mapping(reader_of(inner[1]))
@@ -254,7 +254,7 @@ def repeated_values(table: Table) -> Iterator[Problem]:
         yield from repeated("setting", (name for each in settings for name in each.fields))
 
 
-def repeated(kind: str, values: Iterable[Number] | Iterable[Text]) -> Iterator[Problem]:
+def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[Text]) -> Iterator[Problem]:
     """Yield a problem for each value that occurred at an earlier place."""
     first: dict[int | str, Place] = {}
     for each in values:
@@ -280,7 +280,7 @@ def numbers_out_of_range(table: Table) -> Iterator[Problem]:
     yield from outside("serial_number", 0, HIGHEST_32, table.serial_number)
 
 
-def outside(kind: str, low: int, high: int, *values: Number) -> Iterator[Problem]:
+def outside(kind: str, low: int, high: int, *values: PlacedNumber) -> Iterator[Problem]:
     """Yield a problem for each value that is not in `low`..`high`."""
     form = FORMS.get(kind, "{}").format
     for each in values:
@@ -329,7 +329,7 @@ def default_problems(each: Field, names: list[str]) -> Iterator[Problem]:
     """Check that a field's default is one of its values or one of the `names` that stand for values."""
     if isinstance(each.default, Text) and each.default not in names:
         yield Problem(each.default.place, f"unknown default '{each.default}'; known: {', '.join(names) or 'none'}")
-    if isinstance(each.default, Number) and not each.low <= each.default <= each.high:
+    if isinstance(each.default, PlacedNumber) and not each.low <= each.default <= each.high:
         yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")
 
 

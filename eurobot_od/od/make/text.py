@@ -26,15 +26,15 @@ from eurobot_od.yaml_places import Text
 MANDATORY = {0x1000, 0x1001, 0x1018}
 """The objects of every device (CiA 301, 7.5.1)."""
 
-Keys = list[tuple[str, object]]
-Section = tuple[str, Keys]
+KeyValues = list[tuple[str, object]]
+EdsSection = tuple[str, KeyValues]
 
 
 def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
     """Return the whole EDS file of a node in a dialect."""
     dialect = table.dialects[dialect_name]
     objects = object_dictionary(table, dialect, node_name)
-    sections: list[Section] = [
+    sections: list[EdsSection] = [
         file_info(table, dialect_name, node_name),
         device_info(table, dialect.revision_number, table.nodes[node_name], objects),
         ("DummyUsage", [(f"Dummy{each:04X}", 0) for each in DUMMIES]),
@@ -45,7 +45,7 @@ def eds_text(table: Table, dialect_name: Text, node_name: Text) -> str:
     return "\n".join(f"[{name}]\n" + "".join(f"{key}={value}\n" for key, value in keys) for name, keys in sections)
 
 
-def file_info(table: Table, dialect_name: Text, node_name: Text) -> Section:
+def file_info(table: Table, dialect_name: Text, node_name: Text) -> EdsSection:
     """Return [FileInfo]; creation and modification are the table's fixed date."""
     file = table.file
     return "FileInfo", [
@@ -63,7 +63,7 @@ def file_info(table: Table, dialect_name: Text, node_name: Text) -> Section:
     ]
 
 
-def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[DictionaryObject]) -> Section:
+def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[DictionaryObject]) -> EdsSection:
     """Return [DeviceInfo]. `RevisionNumber` is the dialect's: nodes compare it to find out whether they agree."""
     indices = {each.index for each in objects}
     return "DeviceInfo", [
@@ -85,7 +85,7 @@ def device_info(table: Table, revision: int, node: NodeRow, objects: Iterable[Di
     ]
 
 
-def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[Section]:
+def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[EdsSection]:
     """Give the three lists of objects (CiA 306-1, 4.6.1)."""
     lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
     for index in (each.index for each in objects):
@@ -95,7 +95,7 @@ def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[Section]:
         yield name, [("SupportedObjects", len(indices)), *numbered]
 
 
-def object_sections(each: DictionaryObject) -> list[Section]:
+def object_sections(each: DictionaryObject) -> list[EdsSection]:
     """Return the section of an object, and those of its sub-indices."""
     if each.code is ObjectCode.VAR:
         return [(f"{each.index:04X}", entry_keys(each.entries[0]))]
@@ -108,7 +108,7 @@ def object_sections(each: DictionaryObject) -> list[Section]:
     return [(f"{each.index:04X}", head), *subs]
 
 
-def entry_keys(entry: SubObject) -> Keys:
+def entry_keys(entry: SubObject) -> KeyValues:
     """Return the keys of a VAR or a sub-index; limits and default only where there are any."""
     form = "0x{:08X}" if entry.type is UNSIGNED32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
     values = {"LowLimit": entry.low, "HighLimit": entry.high, "DefaultValue": entry.default}
