@@ -10,7 +10,7 @@ compiled. Goto XY becomes, shortened to two fields:
         return new(message, (r if 0 <= (r := word & 0xfff) < 3001 else read0(r), read4(word >> 42 & 0xffff)))
 
     def write(message):
-        f0, f4 = message
+        f0, f4 = message + ()
         try: word = ((f0 if 0 <= f0 < 3001 else write0(f0)) << 0) | ((f4 if 0 <= f4 < 65536 else write4(f4)) << 42)
         except unencodable: return careful(message)
         return new(Frame, (8, word.to_bytes(8, 'little')))
@@ -143,7 +143,8 @@ def writer(
 ) -> Callable[[Any], Frame]:
     """Generate `write(message) -> Frame`; `careful` gets each message with a value that is not to be sent as it is.
 
-    That is an error to be told in words, or an unknown position, which only all its fields together make.
+    That is an error to be told in words, or an unknown position, which only all its fields together make. Adding `()`
+    makes a plain tuple, which the interpreter takes apart in one step, where a named one goes through an iterator.
     """
     if not columns:
         empty = Frame(cob_id, bytes(layout.length))
@@ -159,7 +160,7 @@ def writer(
     source = f"""
 def write(message):
     try:
-        {_listed(f"f{number}" for number in range(len(columns)))} = message
+        {_listed(f"f{number}" for number in range(len(columns)))} = message + ()
         word = {" | ".join(parts)}
     except unencodable:
         return careful(message)

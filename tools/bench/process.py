@@ -57,9 +57,10 @@ def run(
 
 def until_first_line(command: Words) -> Figures:
     """Run a command until it has written its first line, then end it; raises Wrong if it writes none."""
+    variables = ENVIRONMENT | {"PYTHONUNBUFFERED": "1"}  # into a pipe the first line would come with the last one
     begin = time.perf_counter()
     with subprocess.Popen(
-        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
+        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=variables
     ) as process:
         assert process.stdout is not None  # both are pipes
         assert process.stderr is not None
