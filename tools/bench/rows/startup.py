@@ -6,6 +6,7 @@ a command opens no other is counted too.
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -130,6 +131,8 @@ def bare(_: Scale) -> Iterator[Mapping[str, Contender]]:
             "pass": partial(run, [PYTHON, "-c", "pass"]),
             "--help": partial(run, [*OURS, "--help"]),
             "lint": partial(run, [*OURS, "lint", files["minimal"]]),
+            "show": partial(run, [*OURS, "show"]),
+            "decode": partial(run, [*OURS, "decode", "--format", "log", os.devnull]),
         }
 
 
@@ -175,13 +178,17 @@ def opened(command: Command, files: Mapping[str, Path]) -> set[str]:
     return set(report.read_text().split("\n")) - {""}
 
 
-BARE = ("--help", "lint")
+BARE = {"--help": 0.020, "lint": 0.040, "show": 0.040, "decode": 0.040}
+"""Commands that start without canopen, and how many seconds more than a bare Python they may take."""
+
 SERIES = (
     Series(
         "startup",
-        "start of --help and lint",
+        "start without canopen",
         bare,
-        tuple(Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, 0.020) for name in BARE),
+        tuple(
+            Claim(f"{name} beyond python -c pass", name, "pass", Way.DIFFERENCE, most) for name, most in BARE.items()
+        ),
     ),
     Series(
         "startup",
