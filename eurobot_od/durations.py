@@ -1,4 +1,4 @@
-"""Durations as people write them: a number and its unit; rule: no unit, no duration."""
+"""Durations as people write them: a number and its unit, without which there is no duration."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _DURATION = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([a-z]+)\s*")
 
 
 class DurationError(LocalError):
-    """A duration that is none."""
+    """A text that does not say a duration."""
 
     def __init__(self, text: str) -> None:
-        super().__init__(f"{text!r} is no duration; write a number and one of {', '.join(UNITS)}, such as 500 ms")
+        super().__init__(f"{text!r} is not a duration; write a number and one of {', '.join(UNITS)}, such as 500 ms")
 
 
 def seconds(text: str) -> float:

@@ -38,7 +38,8 @@ def test_reads(written: str, expected: float) -> None:
 def test_refuses(written: str) -> None:
     with pytest.raises(DurationError) as error:
         seconds(written)
-    assert str(error.value) == f"{written!r} is no duration; write a number and one of us, ms, s, min, such as 500 ms"
+    expected = f"{written!r} is not a duration; write a number and one of us, ms, s, min, such as 500 ms"
+    assert str(error.value) == expected
 
 
 @pytest.mark.parametrize(

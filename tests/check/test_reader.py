@@ -27,11 +27,11 @@ WRONG_STEPS = {
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
     "no mapping": ("- ^Stop Drive", "expected a mapping, found 'Stop Drive'"),
     # durations
-    "no unit": ("- wait: ^500", "'500' is no duration; write a number and one of us, ms, s, min"),
-    "unknown unit": ("- wait: ^1 h", "'1 h' is no duration"),
-    "base 60": ("- wait: ^12:30", "'12:30' is no duration"),
+    "no unit": ("- wait: ^500", "'500' is not a duration; write a number and one of us, ms, s, min"),
+    "unknown unit": ("- wait: ^1 h", "'1 h' is not a duration"),
+    "base 60": ("- wait: ^12:30", "'12:30' is not a duration"),
     "no period": ("- poll: {send: Stop Drive, every: ^0 s}\n  until: Goto Confirm", "this time has to be longer"),
-    "negative": ("- wait: ^-1 s", "'-1 s' is no duration"),
+    "negative": ("- wait: ^-1 s", "'-1 s' is not a duration"),
     # messages and fields
     "unknown message": ("- send: ^Stop Drove", "unknown message 'Stop Drove'; did you mean Stop Drive?"),
     "unknown expected message": ("- expect: ^Goto Confrm", "unknown message 'Goto Confrm'; did you mean"),

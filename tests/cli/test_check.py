@@ -67,7 +67,7 @@ def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[
 
 
 REFUSALS = {
-    "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is no duration"),
+    "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
     "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),
     "no suite": ("nothing --simulate", 2, "eurobot-od: unknown suite 'nothing'; known: "),
     "no tag": (

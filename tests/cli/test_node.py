@@ -91,7 +91,7 @@ def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
 @pytest.mark.parametrize(
     ("words", "status", "complaint"),
     [
-        (["drive", "--duration", "5"], 2, "'5' is no duration; write a number and one of us, ms, s, min, such as"),
+        (["drive", "--duration", "5"], 2, "'5' is not a duration; write a number and one of us, ms, s, min, such as"),
         (["drive", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["drive", "--team", "red"], 2, "--team is for the core, not for the drive"),
         (["core", "--beacons"], 2, "--beacons is for the navigation, not for the core"),

@@ -175,8 +175,11 @@ WRONG = [
     ([*GOTO, "direction=backward"], "Goto XY: direction = backward is not allowed; allowed: forward, as the loaded"),
     (["Emergency Stop", "obstacle=wall"], "Emergency Stop: obstacle = 'wall' is not allowed; allowed: object (0), "),
     (["Stop Drive", "--expect", "Nothing"], "unknown message 'Nothing'; known: Emergency Shutdown, "),
-    (["Stop Drive", "--within", "5"], "'5' is no duration; write a number and one of us, ms, s, min, such as 500 ms"),
-    (["Stop Drive", "--within", "soon"], "'soon' is no duration; write a number and one of us, ms, s, min, such as"),
+    (
+        ["Stop Drive", "--within", "5"],
+        "'5' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
+    ),
+    (["Stop Drive", "--within", "soon"], "'soon' is not a duration; write a number and one of us, ms, s, min, such as"),
     (["Stop Drive", "--dialect", "nonsense"], "unknown dialect 'nonsense'; known: canopen, firmware2014"),
 ]
 
