@@ -12,6 +12,7 @@ from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Se
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.frame import Frame
 from tests.check.suites import HEAD, document, read, reader, suite
+from tests.marks import marked
 
 GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
 
@@ -107,13 +108,6 @@ WRONG_DOCUMENTS = {
     ),
     "which node": (HEAD.replace("drive", "[drive, core]") + "steps:\n  - heartbeat: ^any\n", "which node? Write it"),
 }
-
-
-def marked(text: str) -> tuple[str, str]:
-    """Take the ^ out of a text; give the text without it and its place as `line:column`."""
-    before, after = text.split("^")
-    lines = before.split("\n")
-    return before + after, f"{len(lines)}:{len(lines[-1]) + 1}"
 
 
 @pytest.mark.parametrize(("step", "what"), WRONG_STEPS.values(), ids=WRONG_STEPS.keys())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.od.make.table import TableError, read_table
+from tests.marks import marked
 from tests.od.make.tables import TABLE
 
 NUMBER = "expected a whole number, decimal or 0x hexadecimal, found"
@@ -82,13 +83,6 @@ INVALID = {
     "Node-ID in a message": ("default: unknown", "default: ^$NODEID", "unknown default '$NODEID'; known: unknown"),
     "message over 64 bits": ("object: Target", "object: ^Long", "'Long' has 65 bits, a PDO at most 64"),
 }
-
-
-def marked(text: str) -> tuple[str, str]:
-    """Take the ^ out of a text; give the text without it and its place as `line:column`."""
-    before, after = text.split("^")
-    lines = before.split("\n")
-    return before + after, f"{len(lines)}:{len(lines[-1]) + 1}"
 
 
 def complaints(text: str) -> list[str]:
