@@ -23,7 +23,7 @@ from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtComm
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address, Limits
+from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address, Limits, label
 from eurobot_od.yaml_places import Problems, Text
 
 T = TypeVar("T")
@@ -108,9 +108,8 @@ class ServiceShapes:
             dictionary = self._dictionary(given.get("node"))
         name: Text = given[verb]
         address = taken(name, problems, lambda text: find_address(dictionary, text))
-        place = f"0x{address[0]:04X}:{address[1]}"
-        label = place if name.lower().startswith("0x") else f"{place} {name}"
-        target = Target(dictionary, address, label, object_type(dictionary, address))
+        shown = label(address, "" if name.lower().startswith("0x") else name)
+        target = Target(dictionary, address, shown, object_type(dictionary, address))
         return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
 
     def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:

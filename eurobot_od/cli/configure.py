@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
 def summary(plan: ChangePlan, node_id: int) -> str:
     """Return the difference between the node and the file, a line an object."""
-    from eurobot_od.client.master import label
+    from eurobot_od.od.values import label
 
     file = Path(plan.dictionary.file).name
     if not plan.changes:

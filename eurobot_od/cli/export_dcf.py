@@ -18,9 +18,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the file; 1 if the node refuses objects of its EDS, which are left out."""
-    from eurobot_od.client.master import label
     from eurobot_od.client.reading import dcf_text
     from eurobot_od.live import BITRATE
+    from eurobot_od.od.values import label
 
     with remote.node(arguments) as node:
         description = remote.needed_description(arguments, node)

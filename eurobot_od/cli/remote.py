@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import NODE_IDS
+from eurobot_od.od.values import NODE_IDS, label
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
@@ -124,5 +124,4 @@ def _row(reading: Reading) -> tuple[str, str, str]:
     from eurobot_od.client.objects import written
 
     thing, value, refusal = reading
-    index, subindex = thing.address
-    return f"0x{index:04X}:{subindex}", thing.name, f"({refusal})" if refusal else written(thing, value)
+    return label(thing.address), thing.name, f"({refusal})" if refusal else written(thing, value)

@@ -20,8 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the object."""
-    from eurobot_od.client.master import label
     from eurobot_od.client.objects import encode, find_one, parse, written
+    from eurobot_od.od.values import label
 
     with remote.node(arguments) as node:
         found = remote.description(arguments, node)

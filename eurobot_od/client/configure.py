@@ -11,7 +11,7 @@ from datetime import datetime, timedelta
 from typing import NamedTuple
 
 from eurobot_od.client.description import Description, Identity
-from eurobot_od.client.master import STORE_WAIT, RemoteNode, label
+from eurobot_od.client.master import STORE_WAIT, RemoteNode
 from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written
 from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
@@ -20,7 +20,7 @@ from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, Eur
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 STORE: Address = (0x1010, 1)

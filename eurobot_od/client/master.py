@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 from eurobot_od.device.nmt import COMMAND_NAMES, NmtCommand, NmtState
 from eurobot_od.errors import NoAnswer, NodeRefused, RemoteError
 from eurobot_od.live.buses import failure
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
+from eurobot_od.od.values import (
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    NODE_IDS,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Address,
+    label,
+)
 from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, block_upload, download, upload
 from eurobot_od.sdo.wire import reason
 
@@ -165,8 +173,3 @@ class RemoteNode:
         while not transfer.done:
             self.master.pump(transfer.deadline - time.monotonic(), lambda: transfer.done)
             send(transfer.tick(time.monotonic()))
-
-
-def label(address: Address, name: str = "") -> str:
-    """Write an address for a person: `0x1017:0 Producer heartbeat time`."""
-    return f"0x{address[0]:04X}:{address[1]} {name}".rstrip()

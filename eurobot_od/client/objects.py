@@ -15,7 +15,7 @@ from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary, data_type
-from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value
+from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value, label
 
 NUMBER = re.compile(r"(0x)?(?P<index>[0-9a-f]{4})h?(:(?P<sub>0x[0-9a-f]{1,2}|[0-9]{1,3}))?", re.IGNORECASE)
 """`1017`, `0x1017` or `1017h`, an index being always hexadecimal; the sub-index after a colon is decimal or `0x..`."""
@@ -60,7 +60,7 @@ class NamedObject(NamedTuple):
 
     def not_allowed(self, value: object, allowed: str) -> FieldError:
         """Return the error that it cannot have a value."""
-        return FieldError(f"0x{self.address[0]:04X}:{self.address[1]}", self.name or "value", value, allowed)
+        return FieldError(label(self.address), self.name or "value", value, allowed)
 
 
 def all_objects(dictionary: Dictionary) -> Iterator[NamedObject]:
@@ -93,7 +93,7 @@ def find_one(text: str, dictionary: Dictionary | None) -> NamedObject:
     """Return the one object that a person names; raises LocalError if it is a record."""
     found = find(text, dictionary)
     if len(found) > 1:
-        members_text = ", ".join(f"0x{a[0]:04X}:{a[1]} {name}" for a, name, _ in found)
+        members_text = ", ".join(label(address, name) for address, name, _ in found)
         raise LocalError(f"{text!r} is not one object but a record of {members_text}")
     return found[0]
 

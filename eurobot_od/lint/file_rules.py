@@ -347,7 +347,7 @@ def below_granularity(device: LintedDevice) -> Violations:
     bits = granularity(device) or 0
     for pdo, each in device.mapped:
         if 0 < each.bits < bits:
-            yield each.at, f"{pdo.name} maps {each.bits} bits of {each.where}, less than the granularity {bits}"
+            yield each.by.place, f"{pdo.name} maps {each.bits} bits of {each.where}, less than the granularity {bits}"
 
 
 @RULES.rule("W230", "CiA 305, LSS address")

@@ -57,11 +57,6 @@ class MappingEntry:
         """Name the object: 0x2000 sub 1."""
         return f"0x{self.index:04X} sub {self.sub}"
 
-    @property
-    def at(self) -> Entry | Section:
-        """Return where the entry stands."""
-        return self.by.value_entry or self.by.section
-
 
 class LintedPdo(NamedTuple):
     """A PDO: its number (from 1), its communication and its mapping record, of which one may be missing."""

@@ -305,7 +305,7 @@ def missing_object(device: LintedDevice) -> Violations:
     """A mapped object is there."""
     for pdo, each in device.mapped:
         if not _is_dummy(each) and device.variable(each.index, each.sub) is None:
-            yield each.at, f"{pdo.name} maps {each.where}, which is missing"
+            yield each.by.place, f"{pdo.name} maps {each.where}, which is missing"
 
 
 def _is_dummy(each: MappingEntry) -> bool:
@@ -317,7 +317,7 @@ def not_mappable(device: LintedDevice) -> Violations:
     """A mapped object is mappable."""
     for pdo, each, variable in _objects(device):
         if not variable.is_mappable and not _is_dummy(each):
-            yield each.at, f"{pdo.name} maps {each.where}, whose PDOMapping is not 1"
+            yield each.by.place, f"{pdo.name} maps {each.where}, whose PDOMapping is not 1"
 
 
 @RULES.rule("E638", "CiA 301, PDO mapping (abort 0604 0042)")
@@ -325,7 +325,7 @@ def longer_than_type(device: LintedDevice) -> Violations:
     """A mapped length is not above the type's."""
     for pdo, each, variable in _objects(device):
         if variable.type and 0 < variable.type.bits < each.bits:
-            yield each.at, f"{pdo.name} maps {each.bits} bits of {each.where}, a {variable.type.name}"
+            yield each.by.place, f"{pdo.name} maps {each.bits} bits of {each.where}, a {variable.type.name}"
 
 
 def _shorter(device: LintedDevice) -> Iterator[tuple[LintedPdo, MappingEntry, DescribedVariable]]:
@@ -348,7 +348,7 @@ def cut(device: LintedDevice) -> Violations:
     for pdo, each, variable in _shorter(device):
         if not _fits(each, variable):
             text = f"{pdo.name} maps {each.bits} bits of {each.where}, whose values need more: the upper bits are lost"
-            yield each.at, text
+            yield each.by.place, text
 
 
 @RULES.rule("I640", "CiA 301, PDO mapping; public: CANopenNode, CO_PDO.c, refuses lengths that are no whole bytes")
@@ -357,7 +357,7 @@ def shortened(device: LintedDevice) -> Violations:
     for pdo, each, variable in _shorter(device):
         if _fits(each, variable) and variable.type:
             text = f"{pdo.name} maps {each.bits} of {variable.type.bits} bits of {each.where}; CANopenNode maps bytes"
-            yield each.at, text
+            yield each.by.place, text
 
 
 def direction_of(direction: PdoDirection) -> Check:
@@ -367,7 +367,7 @@ def direction_of(direction: PdoDirection) -> Check:
     def check(device: LintedDevice) -> Violations:
         for pdo, each, variable in _objects(device):
             if pdo.direction is direction and variable.access in refused:
-                yield each.at, f"{pdo.name} maps {each.where}, which is {variable.access}"
+                yield each.by.place, f"{pdo.name} maps {each.where}, which is {variable.access}"
 
     return check
 
@@ -377,7 +377,7 @@ def dummy_in_tpdo(device: LintedDevice) -> Violations:
     """Only RPDOs map dummies."""
     for pdo, each in device.mapped:
         if _is_dummy(each) and pdo.direction is PdoDirection.TPDO:
-            yield each.at, f"{pdo.name} maps dummy 0x{each.index:04X}; only RPDOs skip bits"
+            yield each.by.place, f"{pdo.name} maps dummy 0x{each.index:04X}; only RPDOs skip bits"
 
 
 @RULES.rule("E644", "CiA 306, [DummyUsage]")
@@ -386,7 +386,7 @@ def disabled_dummy(device: LintedDevice) -> Violations:
     enabled = {code for code, entry in dummies(device).items() if entry.value == "1"}
     for pdo, each in device.mapped:
         if _is_dummy(each) and each.index not in enabled and pdo.direction is PdoDirection.RPDO:
-            yield each.at, f"{pdo.name} maps dummy 0x{each.index:04X}, which [DummyUsage] does not enable"
+            yield each.by.place, f"{pdo.name} maps dummy 0x{each.index:04X}, which [DummyUsage] does not enable"
 
 
 @RULES.rule("E645", "CiA 301, dummy entries")
@@ -395,7 +395,7 @@ def dummy_length(device: LintedDevice) -> Violations:
     for pdo, each in device.mapped:
         type_ = values.DATA_TYPES.get(each.index)
         if type_ and type_.bits != each.bits:
-            yield each.at, f"{pdo.name} maps {each.bits} bits of dummy {type_.name}, which has {type_.bits}"
+            yield each.by.place, f"{pdo.name} maps {each.bits} bits of dummy {type_.name}, which has {type_.bits}"
 
 
 @RULES.rule("E646", "CiA 301, PDO mapping")
@@ -403,7 +403,7 @@ def no_bits(device: LintedDevice) -> Violations:
     """A mapped object has at least one bit."""
     for pdo, each in device.mapped:
         if each.bits == 0:
-            yield each.at, f"{pdo.name} maps {each.where} with 0 bits"
+            yield each.by.place, f"{pdo.name} maps {each.where} with 0 bits"
 
 
 @RULES.rule("W647", "CiA 301, PDO mapping")
@@ -413,7 +413,7 @@ def mapped_twice(device: LintedDevice) -> Violations:
         counts = Counter((each.index, each.sub) for each in pdo.mapped() if not _is_dummy(each))
         again = {key for key, number in counts.items() if number > 1}
         last = [each for each in pdo.mapped() if (each.index, each.sub) in again][-1:]
-        yield from ((each.at, f"{pdo.name} maps {each.where} twice") for each in last)
+        yield from ((each.by.place, f"{pdo.name} maps {each.where} twice") for each in last)
 
 
 @RULES.rule("W648", "CiA 301, objects 0x1600 and 0x1A00")

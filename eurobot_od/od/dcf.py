@@ -9,7 +9,7 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.od.description import COMMISSIONING as COMMISSIONING
 from eurobot_od.od.description import OBJECT_LISTS, DescribedDevice
 from eurobot_od.od.document import Document, parse
-from eurobot_od.od.values import Address, Value, parse_number
+from eurobot_od.od.values import Address, Value, label, parse_number
 from eurobot_od.od.writing import Rewriting
 
 NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
@@ -34,7 +34,7 @@ def with_values(
         if value is not None:
             variable = device.objects[index].subs.get(subindex) if index in device.objects else None
             if variable is None:
-                raise UnknownName("object", f"0x{index:04X}:{subindex}")
+                raise UnknownName("object", label((index, subindex)))
             form = variable.section.text("defaultvalue").lower()
             rewriting.set(variable.section, "ParameterValue", _written(value, form))
     info = device.section("fileinfo")

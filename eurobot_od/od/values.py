@@ -52,6 +52,11 @@ class Number(NamedTuple):
 
 
 @lru_cache(maxsize=4096)
+def label(address: Address, name: str = "") -> str:
+    """Write an address for a person: `0x1017:0 Producer heartbeat time`."""
+    return f"0x{address[0]:04X}:{address[1]} {name}".rstrip()
+
+
 def parse_number(text: str) -> Number | None:
     """Read a number as CiA 306 writes it: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either."""
     upper = text.strip().upper()

@@ -23,7 +23,7 @@ from math import inf
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import RemoteError
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import Address, label
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
 
@@ -263,7 +263,7 @@ def _initiated(answer: bytes, specifier: ServerCommand, address: Address) -> Ini
     _check(answer, specifier)
     initiated = Initiate.of(answer)
     if initiated.address != address:
-        raise OddAnswer(answer, f"about 0x{address[0]:04X}:{address[1]}", AbortCode.GENERAL)
+        raise OddAnswer(answer, f"about {label(address)}", AbortCode.GENERAL)
     return initiated
 
 

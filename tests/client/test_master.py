@@ -5,7 +5,7 @@ from __future__ import annotations
 import can
 import pytest
 
-from eurobot_od.client.master import Master, label
+from eurobot_od.client.master import Master
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
@@ -138,8 +138,3 @@ def test_only_classic_base_data_frames_are_heard() -> None:
         assert master.states == {}
         sender.send(can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=False))
         assert master.pump(1, lambda: master.states == {2: NmtState.OPERATIONAL})
-
-
-def test_an_address_for_a_person() -> None:
-    assert label((0x1017, 0), "Producer heartbeat time") == "0x1017:0 Producer heartbeat time"
-    assert label((0x1017, 0)) == "0x1017:0"

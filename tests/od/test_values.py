@@ -15,6 +15,7 @@ from eurobot_od.od.values import (
     DataType,
     Number,
     Value,
+    label,
     owner,
     parse_number,
 )
@@ -127,3 +128,8 @@ def test_an_identifier_has_an_owner(identifier: int, whose: str) -> None:
 @pytest.mark.parametrize("identifier", [0x580, 0x600, 0x680, 0x6DF, 0x700])
 def test_an_identifier_between_the_ranges_has_none(identifier: int) -> None:
     assert owner(identifier, RESTRICTED + PREDEFINED + RESERVED) is None
+
+
+def test_an_address_for_a_person() -> None:
+    assert label((0x1017, 0), "Producer heartbeat time") == "0x1017:0 Producer heartbeat time"
+    assert label((0x1017, 0)) == "0x1017:0"
