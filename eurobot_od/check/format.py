@@ -77,6 +77,7 @@ class Format:
         services = self._services
         return {
             "send": ActionRow(self._frames.sent, suite.Send, "send a message or a raw frame"),
+            "answer": ActionRow(self._frames.answers, suite.Answer, "from now on answer messages, as a node would"),
             "expect": ActionRow(self._frames.patterns, suite.Expect, "wait for a frame, or several", within),
             "never": ActionRow(self._frames.pattern, _never, "see that no such frame comes", span),
             "poll": ActionRow(shapes.record(dict, self._poll_table()), _poll, "send again and again", until),

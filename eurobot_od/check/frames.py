@@ -23,12 +23,15 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, refuse
+from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, read_all, refuse
 
 T = TypeVar("T")
 
 RAW = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f]{2}){0,8})")
 RAW_PATTERN = re.compile(r"(?P<id>[0-7]?[0-9A-Fa-f]{1,2})#(?P<data>(?:[0-9A-Fa-f?]{2}){0,8})")
+NO_ANSWER = "nothing"
+"""What ends the answers to a message."""
+
 ORDERS = {"any": Order.ANY, "all": Order.ALL}
 
 
@@ -43,6 +46,7 @@ class FrameShapes:
             "emcy": services.emcy,
         }
         self.sent: Shape[Sent] = Shape(self._read_sent, {"$ref": "#/$defs/sent"})
+        self.answers: Shape[dict[int, Sent | None]] = Shape(self._read_answers, {"$ref": "#/$defs/answers"})
         self.pattern: Shape[Pattern] = Shape(self._read_pattern, {"$ref": "#/$defs/pattern"})
         self.patterns: Shape[Patterns] = Shape(self._read_patterns, {"$ref": "#/$defs/patterns"})
         self.field: Shape[FieldOf] = converted(SCALAR, self._field_of, {"type": "string"})
@@ -64,6 +68,17 @@ class FrameShapes:
             with shapes.refusing(node, problems):
                 sent.frame({})
         return sent
+
+    def _read_answers(self, node: yaml.Node, problems: Problems) -> dict[int, Sent | None]:
+        """Read what each message is answered by, or that it is not any more."""
+        pairs = pairs_of(node, problems)
+        answers = read_all(((self._read_answer, value) for value in pairs.values()), problems)
+        bindings = [taken(name, problems, self._words.protocol.binding) for name in pairs]
+        return {binding.cob_id: answer for binding, answer in zip(bindings, answers)}
+
+    def _read_answer(self, node: yaml.Node, problems: Problems) -> Sent | None:
+        silent = isinstance(node, yaml.ScalarNode) and node.value == NO_ANSWER
+        return None if silent else self._read_sent(node, problems)
 
     # What is expected
 
@@ -118,6 +133,11 @@ class FrameShapes:
         several = shapes.listing(self.pattern).schema
         orders = [{"type": "object", "properties": {name: several}, "required": [name]} for name in ORDERS]
         return {
+            "answers": {
+                "type": "object",
+                "propertyNames": {"enum": list(names)},
+                "additionalProperties": {"anyOf": [self.sent.schema, {"enum": [NO_ANSWER]}]},
+            },
             "sent": _message_schema(names, {"raw": _pattern_schema(RAW)}, needs_fields=True),
             "pattern": _message_schema(names, others, needs_fields=False),
             "patterns": {"anyOf": [self.pattern.schema, several, *orders]},

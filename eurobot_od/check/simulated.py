@@ -70,16 +70,17 @@ class SimulatedBench:
     def __init__(self, network: Network, tester: Tester) -> None:
         self._network, self._tester = network, tester
         self.trace = Trace()
-        self._sending: tuple[Frame, asyncio.Future[float]] | None = None
+        self._sending: list[tuple[Frame, asyncio.Future[float]]] = []
 
     async def begin(self) -> None:
         """Put every frame of the others into the trace from now on, and let the nodes boot."""
         running = asyncio.get_running_loop()
 
         def seen(now: float, frame: Frame) -> None:
-            if self._sending is not None and self._sending[0] == frame:
-                running.call_soon_threadsafe(self._sending[1].set_result, now)
-                self._sending = None
+            own = next((each for each in self._sending if each[0] == frame), None)
+            if own is not None:
+                running.call_soon_threadsafe(own[1].set_result, now)
+                self._sending.remove(own)
             else:
                 running.call_soon_threadsafe(self.trace.add, Seen(now, frame))
 
@@ -89,11 +90,12 @@ class SimulatedBench:
     async def send(self, frame: Frame) -> float:
         """Send a frame and return when it is through; raises NotSent."""
         sent: asyncio.Future[float] = asyncio.get_running_loop().create_future()
-        self._sending = frame, sent
+        sending = frame, sent
+        self._sending.append(sending)
         self._tester.put(frame)
         await asyncio.wait([sent], timeout=SEND_WAIT)
-        self._sending = None
         if not sent.done():
+            self._sending.remove(sending)
             raise NotSent(frame)
         return sent.result()
 

@@ -9,16 +9,17 @@ Rule of this file: no clock and no bus but the bench's.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 from eurobot_od import durations
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
-from eurobot_od.check.patterns import Mismatch, Pattern, is_final
+from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.results import Reason
 from eurobot_od.check.trace import Seen
-from eurobot_od.errors import NoAnswer
+from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.values import NMT_COB_ID
@@ -43,6 +44,9 @@ class Doer:
         self._used: set[int] = set()
         self._mark, self._edge = 0, len(bench.trace)
         self._asking = False
+        self._answers: dict[int, Sent] = {}
+        self._answering: set[asyncio.Task[None]] = set()
+        self._trace.heard = self._heard
 
     async def do(self, action: suite.Action) -> None:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, BusError if the bus failed."""
@@ -67,6 +71,25 @@ class Doer:
         if not self._asking:
             self._ask()
         await self._put(action.sent.frame(self._variables))
+
+    async def _answer(self, action: suite.Answer) -> None:
+        for cob_id, sent in action.answers.items():
+            self._answers.pop(cob_id, None)
+            if sent is not None:
+                self._answers[cob_id] = sent
+
+    def _heard(self, frame: Frame) -> None:
+        """Answer a frame for the node that the tester plays."""
+        if frame.cob_id in self._answers:
+            task = asyncio.ensure_future(self._put(self._answers[frame.cob_id].frame(self._variables)))
+            self._answering.add(task)
+            task.add_done_callback(self._answered)
+
+    def _answered(self, task: asyncio.Task[None]) -> None:
+        self._answering.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if isinstance(error, BusError):
+            self._trace.fail(error)
 
     async def _nmt(self, action: suite.Nmt) -> None:
         self._ask()
@@ -260,6 +283,7 @@ class Doer:
 
     DO: ClassVar[Mapping[type, Callable[[Any, Any], Awaitable[None]]]] = {
         suite.Send: _send,
+        suite.Answer: _answer,
         suite.Expect: _expect,
         suite.Never: _never,
         suite.Poll: _poll,

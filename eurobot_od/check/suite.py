@@ -150,6 +150,15 @@ class FieldOf(NamedTuple):
     field: str
 
 
+class Answer(NamedTuple):
+    """From now on answer each frame with one of these COB-IDs, as a node would; None: no longer."""
+
+    answers: Mapping[int, Sent | None]
+
+    def __str__(self) -> str:
+        return f"answer {', '.join(f'0x{cob_id:03X}' for cob_id in self.answers)}"
+
+
 class Save(NamedTuple):
     """Give variables the values of fields of the messages received last."""
 
@@ -177,7 +186,7 @@ class Group(NamedTuple):
         return f"{len(self.steps)} steps"
 
 
-Action: TypeAlias = "Send | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
+Action: TypeAlias = "Send | Answer | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
 
 
 class Step(NamedTuple):

@@ -7,6 +7,7 @@ Only one step runs at a time, so there is only one to wake.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import NamedTuple
 
 from eurobot_od.errors import BusError
@@ -27,6 +28,8 @@ class Trace:
     def __init__(self) -> None:
         self.frames: list[Seen] = []
         self._loop = asyncio.get_running_loop()
+        self.heard: Callable[[Frame], object] = lambda _: None
+        """Called with each frame of the others as it comes."""
         self._waiting: asyncio.Future[None] | None = None
         self._failure: BusError | None = None
 
@@ -42,6 +45,8 @@ class Trace:
         """Take in a frame."""
         self.frames.append(seen)
         self._wake()
+        if not seen.own:
+            self.heard(seen.frame)
 
     def fail(self, failure: BusError) -> None:
         """End all waiting: the bus is gone."""

@@ -61,7 +61,7 @@ class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
     `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeat was
-    `lost`, and an SDO `answer` to the device as a client.
+    `lost`, an SDO `answer` to the device as a client, and the node-ID of a watched node that has `booted`.
     """
 
     frames: list[Frame]
@@ -69,6 +69,7 @@ class Reaction(NamedTuple):
     reset: bool = False
     lost: tuple[int, ...] = ()
     answer: Frame | None = None
+    booted: int | None = None
 
 
 Ear = Callable[[Frame], Reaction]
@@ -158,6 +159,11 @@ class Device:
     def protocol(self) -> Protocol:
         """The messages of the PDOs that are valid now."""
         return self._pdos.protocol
+
+    @property
+    def always_sent(self) -> set[int]:
+        """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
+        return self._pdos.always_sent
 
     # Values
 
@@ -328,7 +334,7 @@ class Device:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
         if self._consumer.heard(node_id, self._now):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
-        return Reaction([])
+        return Reaction([], booted=node_id if frame == error_control(node_id, NmtState.INITIALISING) else None)
 
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if not self._serves:

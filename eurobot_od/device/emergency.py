@@ -29,7 +29,10 @@ GENERIC, COMMUNICATION, MANUFACTURER = 1 << 0, 1 << 4, 1 << 7
 
 
 class ErrorCode(IntEnum):
-    """Emergency error codes that any device of ours reports (CiA 301, Table 26)."""
+    """Emergency error codes that any device of ours reports (CiA 301, Table 26).
+
+    There is none for a PDO with a value out of its range: that is one of the device's own.
+    """
 
     NO_ERROR = 0x0000
     OVERRUN = 0x8110
@@ -38,6 +41,7 @@ class ErrorCode(IntEnum):
     RECOVERED_FROM_BUS_OFF = 0x8140
     PDO_TOO_SHORT = 0x8210
     PDO_TOO_LONG = 0x8220
+    VALUE_OUT_OF_RANGE = 0xFF00
 
 
 CLASSES = {

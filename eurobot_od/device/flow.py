@@ -17,8 +17,8 @@ is to end early.
 
 The `Call` is the other side. It belongs to whoever asked for the result, on any thread and in any event loop: they
 await it, wait for it, or cancel it. That is all they can do, and the only thing that crosses threads: cancelling does
-not touch the script, but is noticed at its next step, which then ends it. A repeated request is such a step, so
-nothing is sent for a caller who has gone.
+not touch the script, but is noticed at its next step, which then closes it. A repeated request is such a step, so
+nothing is sent for a caller who has gone; `drop` is one that a node takes as soon as it knows.
 
 Every script yields `START` first. The flow runs it up to there when it is made, on the caller's thread, without having
 done anything; the first real step is the node's, with the node's time. From START on, the script is inside its `try`
@@ -87,6 +87,19 @@ class Call(Future[Result], Generic[Result]):
         return asyncio.wrap_future(self).__await__()
 
 
+def shielded(call: Call[Result]) -> Call[Result]:
+    """Return a call with the same result; cancelling it leaves the flow alone."""
+    mirror: Call[Result] = Call()
+
+    def settle(done: Future[Result]) -> None:
+        if mirror.set_running_or_notify_cancel():
+            error = done.exception()
+            mirror.set_result(done.result()) if error is None else mirror.set_exception(error)
+
+    call.add_done_callback(settle)
+    return mirror
+
+
 class Flow(Generic[Result]):
     """One running script; `send` puts a message on the bus, `ended` is called once with the flow."""
 
@@ -119,6 +132,11 @@ class Flow(Generic[Result]):
     def fail(self, error: Exception, now: float) -> None:
         """Throw an error into the script, which may turn it into a result."""
         self._resume(lambda: self._script.throw(error), now)
+
+    def drop(self, now: float) -> None:
+        """End the script of a call that was cancelled, unless it has ended."""
+        if getgeneratorstate(self._script) != GEN_CLOSED:
+            self._resume(lambda: self._script.send(now), now)
 
     def _resume(self, step: Callable[[], Ask | Pause], now: float) -> None:
         self._ask = None

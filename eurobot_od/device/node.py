@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from math import inf
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
@@ -22,6 +22,9 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message, is_flagged
 
+if TYPE_CHECKING:
+    from eurobot_od.device.flow import Call
+
 
 class Node:
     """A node, made from its EDS; `store` keeps its settings over a restart, None as long as it runs.
@@ -29,10 +32,11 @@ class Node:
     `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
     answer with, or None. As it stands, the class does nothing with a message: it runs anybody's device.
 
-    `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
+    `ignored` counts messages that were not acted on because of what they say, `withheld` those that were not
     sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
     `guard` to their lock, and `wake` to what makes them call `tick` soon; it is called with the guard held, and not
-    while `receive` or `tick` is under way: whoever has called those sees to what the node wants.
+    while `receive` or `tick` is under way: whoever has called those sees to what the node wants. `alarm` takes a
+    sentence that a person has to read.
     """
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
@@ -45,6 +49,7 @@ class Node:
         self.ignored = self.withheld = 0
         self.guard: AbstractContextManager[object] = nullcontext()
         self.wake: Callable[[], object] = lambda: None
+        self.alarm: Callable[[str], object] = lambda _: None
         self._operational = self._attended = False
         self._soon: deque[TimerAction] = deque()
         self._timers = Timers(self.device.plan.at)
@@ -105,7 +110,7 @@ class Node:
         self._call()
 
     def _react(self, reaction: Reaction) -> None:
-        frames, message, reset, lost, answer = reaction
+        frames, message, reset, lost, answer, booted = reaction
         self._out += frames
         if self._operational is not self.device.operational:
             self._operational = self.device.operational
@@ -115,6 +120,8 @@ class Node:
             self.reset()
         for node_id in lost:
             self.heartbeat_lost(node_id)
+        if booted is not None:
+            self.booted(booted)
         if message is not None:
             self.handle(message)
         if answer is not None:
@@ -137,6 +144,16 @@ class Node:
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Do what is to be done when another node has fallen silent; the nodes that care say what."""
+
+    def booted(self, node_id: int) -> None:
+        """Do what is to be done when a watched node has booted, and so forgotten everything; see `heartbeat_lost`."""
+
+    def leave(self) -> Call[Any] | None:
+        """Begin what is to be done before the node is switched off, and return its call; None if there is nothing.
+
+        Whoever runs the node waits for the call before they end. It may be called from any thread.
+        """
+        return None
 
     def answered(self, frame: Frame) -> None:
         """Take in another node's answer to an SDO request of ours; the nodes that ask say what."""
@@ -179,11 +196,27 @@ class Node:
     # Hooks: what a faulty node does otherwise, without knowing how a healthy one works inside (`reset` is one, too)
 
     def handle(self, message: Message) -> None:
-        """Take in a message that has come: act on it unless a value in it is out of range."""
-        if message and is_flagged(message) and type(message) not in self.CATALOGUE.always:
+        """Take in a message that has come: act on it unless there is something wrong with what it says.
+
+        What is wrong is counted and told by EMCY, once until a message of its type is right again.
+        """
+        emergencies, what = self.device.emergencies, (Node.doubt, type(message))
+        doubt = self.doubt(message)
+        if doubt is not None:
             self.ignored += 1
-        else:
-            self._act(message)
+            emergencies.raised(doubt, what, self.device.protocol.cob_id(type(message)).to_bytes(2, "little"))
+            return
+        if what in emergencies.errors:
+            emergencies.cleared(what)
+        self._act(message)
+
+    def doubt(self, message: Message) -> int | None:
+        """Return the error code for a message that is not to be acted on, None for any other.
+
+        A stop is acted on whatever it says: it is not the time to be particular.
+        """
+        flagged = message and is_flagged(message) and type(message) not in self.CATALOGUE.always
+        return ErrorCode.VALUE_OUT_OF_RANGE if flagged else None
 
     def _act(self, message: Message) -> None:
         answer = self.answer_to(message)

@@ -36,7 +36,8 @@ class Pdos:
     """The PDOs as they are configured now, by the values in `objects`.
 
     `protocol` are the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
-    TPDOs by message type. `unusable` says what is wrong with those that the file does not describe well, by index.
+    TPDOs by message type, `always_sent` the COB-IDs of those that act in every NMT state. `unusable` says what is wrong
+    with those that the file does not describe well, by index.
     """
 
     def __init__(self, objects: Objects, catalogue: Catalogue) -> None:
@@ -59,6 +60,7 @@ class Pdos:
         ours = self._objects.dictionary.name
         self.received = {each.cob_id: each for each in protocol.bindings if ours in each.receivers}
         self.sent = {each.type: each for each in protocol.bindings if ours in each.senders}
+        self.always_sent = {each.cob_id for each in self.sent.values() if each.always}
         self.protocol = protocol
 
     def inhibit_time(self, binding: Binding) -> float:

@@ -15,7 +15,7 @@ from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.errors import DictionaryError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Gatekeeper, Report
+from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 
 
 class Station:
@@ -41,6 +41,7 @@ class Station:
             **_sizes(node),
         )
         self._identifiers = node.device.identifiers
+        node.alarm = self._report_alarm
         self.has_failed = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name).has_failed
 
     def start(self, now: float) -> None:
@@ -65,6 +66,9 @@ class Station:
         with self.node.guard:
             self.node.bus_error(code, now)
 
+    def _report_alarm(self, text: str) -> None:
+        self.gatekeeper.report(Report(Event.NODE_ALARM, self.node.name, text, self.node.now))
+
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
             self._submit(self.node.receive(frame, now), now)
@@ -73,9 +77,12 @@ class Station:
                 self.gatekeeper.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
+        mailboxes, device = self.gatekeeper.mailboxes, self.node.device
         for frame in frames:
-            lasting = frame.cob_id == self.node.device.sdo_answers
-            self.gatekeeper.mailboxes.submit(frame, now, lasting)
+            stop = frame.cob_id in device.always_sent
+            # A stop waits as long as it takes. It is repeated, too: one of a kind that waits is enough.
+            if not (stop and mailboxes.holds(frame)):
+                mailboxes.submit(frame, now, lasting=stop or frame.cob_id == device.sdo_answers)
 
 
 def _sizes(node: Node) -> dict[str, Any]:

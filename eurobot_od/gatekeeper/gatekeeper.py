@@ -217,7 +217,8 @@ class Gatekeeper:
 
     def send(self, message: Message, now: float) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for values out of range."""
-        self.mailboxes.submit(self._protocol.encode(message), now)
+        stop = self._protocol.binding(type(message)).always
+        self.mailboxes.submit(self._protocol.encode(message), now, lasting=stop)
 
     # Counts
 

@@ -63,7 +63,7 @@ class Mailboxes:
         """Put a frame in its place among those that wait for a mailbox.
 
         One for which a mailbox is free now cannot be too late, however late the bus is served. A `lasting` one waits
-        as long as it takes: it is part of an SDO transfer, which would fail without it.
+        as long as it takes: a stop, or a part of an SDO transfer, which would fail without it.
         """
         full = len(self._loaded) + len(self._waiting) >= self.count
         deadline = now + self.wait if full and not lasting else inf
@@ -88,6 +88,10 @@ class Mailboxes:
             late = now + self.wait
             self._waiting = [w if w.lasting else w._replace(deadline=min(w.deadline, late)) for w in self._waiting]
         return loaded
+
+    def holds(self, frame: Frame) -> bool:
+        """Tell whether an equal frame waits or is in a mailbox."""
+        return any(each.frame == frame for each in (*self._loaded, *self._waiting))
 
     def next(self, now: float) -> Frame | None:
         """Load what there is room for, and return what is to be sent first, None without a frame.

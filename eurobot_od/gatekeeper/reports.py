@@ -23,6 +23,7 @@ class Event(Enum):
     FRAME_REFUSED = "frame refused"
     FRAME_DROPPED = "frame dropped"
     BUS_FAILED = "bus failed"
+    NODE_ALARM = "node alarm"
 
 
 @dataclass(frozen=True)

@@ -108,11 +108,13 @@ class Live:
             self._fail(failure(self.bus, error))
 
     def stop(self) -> None:
-        """End the threads and shut the bus down; frames still waiting are sent first if the bus takes them.
+        """Let the node take its leave, end the threads and shut the bus down.
 
-        Waits for a function that does not return no longer than `PATIENCE`. Raises BusError if the bus fails only now.
+        Frames still waiting are sent first if the bus takes them. Waits for a function that does not return no longer
+        than `PATIENCE`. Raises BusError if the bus fails only now, and what the node could not bring to its end.
         """
         try:
+            self._take_leave()
             self._functions.stop()  # first: what the last functions send still needs the other two threads
             self._sender.retry()
             with self._changed:
@@ -128,6 +130,12 @@ class Live:
                 if self.failure is None:  # else it is only a consequence
                     self.failure = failure(self.bus, error)
                     raise self.failure from error
+
+    def _take_leave(self) -> None:
+        """Have the node do what it has to before it is switched off, while there are threads to do it."""
+        farewell = self.station.node.leave() if self.station is not None and self._running else None
+        if farewell is not None:
+            farewell.result()
 
     def __enter__(self) -> Live:
         return self.start()

@@ -8,12 +8,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from contextlib import ExitStack
 from functools import wraps
 from pathlib import Path
+from types import TracebackType
 from typing import Any, Concatenate, ParamSpec
 
 from eurobot_od import live as runtime
 from eurobot_od.device.flow import Call, Result
+from eurobot_od.live.signals import ended_by_sigterm
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes.core import Core
 
@@ -23,25 +26,20 @@ Arguments = ParamSpec("Arguments")
 def _waited_for(
     method: Callable[Concatenate[Core, Arguments], Call[Result]],
 ) -> Callable[Concatenate[Robot, Arguments], Result]:
-    """Turn a call of the core's into one that waits for the result."""
+    """Turn a call of the core's into one that waits for the result.
+
+    Who does not wait any longer (Ctrl-C) gives up the call: a goto then ends with a stop.
+    """
 
     @wraps(method)
     def wait(self: Robot, /, *arguments: Arguments.args, **names: Arguments.kwargs) -> Result:
-        return method(self.core, *arguments, **names).result()
+        call = method(self.core, *arguments, **names)
+        try:
+            return call.result()
+        finally:
+            call.cancel()  # nothing, if the result is there
 
     return wait
-
-
-def _passed_on(
-    method: Callable[Concatenate[Core, Arguments], None],
-) -> Callable[Concatenate[Robot, Arguments], None]:
-    """Turn a stop of the core's into one of the robot's; it does not wait."""
-
-    @wraps(method)
-    def call(self: Robot, /, *arguments: Arguments.args, **names: Arguments.kwargs) -> None:
-        method(self.core, *arguments, **names)
-
-    return call
 
 
 class Robot:
@@ -53,8 +51,9 @@ class Robot:
         robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
-    What is left out comes from python-can's configuration; without one, it is the in-process bus.
-    Raises BusError, DictionaryError, UnknownName.
+    What is left out comes from python-can's configuration; without one, it is the in-process bus. However the block is
+    left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is closed;
+    NotStanding if it was not. Raises BusError, DictionaryError, UnknownName.
     """
 
     def __init__(
@@ -68,11 +67,15 @@ class Robot:
         self.live = runtime.Live.node(runtime.open_bus(interface, channel, bitrate), self.core)
 
     def __enter__(self) -> Robot:
-        self.live.start()
+        self._leaving = ExitStack()
+        self._leaving.enter_context(self.live)
+        self._leaving.enter_context(ended_by_sigterm())
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.live.stop()
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._leaving.__exit__(kind, error, trace)
 
     def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
         """Run a team's strategy, a coroutine that awaits the core's calls, and return its result."""
@@ -82,6 +85,6 @@ class Robot:
     configure_start = _waited_for(Core.configure_start)
     goto = _waited_for(Core.goto)
     position = _waited_for(Core.position)
-    stop = _passed_on(Core.stop)
-    emergency_stop = _passed_on(Core.emergency_stop)
-    emergency_shutdown = _passed_on(Core.emergency_shutdown)
+    stop = _waited_for(Core.stop)
+    emergency_stop = _waited_for(Core.emergency_stop)
+    emergency_shutdown = _waited_for(Core.emergency_shutdown)

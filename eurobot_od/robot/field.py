@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from enum import Enum
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.robot.values import BARRIER_NAMES, TeamColour
 
@@ -31,6 +31,22 @@ def turn(start: float, end: float) -> float:
     """Tell the shortest way to turn from one angle to another: degrees in (-180, 180], counter-clockwise positive."""
     left = normalise(end - start)
     return left - 360.0 if left > 180.0 else left
+
+
+Place: TypeAlias = tuple[float | None, float | None, float | None]
+"""Where something is, mm and degrees; None for what is unknown."""
+
+
+def is_near(here: Place, there: Place, distance: float, angle: float) -> bool:
+    """Tell whether two places are at most `distance` mm and `angle` degrees apart.
+
+    An unknown place is near an unknown one only; an unknown angle is near any.
+    """
+    if None in (*here[:2], *there[:2]):
+        return here[:2] == there[:2]
+    apart = math.hypot(*(a - b for a, b in zip(here[:2], there[:2]) if a is not None and b is not None))
+    turned = 0.0 if here[2] is None or there[2] is None else abs(turn(here[2], there[2]))
+    return apart <= distance and turned <= angle
 
 
 class Point(NamedTuple):

@@ -6,10 +6,12 @@ come from the EDS files.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, NamedTuple, TypeAlias
 
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, RobotError, Route, Source, TeamColour
 
@@ -193,6 +195,15 @@ class CheckDriveRequest(NamedTuple):
 class CheckDriveResponse(NamedTuple):
     """GIP Node Check Response of the drive (document 2.3)."""
 
+
+SOURCES: Mapping[type[Message], Source] = {
+    NaviPositionResponse: Source.INTERNAL,
+    KalmanPositionResponse: Source.INTERNAL,
+    Enemy1PositionResponse: Source.ENEMY_1,
+    Enemy2PositionResponse: Source.ENEMY_2,
+    ConfederatePositionResponse: Source.CONFEDERATE,
+}
+"""Whose position each response has; one that names another source is not to be believed."""
 
 StopMessage: TypeAlias = EmergencyShutdown | EmergencyStop | StopDrive
 PositionResponse: TypeAlias = (

@@ -56,13 +56,15 @@ class GotoFault(IntEnum):
 
 
 class Outcome(Enum):
-    """How a goto ended."""
+    """How a goto ended; LOST: the drive carries out no goto any more, or arrived somewhere else."""
 
     ARRIVED = "arrived"
     NOT_POSSIBLE = "not possible"
     BLOCKED = "blocked"
     STOPPED = "stopped"
     REPLACED = "replaced"
+    LOST = "lost"
+    TIMED_OUT = "timed out"
 
 
 FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
@@ -74,6 +76,8 @@ class RobotError(IntEnum):
 
     EMERGENCY_SHUTDOWN = 0xFF01
     DRIVE_BLOCKED = 0xFF02
+    WRONG_SOURCE = 0xFF04
+    NOT_STANDING = 0xFF05
 
 
 class Passage(IntEnum):

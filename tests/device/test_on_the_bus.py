@@ -56,7 +56,7 @@ def test_a_node_that_falls_silent_during_a_goto_stops_the_drive(silent: str) -> 
     match.log.clear()
     match.run(3.0)
     assert StopDrive() in [sent.message for sent in match.log]
-    assert call.result(0).outcome is Outcome.STOPPED
+    assert call.result(0).outcome is Outcome.LOST
     assert not match.drive.moving
     assert [data[:2] for data in match.frames(0x081)] == [SILENT]
 

@@ -17,6 +17,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
+    SOURCES,
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -33,7 +34,7 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
-from eurobot_od.robot.values import Obstacle, Outcome, Source
+from eurobot_od.robot.values import Obstacle, Outcome
 from tests.robot.nodes.harness import PROTOCOL, RED, Bench
 
 GOTO = GotoXY(1500, 1000, 90, 100)
@@ -85,6 +86,7 @@ def test_2014_start_configuration_sent_once_its_confirm_never_awaited() -> None:
     assert not call.done()
     assert bench.core.configuration is None
     bench.say("drive", StartConfigurationConfirm())
+    bench.check()
     assert call.done()
     assert bench.core.configuration == RED
 
@@ -123,8 +125,8 @@ def test_2014_positions_outside_the_field_stored_unchecked(
     response: type[PositionResponse], x: int, y: int, angle: int
 ) -> None:
     bench = Bench("drive", "navigation")
-    good = response(1000, 1000, 0, Source.INTERNAL)
-    bad = PROTOCOL.pack(PROTOCOL.name(response), x=x, y=y, angle=angle, source=0)
+    good = response(1000, 1000, 0, SOURCES[response])
+    bad = PROTOCOL.pack(PROTOCOL.name(response), x=x, y=y, angle=angle, source=SOURCES[response])
     bench.say("drive", good, Frame(PROTOCOL.cob_id(response), bad))
     assert [sighting.position for sighting in bench.core.positions.values()] == [good]
     assert bench.core.ignored == 1

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import NoAnswer
-from eurobot_od.robot.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest
+from eurobot_od.robot.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest, StopDrive
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.values import Outcome
 from eurobot_od.simulation.loop import NothingHappens, run
@@ -52,8 +52,8 @@ def test_a_second_run_goes_on_where_the_first_ended() -> None:
 
 def test_the_bus_lives_while_tasks_sleep() -> None:
     bench = Bench()
-    bench.play(asyncio.sleep(10.5))
-    assert len(bench.others) == 3 + 3 * 10  # boot-up, then heartbeats
+    bench.play(asyncio.sleep(10.1))
+    assert len(bench.others) == 3 + 40 + 2 * 10  # boot-up, then heartbeats
 
 
 def test_waiting_for_gives_up_in_simulated_time_and_cancels_the_call() -> None:
@@ -107,7 +107,8 @@ def test_a_cancelled_task_cancels_its_call() -> None:
         await core.goto(1500, 1000, 90, 80)
 
     bench.play(main(bench.core))
-    assert bench.messages() == [GotoXY(1500, 1000, 90, 80)]
+    assert bench.messages()[:2] == [GotoXY(1500, 1000, 90, 80), StopDrive()]
+    assert len(bench.sent(GotoXY)) == 1
 
 
 def test_an_error_of_the_main_coroutine_comes_out() -> None:

@@ -137,6 +137,8 @@ def test_nodes_boot_when_they_are_switched_on_and_hear_nothing_before() -> None:
     assert frames == [
         (0.0, Frame(0x701, b"\0")),
         (0.1, check),
+        (0.25, Frame(0x701, b"\5")),
+        (0.5, Frame(0x701, b"\5")),
         (0.5, Frame(0x702, b"\0")),
         (0.6, check),
         (0.6, answer),

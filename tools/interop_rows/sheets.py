@@ -26,7 +26,7 @@ PERIOD = 250
 """Milliseconds, other than the EDS's default."""
 
 MASTER_YAML = """\
-master: {{node_id: 1, baudrate: 500}}
+master: {{node_id: 127, baudrate: 500}}
 drive: {{dcf: {eds}, node_id: 2, heartbeat_producer: {period}}}
 """
 

@@ -126,7 +126,8 @@ def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[Dicti
         variable(0x1009, SubObject("Manufacturer hardware version", STRING, "const", table.hardware_version)),
         variable(0x100A, SubObject("Manufacturer software version", STRING, "const", table.software_version)),
         array(0x1016, "Consumer heartbeat time", *watched(table, node)),  # 7.5.2.19
-        variable(0x1017, SubObject("Producer heartbeat time", U16, "rw", table.heartbeat)),  # 7.5.2.20
+        # 7.5.2.20
+        variable(0x1017, SubObject("Producer heartbeat time", U16, "rw", own(node.heartbeat, table.heartbeat))),
         record(  # 7.5.2.21
             0x1018,
             "Identity object",
@@ -142,13 +143,19 @@ def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[Dicti
 
 def watched(table: Table, node: NodeRow) -> list[SubObject]:
     """Return an entry for each other node, at least one: its node-ID and the time to wait for it, or 0 for nobody."""
-    times = [table.nodes[each].node_id << 16 | table.heartbeat_timeout for each in node.watches]
+    nodes = (table.nodes[each] for each in node.watches)
+    times = [each.node_id << 16 | own(each.heartbeat_timeout, table.heartbeat_timeout) for each in nodes]
     times += [0] * (max(1, len(table.nodes) - 1) - len(times))
     return [SubObject(f"Consumer heartbeat time {n}", U32, "rw", time) for n, time in enumerate(times, start=1)]
 
 
+def own(number: int | None, common: int) -> int:
+    """Return a node's own number, or the one that all nodes have."""
+    return common if number is None else number
+
+
 def clients(table: Table, node: NodeRow) -> list[DictionaryObject]:
-    """Return an SDO client channel to each node that is watched, to read its identity (7.5.2.34)."""
+    """Return an SDO client channel to each node that this one asks for its identity (7.5.2.34)."""
     return [
         record(
             0x1280 + n,
@@ -157,7 +164,7 @@ def clients(table: Table, node: NodeRow) -> list[DictionaryObject]:
             SubObject("COB-ID server to client (rx)", U32, "rw", values.SDO_RESPONSE_BASE + table.nodes[each].node_id),
             SubObject("Node-ID of the SDO server", U8, "rw", table.nodes[each].node_id, 1, 127),
         )
-        for n, each in enumerate(node.watches)
+        for n, each in enumerate(node.asks)
     ]
 
 

@@ -107,7 +107,10 @@ class MessageRow:
 
 @dataclass(frozen=True)
 class NodeRow:
-    """A node: its identity, the nodes whose heartbeats it watches, its own settings."""
+    """A node: its identity, the nodes whose heartbeats it watches and whose SDO servers it asks, its own settings.
+
+    `heartbeat` and `heartbeat_timeout` are this node's own times, in place of the table's.
+    """
 
     node_id: PlacedNumber
     product_name: Text
@@ -116,6 +119,9 @@ class NodeRow:
     watches: tuple[Text, ...]
     communication_error: PlacedNumber
     settings: dict[Text, Record]
+    asks: tuple[Text, ...] = ()
+    heartbeat: PlacedNumber | None = None
+    heartbeat_timeout: PlacedNumber | None = None
 
 
 @dataclass(frozen=True)
@@ -197,6 +203,7 @@ READERS: dict[Any, NodeReader[Any]] = {
     Text: yaml_places.text,
     str: yaml_places.text,
     Text | None: yaml_places.text,  # None by leaving it out
+    PlacedNumber | None: yaml_places.number,
     PlacedNumber | Text: yaml_places.number_or_text,
     Time: yaml_places.matching(r"(0[1-9]|1[0-2]):[0-5][0-9](AM|PM)", "a time hh:mmAM or hh:mmPM"),
     Date: yaml_places.matching(r"(0[1-9]|1[0-2])-(0[1-9]|[12][0-9]|3[01])-[0-9]{4}", "a date mm-dd-yyyy"),
@@ -231,7 +238,7 @@ def unknown_names(table: Table) -> Iterator[Problem]:
         yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
         yield from unknown("object", [message.object] if message.object else [], table.objects)
     for node in table.nodes.values():
-        yield from unknown("node", node.watches, table.nodes)
+        yield from unknown("node", [*node.watches, *node.asks], table.nodes)
     for dialect in table.dialects.values():
         named = [*dialect.fields, *dialect.widths, *dialect.most_significant_first]
         yield from unknown("object", named, table.objects)
@@ -272,8 +279,10 @@ def numbers_out_of_range(table: Table) -> Iterator[Problem]:
     yield from outside("node_id", NODE_IDS[0], NODE_IDS[-1], *(each.node_id for each in nodes))
     yield from outside("communication_error", 0, 2, *(each.communication_error for each in nodes))
     yield from outside("index", 0x2000, 0x2FFF, *(each.index for each in records))
-    yield from outside("heartbeat", 0, HIGHEST_16, table.heartbeat)
-    yield from outside("heartbeat_timeout", 0, HIGHEST_16, table.heartbeat_timeout)
+    heartbeats = (table.heartbeat, *(each.heartbeat for each in nodes))
+    yield from outside("heartbeat", 0, HIGHEST_16, *(each for each in heartbeats if each is not None))
+    timeouts = (table.heartbeat_timeout, *(each.heartbeat_timeout for each in nodes))
+    yield from outside("heartbeat_timeout", 0, HIGHEST_16, *(each for each in timeouts if each is not None))
     yield from outside("vendor number", 0, HIGHEST_32, table.vendor.number)
     yield from outside("product_number", 0, HIGHEST_32, *(each.product_number for each in nodes))
     yield from outside("revision_number", 0, HIGHEST_32, *(each.revision_number for each in dialects))

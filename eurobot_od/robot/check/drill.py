@@ -7,12 +7,14 @@ gets something to look at.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
+from eurobot_od.device.flow import Call
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.robot.messages import GotoXY
 from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
 from eurobot_od.robot.values import Barriers, Obstacle, Passage, TeamColour, barrier_number
 
 BEFORE = 10.0
@@ -20,6 +22,12 @@ BEFORE = 10.0
 
 UNDER_WAY = 1.0
 """Seconds that a goto lasts before something comes in between."""
+
+MATCH = 1.0
+"""Seconds that a match lasts."""
+
+BETWEEN = 1.5
+"""Seconds from one stop to the next goto: time to look whether anything is sent that should not be."""
 
 ENEMY_DIAMETER = 30
 """cm."""
@@ -31,10 +39,13 @@ UNDISTURBED = (
 )
 """Gotos that the drive may bring to their end."""
 
-STOPPED: tuple[tuple[GotoXY, Callable[[Core], object]], ...] = (
+STOPPED: tuple[tuple[GotoXY, Callable[[Core], Call[Standstill]]], ...] = (
     (GotoXY(1500, 1300, 90, 90), lambda core: core.emergency_stop(Obstacle.OBJECT)),
     (GotoXY(1250, 400, 180, 70), lambda core: core.emergency_stop(Obstacle.ENEMY)),
     (GotoXY(2000, 400, 0, 70), lambda core: core.stop()),
+)
+AFTER_THE_MATCH: tuple[tuple[GotoXY, Callable[[Core], Call[Standstill]]], ...] = (
+    (GotoXY(600, 600, 0, 50), lambda core: core.stop()),
     (GotoXY(420, 1650, 180, 100), lambda core: core.emergency_shutdown()),
 )
 """Gotos that are stopped under way, and how."""
@@ -43,7 +54,7 @@ STOPPED: tuple[tuple[GotoXY, Callable[[Core], object]], ...] = (
 async def drill(core: Core) -> None:
     """Do the startup (document 5.1), then all gotos one after the other, and one too many after the shutdown.
 
-    Ends early if a node does not answer during the startup: that blocks it.
+    Ends early if a node does not answer during the startup: that blocks it. A stop is watched until the robot stands.
     """
     with suppress(NoAnswer):
         await core.check_nodes()
@@ -55,12 +66,29 @@ async def drill(core: Core) -> None:
 async def _drive(core: Core) -> None:
     for goto in UNDISTURBED:
         await _attempt(core, goto)
-    for goto, stop in STOPPED:
+    await _stop_on_the_way(core, STOPPED)
+    await _play_a_match(core)
+    await _stop_on_the_way(core, AFTER_THE_MATCH)
+    await _attempt(core, UNDISTURBED[0])
+
+
+async def _stop_on_the_way(core: Core, ways: Sequence[tuple[GotoXY, Callable[[Core], Call[Standstill]]]]) -> None:
+    for goto, stop in ways:
         stopped = asyncio.ensure_future(_attempt(core, goto))
         await asyncio.sleep(UNDER_WAY)
-        stop(core)
+        with suppress(NotStanding, StateError):
+            await stop(core)
         await stopped
-    await _attempt(core, UNDISTURBED[0])
+        await asyncio.sleep(BETWEEN)
+
+
+async def _play_a_match(core: Core) -> None:
+    """Play a match that ends on the way to a place; the next goto comes too late, and the match after it is open."""
+    core.start_match(MATCH)
+    await _attempt(core, GotoXY(900, 600, 0, 60))
+    await _attempt(core, GotoXY(1500, 900, 0, 80))
+    await asyncio.sleep(BETWEEN)
+    core.start_match()
 
 
 async def _attempt(core: Core, goto: GotoXY) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from eurobot_od.device.flow import Call
 from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults import hooks
 from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import MOVED, NOT_SENT, REVERSED, TWICE, message_faults, sent_late
@@ -30,16 +32,32 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle
+from eurobot_od.robot.nodes.goto import GotoReport
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, RobotError
 
 
 class ShutdownForgotten(Core):
     """Drives on after an Emergency Shutdown."""
 
-    def emergency_shutdown(self) -> None:
-        """Send Emergency Shutdown, and think nothing of it."""
-        super().emergency_shutdown()
+    def goto(self, *place: Any, **how: Any) -> Call[GotoReport]:
+        """Send the drive to a place whatever has been."""
         self.shut_down = False
+        return super().goto(*place, **how)
+
+
+class MatchWithoutEnd(Core):
+    """Leaves the end of the match to the strategy."""
+
+    def start_match(self, duration: float | None = None) -> None:
+        """Start no clock."""
+
+
+class SourceUnseen(Core):
+    """Takes every position for that of the robot it asked for."""
+
+    def doubt(self, message: Message) -> int | None:
+        code = super().doubt(message)
+        return None if code == RobotError.WRONG_SOURCE else code
 
 
 def _poll_absent(core: Core) -> None:
@@ -50,9 +68,15 @@ def _poll_absent(core: Core) -> None:
 
 def _ask_on(core: Core, stop: Frame) -> Iterable[Frame]:
     """Send a stop, and go on asking for the state of the goto as if there had been none."""
-    for count in range(1, 4):
+    for count in range(1, 15):
         core.at(core.now + count * 0.1, lambda _: core.offer(GotoStateRequest()))
     return [stop]
+
+
+def _only_under_way(core: Core, confirm: GotoConfirm, healthy: Any) -> None:
+    """Take a confirm for what it says only while there is a goto."""
+    if core.is_commanding:
+        healthy(confirm)
 
 
 def _either(_: Core, answer: CheckNaviResponse, healthy: Any) -> None:
@@ -180,7 +204,7 @@ FAULTS = {
         "takes an unknown remaining time for the arrival",
         hooks.arriving(GotoStateResponse, hooks.meaning(lambda state: GotoStateResponse(state.time or 0))),
     ),
-    "arrival-unheard": Caught("core", "2.1 State Response: 0 ends the goto").fault(
+    "arrival-unheard": Caught("core", "2.1 State Response: 0 is believed when the drive is at the place").fault(
         "goes on asking after the drive has arrived",
         hooks.arriving(GotoStateResponse, hooks.field("time", lambda time: time or 1)),
     ),
@@ -204,5 +228,39 @@ FAULTS = {
     ),
     "goto-after-shutdown": Caught("core", "4.2.2 Emergency mushroom: no goto after it").fault(
         "sends gotos after an Emergency Shutdown", ShutdownForgotten
+    ),
+    # What is lost on the bus
+    "stop-sent-once": Caught("core", "2.1 Stop: a stop is sent again while the drive knows of a goto").fault(
+        "sends a stop once and takes it for heard", hooks.preset("Standstill.Stop period", 60_000)
+    ),
+    "standstill-not-watched": Caught(
+        "core", "4.2.2 Emergency mushroom: a robot that is not seen to stand is told by EMCY"
+    ).fault("never says that the robot does not stop", hooks.preset("Standstill.Standstill wait", 60_000)),
+    "unconfirmed-goto-left": Caught("core", "2.1 Goto ACK: and then stopped, as the drive may have heard it").fault(
+        "gives up a goto that is not confirmed without stopping the drive",
+        hooks.numbered(StopDrive, lambda number: hooks.lost if number == 1 else hooks.kept),
+    ),
+    "late-confirm-ignored": Caught("core", "2.1 Stop: a goto that is confirmed after its end is stopped again").fault(
+        "does not stop a goto that is confirmed after its end", hooks.handling(GotoConfirm, _only_under_way)
+    ),
+    "lost-goto-unseen": Caught("core", "2.1 State Response: a goto that the drive has lost is stopped").fault(
+        "goes on asking when the drive knows of no goto", hooks.preset("Goto handshake.Lost after", 200)
+    ),
+    "one-confirm-believed": Caught(
+        "core", "2.3 Start Configuration Confirm: anybody's confirm is no proof, the drive is checked again"
+    ).fault(
+        "takes one confirm of the start configuration for both nodes'",
+        hooks.numbered(
+            CheckDriveRequest, lambda number: hooks.kept if number <= 3 else hooks.unawaited(CheckDriveResponse())
+        ),
+    ),
+    "foreign-position-believed": Caught(
+        "core", "2.2 Estimated Location response: a position of another robot is not ours"
+    ).fault("takes a position for ours whoever's it is", SourceUnseen),
+    "arrival-unproved": Caught("core", "2.1 State Response: a drive that is elsewhere has not arrived").fault(
+        "takes 0 for the arrival wherever the drive is", hooks.preset("Arrival.Position tolerance", 5000)
+    ),
+    "match-without-end": Caught("core", "5.2 Match: the drive is stopped when the match is over").fault(
+        "drives on when the match is over", MatchWithoutEnd
     ),
 }

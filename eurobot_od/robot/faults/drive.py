@@ -63,6 +63,20 @@ START_PLACE = "2.3 Start Configuration Set: the robot is at its team's start pla
 """Steps that find several faults: the first ones that look at an angle, and at a place."""
 
 
+class CoreUnwatched(Drive):
+    """Drives on when the core has fallen silent."""
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Do nothing."""
+
+
+class CoreBootIgnored(Drive):
+    """Drives on when the core has booted."""
+
+    def booted(self, node_id: int) -> None:
+        """Do nothing."""
+
+
 def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
     """Do something as soon as the drive does not move."""
     if drive.moving:
@@ -290,6 +304,18 @@ FAULTS = {
     "mute-after-shutdown": Caught("emergency", "4.2.2 Emergency mushroom: the drive still answers node checks").fault(
         "answers no node check after an Emergency Shutdown",
         hooks.handling(CheckDriveRequest, lambda drive, request, healthy: None if drive.safe else healthy(request)),
+    ),
+    "core-unwatched": Caught("canopen", "7.2.8.3.2 Heartbeat: the robot brakes when the core falls silent").fault(
+        "drives on when the core's heartbeat is lost", CoreUnwatched
+    ),
+    "core-boot-ignored": Caught("canopen", "7.2.8.3.3 NMT: the robot brakes when the core boots").fault(
+        "drives on when the core has booted and forgotten the goto", CoreBootIgnored
+    ),
+    "speed-0-accepted": Caught("bytes", "Table 1 Goto: at a speed of 0 no place is ever reached").fault(
+        "takes a goto at no speed for one that takes for ever",
+        hooks.leaving(
+            GotoStateResponse, hooks.meaning(lambda s: s._replace(time=None) if s.time is GotoFault.NOT_POSSIBLE else s)
+        ),
     ),
     # State (document 2.1, Table 1)
     "state-unasked": Caught("drive", "2.1 State Request: no answer without a request").fault(

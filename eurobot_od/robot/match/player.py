@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import asyncio
 from itertools import cycle
+from math import inf
 
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, NoAnswer, StateError
 from eurobot_od.robot.field import Point
 from eurobot_od.robot.match.tasks import TASKS, Task
 from eurobot_od.robot.match.timeline import EventKind, Timeline
 from eurobot_od.robot.messages import KalmanPositionResponse
-from eurobot_od.robot.nodes.core import Core, GotoReport
+from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
 from eurobot_od.robot.values import Outcome
 from eurobot_od.robot.world import World
@@ -24,6 +26,9 @@ SENSE_PERIOD = 0.05
 
 WAIT = 1.2
 """How long the robot waits for something in its way to go, s."""
+
+KNOWN_WHY = (Outcome.STOPPED.value, Outcome.REPLACED.value)
+"""Ways for a goto to end of which the timeline has told the reason already."""
 
 SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
@@ -51,7 +56,7 @@ class Player:
         self._end = 0.0
         self._mushroom: float | None = None
         self._stopped = False
-        self._why = ""
+        self._why: str | None = None
 
     async def play(self) -> None:
         """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
@@ -90,43 +95,64 @@ class Player:
         if self.options.emergency_at is not None:
             self._mushroom = start + self.options.emergency_at
         self.timeline.tell(EventKind.MATCH, f"{self._duration:g} s begin", duration=self._duration)
+        self.core.start_match(self._duration)
         await self._drive()
         await self._stand_still()
 
     async def _drive(self) -> None:
         for task in cycle(TASKS):
-            report = await self._drive_to(task.seen_by(self.options.team))
+            await self._attempt(task.seen_by(self.options.team))
+            if self._until_mushroom() <= 0:
+                self._hit_mushroom()
+            if self._stopped or self.core.match_over:
+                break
+
+    async def _attempt(self, task: Task) -> None:
+        """Drive to a place; if that fails, wait a moment, and get the robot going again if it was shut down."""
+        begin = self.clock()
+        try:
+            report = await self._drive_to(task)
             if report.outcome is Outcome.ARRIVED:
                 await self._tell_arrival(report)
-            else:
-                outcome, why = report.outcome.value, self._why if report.outcome is Outcome.STOPPED else None
-                text = f"{outcome} after {report.ended:.2f} s"
-                self.timeline.tell(EventKind.GIVEN_UP, text, outcome=outcome, why=why, seconds=report.ended)
-                await asyncio.sleep(max(min(WAIT, self._time_left()), 0))
-            if self._time_left() <= 0:
-                break
-        if not self._stopped:
-            self._stop_for_good()
+                return
+            outcome, seconds = report.outcome.value, report.ended
+            why = self._why if report.outcome is Outcome.STOPPED and not report.why else report.why
+        except (NoAnswer, StateError) as error:
+            outcome, why, seconds = "failed", str(error), self.clock() - begin
+        if self.core.match_over:
+            self._tell_match_over()
+        told = f"{outcome} after {seconds:.2f} s" + f": {why}" * (outcome not in KNOWN_WHY)
+        self.timeline.tell(EventKind.GIVEN_UP, told, outcome=outcome, why=why or None, seconds=seconds)
+        await asyncio.sleep(max(min(WAIT, self._end - self.clock(), self._until_mushroom()), 0))
+        await self._start_anew()
+
+    async def _start_anew(self) -> None:
+        """Go on after a shutdown that nobody but the core has wanted: as soon as the nodes answer, or never."""
+        while self.core.shut_down and not self._stopped and not self.core.match_over:
+            try:
+                await self._check()
+                await self._configure()
+            except NoAnswer:
+                await asyncio.sleep(WAIT)
 
     async def _drive_to(self, task: Task) -> GotoReport:
-        call = self.core.goto(task.x, task.y, task.angle, task.speed, task.flags())
         self.timeline.tell(EventKind.GOTO, str(task), goto=task._asdict() | {"barriers": str(task.flags())})
-        arriving = asyncio.wrap_future(call)
+        arriving = asyncio.wrap_future(self.core.goto(task.x, task.y, task.angle, task.speed, task.flags()))
         while not arriving.done():  # nobody tells when something comes into sight: the sensor has to be read
-            await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._time_left()), 0))
+            await asyncio.wait([arriving], timeout=max(min(SENSE_PERIOD, self._until_mushroom()), 0))
             if not arriving.done():
                 self._look()
         return arriving.result()
 
-    def _time_left(self) -> float:
-        """Tell how long the robot may still drive, s."""
-        return (self._end if self._mushroom is None else self._mushroom) - self.clock()
+    def _until_mushroom(self) -> float:
+        """Tell the seconds until the mushroom is hit, infinite if it will not be."""
+        return inf if self._mushroom is None else self._mushroom - self.clock()
 
     def _look(self) -> None:
-        """Stop if the time has come or if something is in the way."""
+        """Stop if the mushroom is hit or if something is in the way."""
         now = self.clock()
-        if self._time_left() <= 0:
-            self._stop_for_good()
+        if self._until_mushroom() <= 0:
+            self._hit_mushroom()
             return
         self.world.drop_thing(now)
         if (obstacle := self.world.obstacle(now)) is not None:
@@ -134,21 +160,19 @@ class Player:
             self.core.emergency_stop(obstacle)
             self.timeline.tell(EventKind.STOP, f"emergency stop: {self._why}", obstacle=obstacle.name)
 
-    def _stop_for_good(self) -> None:
+    def _hit_mushroom(self) -> None:
+        self._mushroom, self._stopped, self._why = None, True, "the mushroom was hit"
+        self.core.emergency_shutdown()
+        self.timeline.tell(EventKind.EMERGENCY, f"emergency shutdown: {self._why}")
+
+    def _tell_match_over(self) -> None:
         self._stopped = True
-        if self._mushroom is None:
-            self._why = "the match is over"
-            self.core.stop()
-            self.timeline.tell(EventKind.STOP, f"stop drive: {self._why}")
-        else:
-            self._why = "the mushroom was hit"
-            self.core.emergency_shutdown()
-            self.timeline.tell(EventKind.EMERGENCY, f"emergency shutdown: {self._why}")
+        self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
 
     async def _tell_arrival(self, report: GotoReport) -> None:
         error = await self._position_error()
         self.errors.append(error)
-        goto, _, confirmed, seconds = report
+        goto, confirmed, seconds = report.goto, report.confirmed, report.ended
         details = f"confirmed after {(confirmed or 0) * 1000:.1f} ms, position error {error:.0f} mm"
         off = {"error": round(error, 1), "distance": round(self.world.robot.distance(Point(goto.x, goto.y)), 1)}
         text = f"after {seconds:.2f} s ({details})"
@@ -162,13 +186,12 @@ class Player:
 
     async def _stand_still(self) -> None:
         """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
+        told = self.core.match_over and self._stopped
         await asyncio.sleep(SETTLED)
         rest = self.world.robot
-        if self.clock() < self._end:
-            await asyncio.sleep(self._end - self.clock())
-            self._mushroom = None
-            self._stop_for_good()
-            await asyncio.sleep(SENSE_PERIOD)
+        await asyncio.sleep(max(self._end + SENSE_PERIOD - self.clock(), 0))
+        if not told:
+            self._tell_match_over()
         moved = self.world.robot.distance(rest.point)
         text = f"the robot stands at ({rest.x:.0f}, {rest.y:.0f}); since it stopped it moved {moved:.0f} mm"
         self.timeline.tell(EventKind.END, text, x=round(rest.x, 1), y=round(rest.y, 1), moved=round(moved, 3))

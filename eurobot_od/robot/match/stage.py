@@ -153,7 +153,7 @@ def play_live(
     reports: list[Report] = []
     with ExitStack() as stack:
         stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))
-        for node in match.nodes:
+        for node in reversed(match.nodes):  # the core leaves first: it stops the drive, and sees that it stands
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
         asyncio.run(match.play(runtime.BITRATE, "in real time"))
     return match.result(clock(), runtime.BITRATE, reports)

@@ -1,14 +1,19 @@
 """The core node: checks the nodes, configures the start, polls positions, sends the drive to places, stops it.
 
-Theory of operation. What takes time is a flow (see `device.flow`): `check_nodes`, `configure_start`, `goto` and
-`position` each begin one and return its call at once, before anything is sent. The flow takes its first step with the
-next `tick`, and every further one when its answer, or the end of its wait, comes. So any number of them run at the
-same time without a thread of their own: a strategy asks for the position while its goto is under way. There is one
-goto and one start configuration at a time, though; a newer one ends the older by an error thrown into its flow.
+Theory of operation. What takes time is a flow (see `device.flow`): `check_nodes`, `configure_start`, `goto`, `position`
+and the stops each begin one and return its call at once. The flow takes its first step with the next `tick`, and every
+further one when its answer, or the end of its wait, comes. So any number of them run at the same time without a thread
+of their own: a strategy asks for the position while its goto is under way. There is one goto, one start configuration
+and one stop that is watched at a time, though; a newer one ends the older by an error thrown into its flow.
 
-Stops are not flows. The call puts the stop among the frames to send, and only then ends the goto. Its lower identifier
-lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and the goto after it, and
-confirms the goto. That is why a confirm after a stop is answered with the stop again, and the confirm of a start
+The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or if the drive
+itself gave it up. Whatever else ends it, an answer that never came, a caller who has gone, a node that was lost, sends
+Stop Drive. A stop leaves at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand
+(see `standstill`); if it is not, Emergency Shutdown is sent until it is.
+
+A stop's lower identifier lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and
+the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm, or
+the state of a goto under way, is answered with a stop when there is no goto any more, and the confirm of a start
 configuration after a shutdown with the shutdown.
 
 Calls come from any thread. Under the node's guard nothing is received and no other call begins; so what a call tests
@@ -18,32 +23,24 @@ could come between the two, and the goto would drive after it.
 
 from __future__ import annotations
 
-from contextlib import suppress
 from functools import partial
 from typing import Any, ClassVar, NamedTuple, get_args
 
-from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script
+from eurobot_od.device.flow import START, Call, Flow, Pause, Result, Script, shielded
 from eurobot_od.device.storage import Store
-from eurobot_od.errors import NoAnswer, StateError
+from eurobot_od.device.timers import Timer
+from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
-from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
+from eurobot_od.robot.field import is_near
+from eurobot_od.robot.nodes import startup
+from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
+from eurobot_od.robot.nodes.identity import Channel
 from eurobot_od.robot.nodes.node import Handlers, RobotNode
-from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, Source, TeamColour
-
-NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
-    ("drive", messages.CheckDriveRequest(), messages.CheckDriveResponse),
-    ("navigation", messages.CheckNaviRequest(), messages.CheckNaviResponse),
-)
-"""The nodes in the order in which they are checked (2014 robot: drive first)."""
-
-GOTO_SETTINGS = ("Goto handshake.Confirm wait", "Goto handshake.Transmissions")
-STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")
-"""The settings by which the drive is sent to a place, and asked for its state and its position: how long to wait, how
-often to ask."""
-
+from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
+from eurobot_od.robot.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 
 POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
     (messages.NaviPositionRequest(), "Position polling.Navi offset", Source.INTERNAL),
@@ -54,14 +51,8 @@ POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
 )
 """What is asked for periodically: the request, the setting with its offset, and whose position it is."""
 
-
-class GotoReport(NamedTuple):
-    """What became of a goto; times in seconds from its first transmission, `confirmed` None if it never was."""
-
-    goto: messages.GotoXY
-    outcome: Outcome
-    confirmed: float | None
-    ended: float
+ANY_ANGLE = 180.0
+"""Two headings are never further apart, degrees."""
 
 
 class Sighting(NamedTuple):
@@ -74,15 +65,16 @@ class Sighting(NamedTuple):
 class _Ended(Exception):
     """Thrown into a goto's flow to end it; the flow makes its report of it."""
 
-    def __init__(self, outcome: Outcome) -> None:
-        self.outcome = outcome
+    def __init__(self, outcome: Outcome, why: str = "") -> None:
+        self.end = End(outcome, why)
 
 
 class Core(RobotNode):
     """The core node (document 2.1 to 2.3, 4.2.2, 5).
 
     `positions` are the last sightings by response type; `configuration` the start configuration, None before the
-    first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration.
+    first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration, `match_over`
+    from the end of a match until the next one is started. `is_commanding` tells whether a goto is under way.
     """
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
@@ -93,18 +85,30 @@ class Core(RobotNode):
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
         self.positions: dict[type[messages.PositionResponse], Sighting] = {}
-        self.shut_down = False
+        self.shut_down = self.match_over = False
         self._driving: Flow[GotoReport] | None = None
         self._configuring: Flow[float] | None = None
+        self._standing: Flow[Standstill] | None = None
+        self._keeping_on: Flow[None] | None = None
         self._stopped: messages.StopMessage | None = None
+        self._lost = ""
+        self._match: Timer | None = None
         self._polling = 0
 
     def reset(self) -> None:
-        """Give up what is going on and forget everything, as after power-on."""
+        """Give up what is going on and forget everything, as after power-on; a goto under way is stopped."""
+        driving = self.is_commanding
         for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
             flow.fail(StateError("the core was reset"), self.now)
         super().reset()
         self._forget()
+        if driving:
+            self._halt(messages.StopDrive())
+
+    @property
+    def is_commanding(self) -> bool:
+        """Whether a goto of this core is under way."""
+        return self._driving is not None
 
     # Calls
 
@@ -114,7 +118,7 @@ class Core(RobotNode):
         NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect.
         """
-        return self._begin(self._check_nodes()).call
+        return self._begin(startup.check_nodes(self)).call
 
     def configure_start(
         self,
@@ -126,17 +130,23 @@ class Core(RobotNode):
     ) -> Call[float]:
         """Set the start configuration; the result is the seconds until its confirm (document 2.3).
 
-        Diameters in cm, 0..50. The confirms of drive and navigation have one identifier: one of them is enough.
-        Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a newer
-        start configuration or an Emergency Shutdown comes before the confirm.
+        Diameters in cm, 0..50. The confirms of drive and navigation have one identifier: one of them is enough, and
+        both nodes are checked once more. The drive starts anew from the team's start place, so a goto under way is
+        stopped. Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a
+        newer start configuration or an Emergency Shutdown comes before the confirm.
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
         )
         with self.guard:
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
+            if self.is_commanding:
+                self._stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
+            self._end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
+            self._end(self._keeping_on, StateError("a new start configuration"))
             self._end(self._configuring, StateError("replaced by a newer start configuration"))
-            self._configuring = self._begin(self._configure(configuration))
+            self.positions.clear()
+            self._configuring = self._begin(self._configure_start(configuration))
             return self._configuring.call
 
     def goto(
@@ -148,46 +158,81 @@ class Core(RobotNode):
         barriers: Barriers = Barriers(0),  # noqa: B008 (immutable)
         direction: Direction = Direction.FORWARD,
         route: Route = Route.PLANNED,
+        timeout: float | None = None,
     ) -> Call[GotoReport]:
         """Send the drive to x, y (mm) and angle (degrees) at `speed` percent, and wait for its end (document 2.1).
 
-        A goto that is under way ends as REPLACED. Raises FieldError before anything is sent, StateError after an
-        Emergency Shutdown, NoAnswer if the drive does not confirm or does not say its state.
+        It ends at the latest `timeout` seconds after its first transmission, as TIMED_OUT; None takes the setting
+        `Time-out`. A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
+        replaced, or was given up by the drive; also when the call is cancelled.
+
+        If a node has been lost since the last goto, both are checked and configured anew first; that takes as long as
+        their answers, at most all attempts of the checks and the configuration. Raises FieldError before anything is
+        sent, StateError after an Emergency Shutdown, after the match, and if the drive has lost its place, NoAnswer if
+        the drive does not confirm or does not say its state.
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
                 raise StateError("no goto after an emergency shutdown: configure the start first")
+            if self.match_over:
+                raise StateError("no goto after the match")
+            self._end(self._standing, StateError("a new goto came before the robot was seen to stand"))
             self._end(self._driving, _Ended(Outcome.REPLACED))
-            self._driving, self._stopped = self._begin(self._goto(goto)), None
+            self._driving, self._stopped = self._begin(self._goto(goto, timeout)), messages.StopDrive()
             return self._driving.call
 
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
         return self._begin(self._position()).call
 
-    def stop(self) -> None:
-        """Brake and forget the goto (document 2.1)."""
-        self._stop(messages.StopDrive())
+    def stop(self) -> Call[Standstill]:
+        """Brake and forget the goto (document 2.1).
 
-    def emergency_stop(self, obstacle: Obstacle) -> None:
-        """Brake because of an obstacle (document 4.2.2 Obstacle)."""
-        self._stop(messages.EmergencyStop(obstacle))
+        The stop leaves now, whether or not anybody waits for the call. The result comes when the robot was seen to
+        stand; NotStanding if it was not within the setting `Standstill wait`: then Emergency Shutdown is sent until it
+        is. StateError if a goto or a start configuration comes before. Stops in a row are watched as one.
+        """
+        return self._stop(messages.StopDrive())
 
-    def emergency_shutdown(self) -> None:
-        """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom)."""
+    def emergency_stop(self, obstacle: Obstacle) -> Call[Standstill]:
+        """Brake because of an obstacle (document 4.2.2 Obstacle); result and errors are those of `stop`."""
+        return self._stop(messages.EmergencyStop(obstacle))
+
+    def emergency_shutdown(self) -> Call[Standstill]:
+        """Bring all nodes into their safe state (document 4.2.2 Emergency mushroom); see `stop`."""
         with self.guard:  # a confirm between the two would end the safe state again
-            self._stop(messages.EmergencyShutdown())
             why = "emergency shutdown before the start configuration was confirmed"
             self._end(self._configuring, StateError(why))
+            return self._stop(messages.EmergencyShutdown())
+
+    def start_match(self, duration: float | None = None) -> None:
+        """Start the match: after `duration` seconds the drive is stopped, and no goto goes out any more.
+
+        None takes the setting `Match duration`.
+        """
+        seconds = self.setting("Match.Match duration") if duration is None else duration
+        with self.guard:
+            self.match_over = False
+            self.soon(lambda now: self._end_match_at(now + seconds))
+
+    def leave(self) -> Call[Standstill] | None:
+        """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`."""
+        return None if self._stopped is None else self.stop()
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
         flow = Flow(script, self._timers, self._put, self._ended)
         with self.guard:
             self._flows.append(flow)
             self.soon(flow.start)
+        flow.call.add_done_callback(lambda call: self._drop(flow) if call.cancelled() else None)
         return flow
+
+    def _drop(self, flow: Flow[Any]) -> None:
+        """End a flow whose caller has gone, on the node's thread."""
+        with self.guard:
+            self.soon(flow.drop)
 
     def _put(self, request: Message | Frame) -> None:
         if isinstance(request, Frame):
@@ -201,86 +246,142 @@ class Core(RobotNode):
             self._driving = None
         if flow is self._configuring:
             self._configuring = None
-
-    def _stop(self, stop: messages.StopMessage) -> None:
-        with self.guard:
-            self.send(stop)
-            self._stopped = stop
-            self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
-            self._end(self._driving, _Ended(Outcome.STOPPED))
+        if flow is self._standing:
+            self._standing = None
+        if flow is self._keeping_on:
+            self._keeping_on = None
 
     def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
         if flow is not None:
             flow.fail(error, self.now)
 
+    # Stops
+
+    def _stop(self, stop: messages.StopMessage, outcome: Outcome = Outcome.STOPPED, why: str = "") -> Call[Standstill]:
+        """Send a stop, end the goto that is under way, and watch until the robot stands."""
+        with self.guard:
+            call = self._halt(stop)
+            self._end(self._driving, _Ended(outcome, why))
+            return call
+
+    def _halt(self, stop: messages.StopMessage) -> Call[Standstill]:
+        """Send a stop, and watch until the robot stands."""
+        with self.guard:
+            self.offer(stop)
+            self.shut_down = self.shut_down or isinstance(stop, messages.EmergencyShutdown)
+            self._stopped = messages.EmergencyShutdown() if self.shut_down else stop
+            if self._standing is None:
+                self._end(self._keeping_on, StateError("watched anew"))
+                self._standing = self._begin(self._see_standing())
+            return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
+
+    def _latest_stop(self) -> messages.StopMessage:
+        return self._stopped or messages.StopDrive()
+
+    def _see_standing(self) -> Script[Standstill]:
+        patience = self.seconds("Standstill.Standstill wait")
+        standstill = yield from until_standing(self, self._latest_stop, patience)
+        if standstill is None:
+            error = NotStanding(patience)
+            self.alarm(str(error))
+            self.raise_error(RobotError.NOT_STANDING, Standstill)
+            self.shut_down = True
+            self._keep_stopping()
+            raise error
+        self.clear_error(Standstill)
+        return standstill
+
+    def _keep_stopping(self) -> None:
+        """Send Emergency Shutdown until the robot is seen to stand, however long that takes."""
+        self._stopped = messages.EmergencyShutdown()
+        self.offer(self._stopped)
+        self._keeping_on = self._begin(self._until_standing())
+
+    def _until_standing(self) -> Script[None]:
+        yield from until_standing(self, self._latest_stop)
+        self.clear_error(Standstill)
+
     # Flows
 
-    def _asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
-        """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
-        return Ask(request, answer, self.seconds(wait), self.setting(attempts))
-
-    def _check_nodes(self) -> Script[dict[str, float]]:
-        took = {}
-        yield START
-        for node, request, answer in NODE_CHECKS:
-            asked = self.now
-            yield self._asking(request, answer, "Node check.Check wait", "Node check.Check attempts")
-            took[node] = self.now - asked
-        for node in took:
-            yield from self._compare(node)
-        return took
-
-    def _compare(self, node: str) -> Script[None]:
-        """Make sure that a node speaks our dialect, if it can be asked."""
-        channel = Channel.to(node, self.device)
-        if channel is None:
-            return
-        with suppress(NoAnswer):  # the 2014 robot's own nodes know no SDO
-            answer = yield Ask(channel.ask(), channel.answer, self.seconds("Node check.Identity wait"), 1)
-            theirs, ours = revision_in(answer), self.device.number(REVISION)
-            if theirs is not None and theirs != ours:
-                raise DialectMismatch(node, channel.node_id, theirs, ours)
+    def _configure_start(self, configuration: messages.StartConfigurationSet) -> Script[float]:
+        try:
+            seconds = yield from self._configure(configuration)
+        except BaseException:  # nothing has changed: what had to be stopped still has to be
+            if self.shut_down:
+                self._keep_stopping()
+            raise
+        return seconds
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
-        yield self._asking(
-            configuration,
-            messages.StartConfigurationConfirm,
-            "Configuration handshake.Configuration confirm wait",
-            "Configuration handshake.Configuration transmissions",
-        )
-        self.configuration, self.shut_down = configuration, False
-        self._start_polling(configuration, self.now + self.seconds("Position polling.Start delay"))
-        return self.now - asked
+        confirmed = yield from startup.configure(self, configuration)
+        self.configuration, self.shut_down, self._lost = configuration, False, ""
+        self.clear_error(Standstill)
+        self._start_polling(configuration, confirmed + self.seconds("Position polling.Start delay"))
+        return confirmed - asked
 
-    def _goto(self, goto: messages.GotoXY) -> Script[GotoReport]:
-        started, confirmed = self.now, None
+    def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
         try:
-            started = yield START
-            yield self._asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
-            confirmed = self.now - started
-            outcome = yield from self._until_ended()
-        except _Ended as end:
-            outcome = end.outcome
-        return GotoReport(goto, outcome, confirmed, self.now - started)
+            yield START
+            if self._lost and self.configuration is not None:
+                yield from self._recover(self.configuration)
+        except _Ended as ended:
+            return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
+        return (yield from self._drive(goto, self.setting("Goto handshake.Time-out") if timeout is None else timeout))
 
-    def _until_ended(self) -> Script[Outcome]:
-        """Poll the drive's state until the goto has ended (document 2.1 State Request)."""
-        yield Pause(self.seconds("Goto handshake.First state request"))
-        while True:
-            state = yield self._asking(messages.GotoStateRequest(), messages.GotoStateResponse, *STATE_SETTINGS)
-            if state.time == 0:
-                return Outcome.ARRIVED
-            if state.time in FAULT_OUTCOME:
-                return FAULT_OUTCOME[state.time]
-            yield Pause(self.seconds("Goto handshake.State request period"))
+    def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
+        started, confirmed = self.now, None
+        limit = self.at(started + timeout, self._run_out_of_time)
+        try:
+            yield self.asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
+            confirmed = self.now - started
+            end = yield from until_ended(self, goto)
+        except _Ended as ended:  # whoever ended it has seen to the drive
+            end = ended.end
+        except BaseException:  # no answer, or nobody waits for the goto any more
+            self._halt(messages.StopDrive())
+            raise
+        else:
+            if end.outcome is Outcome.LOST:
+                self._lost = end.why
+                self._halt(messages.StopDrive())
+        finally:
+            limit.cancel()
+        return GotoReport(goto, end.outcome, confirmed, self.now - started, end.why)
+
+    def _run_out_of_time(self, _: float) -> None:
+        self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
+
+    def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
+        """Check and configure the nodes anew after one was lost, and see that the drive knows where it is.
+
+        A drive that has booted believes in its team's start place, until the navigation says otherwise.
+        """
+        seen, displacement = self.positions.get(messages.KalmanPositionResponse), self.setting("Recovery.Displacement")
+        yield from startup.check_nodes(self)
+        yield from self._configure(configuration)
+        self.offer(messages.NaviPositionRequest())
+        yield Pause(self.seconds("Goto handshake.State request period"))
+        place = yield from drive_position(self)
+        if seen and seen.position.x is not None and not is_near(seen.position[:3], place[:3], displacement, ANY_ANGLE):
+            self._lost = "the drive has lost its place"
+            there, here = seen.position[:2], place[:2]
+            raise StateError(f"{self._lost}: it was last seen at {there}, and is at {here} now; configure the start")
 
     def _position(self) -> Script[messages.KalmanPositionResponse]:
         yield START
-        answer: messages.KalmanPositionResponse = yield self._asking(
-            messages.KalmanPositionRequest(), messages.KalmanPositionResponse, *STATE_SETTINGS
-        )
-        return answer
+        return (yield from drive_position(self))
+
+    # Match
+
+    def _end_match_at(self, end: float) -> None:
+        if self._match is not None:
+            self._match.cancel()
+        self._match = self.at(end, self._end_match)
+
+    def _end_match(self, _: float) -> None:
+        self.match_over = True
+        self._stop(messages.StopDrive(), Outcome.STOPPED, "the match is over")
 
     # Position polling
 
@@ -297,6 +398,26 @@ class Core(RobotNode):
             again = due + self.seconds("Position polling.Polling period")
             self.at(again, partial(self._poll, request, series))
 
+    # The other nodes
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Stop the drive: a robot with a silent node does not go on."""
+        self._lost = f"node {node_id} has fallen silent"
+        if self._stopped is not None:
+            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+
+    def booted(self, node_id: int) -> None:
+        """Configure a node that has booted before the next goto; a drive that has booted has lost its goto."""
+        self._lost = f"node {node_id} has booted"
+        drive = Channel.to("drive", self.device)
+        if self.is_commanding and drive is not None and drive.node_id == node_id:
+            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+
+    def halted(self) -> None:
+        """Stop the drive when a master takes the node out of OPERATIONAL: it cannot ask for its state any more."""
+        if self.is_commanding:
+            self._stop(messages.StopDrive(), Outcome.STOPPED, "the core was taken out of OPERATIONAL")
+
     # Messages
 
     def _act(self, message: Message) -> None:
@@ -308,24 +429,29 @@ class Core(RobotNode):
         for flow in list(self._flows):
             flow.heard(answer, self.now)
 
-    def _confirmed(self, _: messages.GotoConfirm) -> Message | None:
-        """Stop again if a goto is confirmed after the stop: the more urgent stop can overtake it on the bus."""
-        return self._stopped
+    def _confirmed(self, _: messages.GotoConfirm) -> None:
+        self._stop_late_goto()
+
+    def _told_state(self, state: messages.GotoStateResponse) -> None:
+        if is_driving(state):
+            self._stop_late_goto()
+
+    def _stop_late_goto(self) -> None:
+        """Stop again if the drive carries out a goto that has ended: the stop overtook it, or it was given up."""
+        if self.is_commanding or self._stopped is None:
+            return
+        self._halt(self._stopped)
 
     def _configured(self, _: messages.StartConfigurationConfirm) -> Message | None:
         """Shut down again if a start configuration from before the shutdown is confirmed after it."""
         return messages.EmergencyShutdown() if self.shut_down and self._configuring is None else None
-
-    def heartbeat_lost(self, node_id: int) -> None:
-        """Stop the drive: a robot with a silent node does not go on."""
-        with suppress(StateError):  # a master has taken the TPDO away
-            self._stop(messages.StopDrive())
 
     def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoConfirm: _confirmed,
+        messages.GotoStateResponse: _told_state,
         messages.StartConfigurationConfirm: _configured,
         **dict.fromkeys(get_args(messages.PositionResponse), _saw),
     }

@@ -24,6 +24,9 @@ from eurobot_od.robot.nodes.node import Handlers, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 
+LATE = 0.1
+"""Seconds that a control step may be late and be made up for: as long as a busy computer may take."""
+
 
 class Drive(RobotNode):
     """The drive node (document 2.1 to 2.3, 4.2.2); `chassis` are its wheels, by default ideal ones.
@@ -72,7 +75,7 @@ class Drive(RobotNode):
             return None
         self.goto, self.stopped_by = goto, None
         self._forget_obstruction()
-        way = self._way(goto)
+        way = self._way(goto) if goto.speed else None  # at no speed no place is ever reached
         self.fault = None if way else GotoFault.NOT_POSSIBLE
         if way is None:
             self._brake()
@@ -128,8 +131,12 @@ class Drive(RobotNode):
     # Stops
 
     def _stop(self, stop: messages.StopMessage) -> None:
-        """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1)."""
-        self.goto, self.fault, self.stopped_by = None, None, stop
+        """Brake and forget the goto; an Emergency Stop's reason is kept (document 2.1).
+
+        A plain stop tells a drive that is stopped nothing new: the reason stays.
+        """
+        again = self.goto is None and self.stopped_by is not None and isinstance(stop, messages.StopDrive)
+        self.goto, self.fault, self.stopped_by = None, None, self.stopped_by if again else stop
         self._forget_obstruction()
         self._brake()
 
@@ -141,6 +148,14 @@ class Drive(RobotNode):
 
     def halted(self) -> None:
         """Brake when a master takes the node out of OPERATIONAL: nobody can ask for its state any more."""
+        self._stop(messages.StopDrive())
+
+    def heartbeat_lost(self, node_id: int) -> None:
+        """Brake when the core has fallen silent: nobody can stop the robot any more; a new goto moves it again."""
+        self._stop(messages.StopDrive())
+
+    def booted(self, node_id: int) -> None:
+        """Brake when the core has booted: it has forgotten the goto."""
         self._stop(messages.StopDrive())
 
     # Motion
@@ -168,7 +183,9 @@ class Drive(RobotNode):
             self._watch_wheels(rolled.follows(command, dt), dt)
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
-        self._control = None if done else self.at(now + dt, self._step)
+        # Steps that are late by a moment are made up for; those missed by a node that hung are gone.
+        following = max(now, self.now - LATE) + dt
+        self._control = None if done else self.at(following, self._step)
 
     def _watch_wheels(self, followed: bool, dt: float) -> None:
         """Give up the goto when the wheels have not followed for the setting `Blocked time` (2014 robot: blocked)."""
@@ -204,7 +221,7 @@ class Drive(RobotNode):
         self.configuration, self.safe = configuration, False
         self._stop(messages.StopDrive())
         self.stopped_by = None
-        self.estimate = Estimate(START_POSES[configuration.team_colour])
+        self.estimate = Estimate(START_POSES[configuration.team_colour], assumed=True)
         self.clear_error(messages.EmergencyShutdown)
         return messages.StartConfigurationConfirm()
 

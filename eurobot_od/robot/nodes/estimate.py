@@ -19,13 +19,14 @@ class Estimate:
     """Where the drive believes the robot is.
 
     Navigation positions are blended in with a fixed weight; the Kalman filter that the document names (4.2.2,
-    Navigation), which would weigh both sides by their deviations, is to take the place of that blend.
+    Navigation), which would weigh both sides by their deviations, is to take the place of that blend. An `assumed`
+    pose is one that nothing has measured, such as the start place: the first position overrules it.
     """
 
-    def __init__(self, pose: Pose | None = None) -> None:
+    def __init__(self, pose: Pose | None = None, *, assumed: bool = False) -> None:
         self.pose = pose
         """Place in mm and heading in degrees; None before the first pose or full position."""
-        self._refused = 0
+        self._refused = OUTLIERS_REFUSED if assumed else 0
 
     def moved(self, odometry: Odometry) -> None:
         """Follow what the wheels report along an arc; without effect before the first pose."""

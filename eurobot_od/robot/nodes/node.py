@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from eurobot_od.device.flow import Ask
 from eurobot_od.device.node import Node
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.messages import CATALOGUE, SOURCES
+from eurobot_od.robot.values import RobotError, Source
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
 """What a node does with each message: a function of the node and the message; it returns the answer, or None."""
@@ -17,3 +19,14 @@ class RobotNode(Node):
     """A node of the robot."""
 
     CATALOGUE = CATALOGUE
+
+    def doubt(self, message: Message) -> int | None:
+        """Return the error code for a message that cannot be believed: a position of another robot is none of ours."""
+        source = SOURCES.get(type(message))
+        if source is not None and getattr(message, "source", None) in set(Source) - {source}:
+            return RobotError.WRONG_SOURCE
+        return super().doubt(message)
+
+    def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
+        """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
+        return Ask(request, answer, self.seconds(wait), self.setting(attempts))

@@ -80,7 +80,7 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     player = Player(nodes[0], world, SHORT, Timeline(clock, lambda _: None))
     with ExitStack() as stack:
         stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
-        for node in nodes:
+        for node in reversed(nodes):  # the core leaves first
             stack.enter_context(Live.node(open_bus(channel), node, clock))
         for node in nodes:
             if node.name in changed:

@@ -16,7 +16,15 @@ from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import Pose
-from eurobot_od.robot.messages import StartConfigurationConfirm, StartConfigurationSet
+from eurobot_od.robot.messages import (
+    CheckDriveResponse,
+    CheckNaviResponse,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    StartConfigurationConfirm,
+    StartConfigurationSet,
+)
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
@@ -156,7 +164,18 @@ class Bench:
         for name, node in self.nodes.items():
             if isinstance(node, Peer):
                 self.say(name, StartConfigurationConfirm())
+        self.check()
         self.run(0.005)
+
+    def check(self) -> None:
+        """Have stand-ins answer the node checks."""
+        for name, answer in (("drive", CheckDriveResponse()), ("navigation", CheckNaviResponse())):
+            if isinstance(self.nodes[name], Peer):
+                self.say(name, answer)
+
+    def arrive(self, place: GotoXY) -> None:
+        """Have a stand-in drive say that it has arrived, at a place."""
+        self.say("drive", GotoStateResponse(0), KalmanPositionResponse(*place[:3], Source.INTERNAL))
 
     # What was sent
 

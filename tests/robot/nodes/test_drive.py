@@ -138,9 +138,9 @@ def test_speed_is_percent_of_the_maximum(speed: int, expected: float) -> None:
     assert max(command.speed for command in seat.wheels.commands) == pytest.approx(expected)
 
 
-def test_at_speed_0_the_robot_stays_and_the_time_is_unknown() -> None:
+def test_at_speed_0_the_robot_stays_and_the_goto_is_not_possible() -> None:
     seat = configured().say(GOTO._replace(speed=0)).run(5.0)
-    assert (seat.confirms, seat.remaining) == (1, None)
+    assert (seat.confirms, seat.remaining) == (1, GotoFault.NOT_POSSIBLE)
     assert seat.pose.distance(START.point) < 1e-6
 
 
@@ -232,7 +232,7 @@ def test_a_stop_brakes_to_rest_and_forgets_the_goto(stop: Message) -> None:
         ([EmergencyStop(Obstacle.ENEMY)], Obstacle.ENEMY),
         ([EmergencyStop(Obstacle.ENEMY), EmergencyStop(Obstacle.OBJECT)], Obstacle.OBJECT),
         ([StopDrive()], None),
-        ([EmergencyStop(Obstacle.ENEMY), StopDrive()], None),
+        ([EmergencyStop(Obstacle.ENEMY), StopDrive()], Obstacle.ENEMY),  # it tells a stopped drive nothing new
         ([EmergencyStop(Obstacle.ENEMY), GOTO], None),  # it drives again
     ],
 )
@@ -380,7 +380,7 @@ def test_a_first_navigation_position(
         ((200, 1800, 10), (200, 1800, 3)),
         ((210, 1800, None), (203, 1800, 0)),  # the heading stays
         ((None, None, None), (200, 1800, 0)),  # not seen
-        ((1500, 1000, 0), (200, 1800, 0)),  # an outlier
+        ((1500, 1000, 0), (1500, 1000, 0)),  # nothing has measured the start place yet
     ],
 )
 def test_navigation_positions_correct_the_estimate(
@@ -388,6 +388,11 @@ def test_navigation_positions_correct_the_estimate(
 ) -> None:
     seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == expected
+
+
+def test_an_outlier_is_refused_once_a_position_was_near() -> None:
+    seat = configured().say(*(NaviPositionResponse(x, y, 0, Source.INTERNAL) for x, y in ((200, 1800), (1500, 1000))))
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == (200, 1800, 0)
 
 
 def test_an_angle_that_rounds_to_360_is_0() -> None:

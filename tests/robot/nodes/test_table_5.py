@@ -109,7 +109,8 @@ def _position(message: Message, sender: str, request: Message) -> Row:
     return Row(message, {sender: Cause(hears=(request,))}, {"core": Effect(is_known)})
 
 
-POLL = Cause(_configure, (StartConfigurationConfirm(),))
+CONFIGURED = (StartConfigurationConfirm(), CheckDriveResponse(), CheckNaviResponse())
+POLL = Cause(_configure, CONFIGURED)
 """A configured core asks for all positions."""
 
 TABLE_5 = (
@@ -145,7 +146,7 @@ TABLE_5 = (
     Row(
         GotoStateResponse(0),
         {"drive": Cause(hears=(GotoStateRequest(),))},
-        {"core": Effect(_asks_no_more, (GotoConfirm(),), _goto)},
+        {"core": Effect(lambda bench: bench.sent(KalmanPositionRequest), (GotoConfirm(),), _goto)},
     ),
     _request(NaviPositionRequest(), POLL, "navigation", NaviPositionResponse),
     Row(
@@ -172,7 +173,7 @@ TABLE_5 = (
     Row(
         StartConfigurationConfirm(),
         {"drive": Cause(hears=(RED,)), "navigation": Cause(hears=(RED,))},
-        {"core": Effect(lambda bench: bench.core.configuration == RED, call=_configure)},
+        {"core": Effect(lambda bench: bench.sent(CheckDriveRequest), call=_configure)},
     ),
     _request(CheckNaviRequest(), Cause(Core.check_nodes, (CheckDriveResponse(),)), "navigation", CheckNaviResponse),
     Row(

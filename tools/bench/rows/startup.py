@@ -68,7 +68,7 @@ ENDING = (
 )
 LOADING = "import sys, canopen\nfor file in sys.argv[1:]: canopen.import_od(file)"
 MINIMAL_OBJECTS = 4
-SHORT_LOG = 30
+SHORT_LOG = 45
 SUITE = f"""\
 spec: 1
 name: one step
