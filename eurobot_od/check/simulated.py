@@ -23,7 +23,7 @@ from eurobot_od.errors import RemoteError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Network, processing_time
 
 POWER_UP = 0.1
 """Seconds after which all nodes are up; then the suite begins, and the programs of the nodes."""
@@ -138,7 +138,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
     network = Network()
     tested = make_nodes({name: suite.dictionaries[name] for name in suite.nodes}, seed, lambda: network.now)
     for number, (node, _) in enumerate(tested):
-        network.attach(node, number * BOOT_STEP)
+        network.attach(node, number * BOOT_STEP, processing_time(seed, node.name))
     tester = Tester(next(iter(suite.dictionaries.values())))
     network.attach(tester)
     programs = [Program(node, program, network) for node, program in tested if program is not None]

@@ -48,3 +48,9 @@ def test_the_same_seed_gives_the_same_frames() -> None:
     assert one.steps == other.steps
     assert one.steps[1].reason is not None
     assert len(one.steps[1].reason.frames) > 1
+
+
+def test_how_long_a_node_takes_to_answer_comes_from_the_seed() -> None:
+    steps = document("- send: Check Drive Request\n- expect: Check Drive Response")
+    seconds = {round(results(steps, seed=seed).steps[1].seconds, 6) for seed in range(1, 9)}
+    assert len(seconds) > 2

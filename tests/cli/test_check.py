@@ -179,7 +179,7 @@ def test_ctrl_c_ends_with_teardown_and_report() -> None:
 def test_a_thousand_steps_are_a_suite_like_any_other(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     steps = "\n".join(["- send: Check Drive Request", "- expect: Check Drive Response"] * 500)
     (folder / "long.yaml").write_text(document(steps))
-    assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.1 s")
+    assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.2 s")
 
 
 def test_the_guides_first_suite_runs_at_the_first_try(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -178,3 +178,19 @@ def test_the_next_expiry_is_that_of_the_frame_that_waits_longest() -> None:
     assert boxes.next_expiry == 1.0 + WAIT
     boxes.expire(1.0 + WAIT)
     assert boxes.next_expiry is None
+
+
+def test_mailboxes_hold_a_frame_from_its_submission_until_it_was_sent() -> None:
+    boxes, _ = mailboxes(count=1)
+    (frame,) = frames("008#01")
+    held = [boxes.holds(frame)]
+    for step in (
+        lambda: submit(boxes, 0.0, "008#02", "008#01"),  # the other one gets the mailbox
+        lambda: boxes.load(0.0),
+        lambda: boxes.complete(Frame(0x008, b"\x02")),
+        lambda: boxes.load(0.0),
+        lambda: boxes.complete(frame),
+    ):
+        step()
+        held.append(boxes.holds(frame))
+    assert held == [False, True, True, True, True, False]

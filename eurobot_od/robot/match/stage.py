@@ -27,7 +27,7 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import Network, processing_time
 
 if TYPE_CHECKING:
     import can
@@ -105,9 +105,9 @@ class Performance:
         return summary, self._world
 
 
-def _switch_on(nodes: Iterable[Node], network: Network) -> None:
+def _switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
     for node in nodes:
-        network.attach(node, BOOT_TIMES[node.name])
+        network.attach(node, BOOT_TIMES[node.name], processing_time(seed, node.name))
 
 
 def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: MatchOptions = DEFAULTS) -> Result:
@@ -117,7 +117,7 @@ def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: M
     """
     network = Network()
     nodes, _ = cast_for(options, EdsFiles.read(options.dialect), lambda: network.now)
-    _switch_on(nodes, network)
+    _switch_on(nodes, network, options.seed)
     network.run(POWER_UP)
     return loop.run(network, strategy(nodes[0]))
 
@@ -131,7 +131,7 @@ def play_simulated(
     """
     network = Network()
     match = Performance(options, files or EdsFiles.read(options.dialect), lambda: network.now, show, watch)
-    _switch_on(match.nodes, network)
+    _switch_on(match.nodes, network, options.seed)
     network.observers.append(match.seen)
     loop.run(network, match.play(network.bitrate, "simulated"))
     return match.result(network.now, network.bitrate, network.reports)

@@ -106,6 +106,11 @@ def test_events_come_in_the_order_of_startup_and_match() -> None:
     assert times == sorted(times)
 
 
+def test_the_confirms_of_drive_and_navigation_are_two_frames_or_merge_with_the_seed() -> None:
+    matches = [play(MatchOptions(seed=seed, duration=0.1)) for seed in range(1, 21)]
+    assert {match.summary.frames["Start Configuration Confirm"] for match in matches} == {1, 2}
+
+
 # The mushroom
 
 
