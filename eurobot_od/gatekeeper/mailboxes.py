@@ -115,10 +115,6 @@ class Mailboxes:
                 return True
         return False
 
-    def holds(self, frame: Frame) -> bool:
-        """Tell whether a frame equal to this one waits or is in a mailbox."""
-        return any(each.frame == frame for each in (*self._waiting, *self._loaded))
-
     @property
     def next_expiry(self) -> float | None:
         """When the first of the waiting frames will have waited too long, in seconds; None if none waits."""

@@ -47,8 +47,11 @@ class Ear(Peer):
         return [time for time, heard in self.heard if heard == frame]
 
 
+HEARTBEAT = Frame(0x701, b"\x05")
+
+
 class Wire:
-    """Stand-ins for the three nodes on a bus that is idle at 0.1 s, and the frames since."""
+    """Stand-ins for the three nodes on a bus that is idle at 0.1 s, and the frames since but the core's heartbeats."""
 
     def __init__(self, processing: float = 0.0) -> None:
         self.network = Network()
@@ -59,7 +62,11 @@ class Wire:
         for node in nodes:
             node.heard.clear()
         self.frames: list[tuple[float, Frame]] = []
-        self.network.observers.append(lambda time, frame: self.frames.append((time, frame)))
+        self.network.observers.append(self._observe)
+
+    def _observe(self, time: float, frame: Frame) -> None:
+        if frame != HEARTBEAT:
+            self.frames.append((time, frame))
 
     def run(self, until: float) -> list[Frame]:
         self.network.run(until)

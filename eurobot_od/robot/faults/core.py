@@ -223,7 +223,7 @@ FAULTS = {
         "sends more than the obstacle's bit (2014 robot)",
         hooks.leaving(EmergencyStop, hooks.data(lambda data: bytes([data[0] | 0xF6]))),
     ),
-    "state-asked-after-stop": Caught("core", "2.1 Stop: the goto's state is not asked for any more").fault(
+    "state-asked-after-stop": Caught("core", "2.1 Stop: no more questions when the robot stands").fault(
         "goes on asking for the state of a goto that was stopped", hooks.leaving(EmergencyStop, _ask_on)
     ),
     "goto-after-shutdown": Caught("core", "4.2.2 Emergency mushroom: no goto after it").fault(
