@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import NamedTuple
 
+from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
@@ -17,7 +18,7 @@ from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.storage import Store
-from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
+from eurobot_od.errors import Cause, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
@@ -56,6 +57,9 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
 }
 """What an operational device does when a heartbeat is lost, by error behaviour 0x1029:1 (CiA 301, 7.5.2.32)."""
 
+REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
+"""How a command written over SDO is refused, by why the application does not act on it."""
+
 
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
@@ -78,15 +82,22 @@ Ear = Callable[[Frame], Reaction]
 class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
-    `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types. `operational` tells whether its
+    `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
+    objects are bound to. `operational` tells whether its
     NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the
     COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and
     `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro).
     `plan` has what frames have made it plan, and `next_wakeup` everything.
     """
 
-    def __init__(self, dictionary: Dictionary, store: Store | None = None, catalogue: Catalogue = NOTHING) -> None:
-        self._file, self._catalogue = dictionary, catalogue
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        store: Store | None = None,
+        catalogue: Catalogue = NOTHING,
+        application: Application = NO_APPLICATION,
+    ) -> None:
+        self._file, self._catalogue, self._application = dictionary, catalogue, application
         self._store, self.plan = store, Plan()
         self._stored = store.load() if store else {}
         self.state = NmtState.INITIALISING
@@ -112,16 +123,20 @@ class Device:
         self.emergencies = Emergencies(
             lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
         )
-        self._writers: dict[int, OnWrite] = {}
-        readers: dict[int, OnRead] = {
+        readers: dict[int, OnRead] = {}
+        writers: dict[int, OnWrite] = {}
+        self.objects = Objects(self.dictionary, readers, writers)
+        self.objects.values = values
+        self._pdos = Pdos(self.objects, self._catalogue)
+        bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
+        readers |= {
+            **bound.readers(),
             ERROR_REGISTER: lambda _: self.emergencies.register,
             ERROR_FIELD: self.emergencies.read_field,
             STORED_EDS: self._read_eds,
         }
-        self.objects = Objects(self.dictionary, readers, self._writers)
-        self.objects.values = values
-        self._pdos = Pdos(self.objects, self._catalogue)
-        self._writers |= {
+        writers |= {
+            **bound.writers(),
             ERROR_FIELD: self.emergencies.clear_field,
             STORE: self._save,
             RESTORE: self._restore,
@@ -186,6 +201,15 @@ class Device:
             self._configure()
 
         return written
+
+    def _command(self, binding: Binding, message: Message) -> None:
+        """Have the application act on what was written as on a PDO; raises Abort with the reason if it does not."""
+        if not self.operational and not binding.always:
+            raise Abort(AbortCode.STATE, f"{self.dictionary.name} is {self.state.name}")
+        try:
+            self._application.act(message)
+        except Refused as refused:
+            raise Abort(REFUSAL[refused.cause], str(refused)) from refused
 
     def _read_eds(self, _: int) -> Value:
         try:

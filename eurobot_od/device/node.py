@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Hashable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import partial
 from math import inf
 from typing import Any, ClassVar
 
+from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer, TimerAction, Timers
-from eurobot_od.errors import StateError
+from eurobot_od.errors import Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
@@ -27,7 +29,10 @@ class Node:
     """A node, made from its EDS; `store` keeps its settings over a restart, None as long as it runs.
 
     `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
-    answer with, or None. As it stands, the class does nothing with a message: it runs anybody's device.
+    answer with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName,
+    which objects are read from the node and which ones, written over SDO, mean a message: when the last sub-index is
+    written, the node acts as if the frame had come. As it stands, the class does nothing with a message: it runs
+    anybody's device.
 
     `ignored` counts messages that were not acted on because of a value out of range, `withheld` those that were not
     sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
@@ -37,9 +42,10 @@ class Node:
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
+    OBJECTS: ClassVar[Mapping[str, BoundObject]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
-        self.device = Device(dictionary, store, self.CATALOGUE)
+        self.device = Device(dictionary, store, self.CATALOGUE, self._application())
         self.name = dictionary.name
         self.now = 0.0
         self.ignored = self.withheld = 0
@@ -49,6 +55,11 @@ class Node:
         self._soon: deque[TimerAction] = deque()
         self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
+
+    def _application(self) -> Application:
+        readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
+        writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
+        return Application(readers, writers, self._act)
 
     def setting(self, name: str) -> int:
         """Return a setting from the object dictionary by its ParameterNames."""
@@ -179,11 +190,12 @@ class Node:
     # Hooks: what a faulty node does otherwise, without knowing how a healthy one works inside (`reset` is one, too)
 
     def handle(self, message: Message) -> None:
-        """Take in a message that has come: act on it unless a value in it is out of range."""
+        """Take in a message that has come: act on it unless a value in it is out of range, or the node refuses it."""
         if message and is_flagged(message) and type(message) not in self.CATALOGUE.always:
             self.ignored += 1
         else:
-            self._act(message)
+            with suppress(Refused):
+                self._act(message)
 
     def _act(self, message: Message) -> None:
         answer = self.answer_to(message)
@@ -191,7 +203,10 @@ class Node:
             self.offer(answer)
 
     def answer_to(self, message: Message) -> Message | None:
-        """Do what a message says, and return the answer to it without sending it; None if there is none."""
+        """Do what a message says, and return the answer to it without sending it; None if there is none.
+
+        Raises Refused, and has done nothing then.
+        """
         handler = self.HANDLERS.get(type(message))
         return handler(self, message) if handler is not None else None
 

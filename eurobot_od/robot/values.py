@@ -74,6 +74,7 @@ class RobotError(IntEnum):
 
     EMERGENCY_SHUTDOWN = 0xFF01
     DRIVE_BLOCKED = 0xFF02
+    CONFIGURATION_REFUSED = 0xFF03
 
 
 class Passage(IntEnum):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
+from eurobot_od.errors import Refused
 from eurobot_od.robot.faults import hooks
 from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
@@ -73,7 +75,8 @@ def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
 
 def _begin(drive: Drive, goto: GotoXY) -> None:
     """Begin a goto without confirming it: the answer is not sent."""
-    drive.answer_to(goto)
+    with suppress(Refused):
+        drive.answer_to(goto)
 
 
 def _confirmed_on_arrival(drive: Drive, goto: GotoXY, _: Any) -> None:

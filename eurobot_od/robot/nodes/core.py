@@ -22,6 +22,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any, ClassVar, NamedTuple, get_args
 
+from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script
 from eurobot_od.device.storage import Store
 from eurobot_od.errors import NoAnswer, StateError
@@ -30,7 +31,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
 from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
-from eurobot_od.robot.nodes.node import Handlers, RobotNode
+from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.values import FAULT_OUTCOME, Barriers, Direction, Obstacle, Outcome, Route, Source, TeamColour
 
 NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
@@ -126,15 +127,17 @@ class Core(RobotNode):
     ) -> Call[float]:
         """Set the start configuration; the result is the seconds until its confirm (document 2.3).
 
-        Diameters in cm, 0..50. The confirms of drive and navigation have one identifier: one of them is enough.
-        Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a newer
-        start configuration or an Emergency Shutdown comes before the confirm.
+        Diameters in cm, 0..50, and 0 for an enemy that is not there. The confirms of drive and navigation have one
+        identifier: one of them is enough. Position polling starts after the `Start delay` setting. Raises FieldError,
+        NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the confirm.
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
         )
         with self.guard:
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
+            if wrong := configuration.contradiction():
+                raise wrong
             self._end(self._configuring, StateError("replaced by a newer start configuration"))
             self._configuring = self._begin(self._configure(configuration))
             return self._configuring.call
@@ -324,6 +327,14 @@ class Core(RobotNode):
     def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
+    OBJECTS: ClassVar[Objects] = {
+        "Goto state": BoundObject(write=messages.GotoStateResponse),
+        "Navi position": BoundObject(write=messages.NaviPositionResponse),
+        "Kalman position": BoundObject(write=messages.KalmanPositionResponse),
+        "Enemy 1 position": BoundObject(write=messages.Enemy1PositionResponse),
+        "Enemy 2 position": BoundObject(write=messages.Enemy2PositionResponse),
+        "Confederate position": BoundObject(write=messages.ConfederatePositionResponse),
+    }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoConfirm: _confirmed,
         messages.StartConfigurationConfirm: _configured,
