@@ -18,6 +18,7 @@ from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.storage import Store
+from eurobot_od.device.sync import Arrival, Synchronous
 from eurobot_od.errors import Cause, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -65,7 +66,7 @@ class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
     `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeat was
-    `lost`, and an SDO `answer` to the device as a client.
+    `lost`, an SDO `answer` to the device as a client, and the messages that waited for SYNC and are `synchronous`.
     """
 
     frames: list[Frame]
@@ -73,6 +74,7 @@ class Reaction(NamedTuple):
     reset: bool = False
     lost: tuple[int, ...] = ()
     answer: Frame | None = None
+    synchronous: tuple[Message, ...] = ()
 
 
 Ear = Callable[[Frame], Reaction]
@@ -146,6 +148,7 @@ class Device:
         }
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
+        self._synchronous = Synchronous(self._pdos.sync_type)
         self._server = SdoServer(self.objects)
         self._consumer = HeartbeatConsumer()
         self._next_heartbeat = inf
@@ -162,12 +165,17 @@ class Device:
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
             **dict.fromkeys(self._pdos.received, self._receive_pdo),
+            self._pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
         }
         self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
         self.identifiers = sorted(self._ears)
+        self._restart_pdos()
+
+    def _restart_pdos(self) -> None:
         self._pacing.restart(self._pdos.sent.values(), self._now)
+        self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
 
     @property
     def protocol(self) -> Protocol:
@@ -267,7 +275,7 @@ class Device:
 
     def _enter(self, state: NmtState) -> None:
         self.state = state
-        self._pacing.restart(self._pdos.sent.values(), self._now)
+        self._restart_pdos()
         if state is NmtState.STOPPED:
             self._server.forget()
 
@@ -372,13 +380,26 @@ class Device:
         except FrameLengthError:
             self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
             return Reaction([])
-        if binding.layout.length:
-            self._process.note(binding, frame.data)
         if len(frame.data) > binding.layout.length:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
         elif binding.name in self.emergencies.errors:
             self.emergencies.cleared(binding.name)
+        if binding in self._synchronous:
+            self._synchronous.hold(Arrival(binding, frame.data, message))
+            return Reaction([])
+        if binding.layout.length:
+            self._process.note(binding, frame.data)
         return Reaction([], message)
+
+    def _receive_sync(self, _: Frame) -> Reaction:
+        """Send what goes with this SYNC, with the values of now, and let take effect what has waited for it."""
+        if not self.operational:
+            return Reaction([])
+        frames = [self._process.frame(binding) for binding in self._synchronous.due()]
+        arrived = self._synchronous.arrived()
+        for each in arrived:
+            self._process.note(each.binding, each.data)
+        return Reaction(frames, synchronous=tuple(each.message for each in arrived))
 
     def _raise_length(self, code: ErrorCode, binding: Binding, frame: Frame) -> None:
         self.emergencies.raised(code, binding.name, frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)]))
@@ -399,13 +420,19 @@ class Device:
         return binding
 
     def send(self, message: Message, now: float) -> list[Frame]:
-        """Return the frame of a message to send now, none if its inhibit time holds it back; raises as `transmit`."""
+        """Return the frame of a message to send now, none if it has to wait for SYNC or for its inhibit time.
+
+        Raises as `transmit`.
+        """
         binding = self._pdos.sent.get(type(message)) if self.operational else None
         if binding is None:
             binding = self._sendable(message)  # a stop, or it says what is wrong
         frame = binding.encode(message)
         if frame.data:
             self._process.note(binding, frame.data)
+        if binding in self._synchronous:
+            self._synchronous.ask(binding)
+            return []
         frames = self._pacing.admit(binding, frame, now)
         if not frames:
             self.plan.at(self._pacing.next)

@@ -116,7 +116,7 @@ class Node:
         self._call()
 
     def _react(self, reaction: Reaction) -> None:
-        frames, message, reset, lost, answer = reaction
+        frames, message, reset, lost, answer, synchronous = reaction
         self._out += frames
         if self._operational is not self.device.operational:
             self._operational = self.device.operational
@@ -128,6 +128,8 @@ class Node:
             self.heartbeat_lost(node_id)
         if message is not None:
             self.handle(message)
+        for each in synchronous:
+            self.handle(each)
         if answer is not None:
             self.answered(answer)
 
