@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, ClassVar
 
 from eurobot_od.errors import Refused
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults import hooks
 from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
@@ -39,6 +40,7 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.nodes.node import Objects
 from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Passage, Source, TeamColour
 
 WITHOUT_BARRIERS = 6
@@ -63,6 +65,33 @@ CONFIRMED = "2.3 Start Configuration Confirm: the drive confirms"
 ANGLE_REACHED = "1 and 2.1 Goto: the angle is reached, counted counter-clockwise"
 START_PLACE = "2.3 Start Configuration Set: the robot is at its team's start place"
 """Steps that find several faults: the first ones that look at an angle, and at a place."""
+
+
+class CommandsStored(Drive):
+    """Keeps what is written to the object of a command, and does nothing else."""
+
+    OBJECTS: ClassVar[Objects] = {name: each._replace(write=None) for name, each in Drive.OBJECTS.items()}
+
+
+class MeasurementsKept(Drive):
+    """Has in its objects what it sent last, not what it measures."""
+
+    OBJECTS: ClassVar[Objects] = {name: each._replace(read=None) for name, each in Drive.OBJECTS.items()}
+
+
+class RefusalsSwallowed(Drive):
+    """Says nothing of what it does not act on."""
+
+    def _act(self, message: Message) -> None:
+        with suppress(Refused):
+            super()._act(message)
+
+
+class ContradictionsTaken(Drive):
+    """Takes any start configuration."""
+
+    def check_configuration(self, configuration: StartConfigurationSet) -> None:
+        """Find nothing wrong."""
 
 
 def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
@@ -394,4 +423,17 @@ FAULTS = {
         "takes the first start configuration, and confirms later ones without taking them",
         hooks.handling(StartConfigurationSet, _only_first),
     ),
+    "contradictions-taken": Caught("sdo-commands", "Table 3 by SDO: no enemy, but a diameter, is refused").fault(
+        "takes a start configuration that contradicts itself", ContradictionsTaken
+    ),
+    # Commands and measurements over SDO
+    "sdo-commands-ignored": Caught(
+        "sdo-commands", "2.3 Start configuration by SDO: the last value is the command"
+    ).fault("stores what is written to the object of a command, and does not carry it out", CommandsStored),
+    "sdo-refusals-swallowed": Caught(
+        "sdo-commands", "4.2.2 Emergency mushroom: a goto by SDO is refused in the safe state"
+    ).fault("confirms a command by SDO that it does not carry out", RefusalsSwallowed),
+    "measurements-frozen": Caught(
+        "sdo-commands", "2.2 Kalman position by SDO: the robot is at its team's start place"
+    ).fault("has in its objects what it sent last, not where it is", MeasurementsKept),
 }
