@@ -85,11 +85,11 @@ class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
     `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
-    objects are bound to. `operational` tells whether its
-    NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the
-    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and
-    `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro).
-    `plan` has what frames have made it plan, and `next_wakeup` everything.
+    objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
+    its messages as they are mapped now, `identifiers` the COB-IDs of all frames it listens to. Both are replaced as a
+    whole when a master changes them. `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server, None without
+    one; no master changes them (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup`
+    everything.
     """
 
     def __init__(
