@@ -101,6 +101,21 @@ class NoAnswer(RemoteError):
         super().__init__(f"no {answer} after {attempts} x {request} ({waited * 1000:.0f} ms each)")
 
 
+class Cause(Enum):
+    """Why a node does not act on a message: the state it is in, or values that contradict each other."""
+
+    STATE = "state"
+    VALUES = "values"
+
+
+class Refused(RemoteError):
+    """A message that a node does not act on: the `cause`, and why in words."""
+
+    def __init__(self, cause: Cause, why: str) -> None:
+        self.cause = cause
+        super().__init__(why)
+
+
 class NodeRefused(RemoteError):
     """A node aborted an SDO transfer: `node_id`, `request`, abort `code` and `reason` (CiA 301, Table 22)."""
 

@@ -8,6 +8,7 @@ import pytest
 
 from eurobot_od.errors import (
     BusError,
+    Cause,
     ConfigurationError,
     DictionaryError,
     EurobotError,
@@ -18,6 +19,7 @@ from eurobot_od.errors import (
     MappingError,
     NoAnswer,
     NodeRefused,
+    Refused,
     RemoteError,
     StateError,
     UnknownIdentifier,
@@ -57,6 +59,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
         RemoteError,
         "node 2 refused to write 0x1017:0: value range exceeded (0x06090030)",
     ),
+    (Refused(Cause.STATE, "the safe state is held"), RemoteError, "the safe state is held"),
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from math import inf
 from typing import NamedTuple
 
+from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
 from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
@@ -17,7 +18,8 @@ from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.storage import Store
-from eurobot_od.errors import DictionaryError, FrameLengthError, StateError
+from eurobot_od.device.sync import Arrival, Synchronous
+from eurobot_od.errors import Cause, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
@@ -56,12 +58,16 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
 }
 """What an operational device does when a heartbeat is lost, by error behaviour 0x1029:1 (CiA 301, 7.5.2.32)."""
 
+REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
+"""How a command written over SDO is refused, by why the application does not act on it."""
+
 
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
 
     `frames` to send, the `message` for the application, whether it was `reset`, the node-IDs whose heartbeat was
-    `lost`, an SDO `answer` to the device as a client, and the node-ID of a watched node that has `booted`.
+    `lost`, an SDO `answer` to the device as a client, the node-ID of a watched node that has `booted`, and the messages
+    that waited for SYNC and are `synchronous`.
     """
 
     frames: list[Frame]
@@ -70,6 +76,7 @@ class Reaction(NamedTuple):
     lost: tuple[int, ...] = ()
     answer: Frame | None = None
     booted: int | None = None
+    synchronous: tuple[Message, ...] = ()
 
 
 Ear = Callable[[Frame], Reaction]
@@ -79,15 +86,22 @@ Ear = Callable[[Frame], Reaction]
 class Device:
     """The CANopen side of a node, made from its `dictionary`.
 
-    `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types. `operational` tells whether its
-    NMT `state` allows PDOs. `objects` has its values, `protocol` its messages as they are mapped now, `identifiers` the
-    COB-IDs of all frames it listens to. Both are replaced as a whole when a master changes them. `sdo_requests` and
-    `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA 301, 7.5.2.33: ro).
-    `plan` has what frames have made it plan, and `next_wakeup` everything.
+    `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
+    objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
+    its messages as they are mapped now, `identifiers` the COB-IDs of all frames it listens to. Both are replaced as a
+    whole when a master changes them. `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server, None without
+    one; no master changes them (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup`
+    everything.
     """
 
-    def __init__(self, dictionary: Dictionary, store: Store | None = None, catalogue: Catalogue = NOTHING) -> None:
-        self._file, self._catalogue = dictionary, catalogue
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        store: Store | None = None,
+        catalogue: Catalogue = NOTHING,
+        application: Application = NO_APPLICATION,
+    ) -> None:
+        self._file, self._catalogue, self._application = dictionary, catalogue, application
         self._store, self.plan = store, Plan()
         self._stored = store.load() if store else {}
         self.state = NmtState.INITIALISING
@@ -113,16 +127,20 @@ class Device:
         self.emergencies = Emergencies(
             lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
         )
-        self._writers: dict[int, OnWrite] = {}
-        readers: dict[int, OnRead] = {
+        readers: dict[int, OnRead] = {}
+        writers: dict[int, OnWrite] = {}
+        self.objects = Objects(self.dictionary, readers, writers)
+        self.objects.values = values
+        self._pdos = Pdos(self.objects, self._catalogue)
+        bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
+        readers |= {
+            **bound.readers(),
             ERROR_REGISTER: lambda _: self.emergencies.register,
             ERROR_FIELD: self.emergencies.read_field,
             STORED_EDS: self._read_eds,
         }
-        self.objects = Objects(self.dictionary, readers, self._writers)
-        self.objects.values = values
-        self._pdos = Pdos(self.objects, self._catalogue)
-        self._writers |= {
+        writers |= {
+            **bound.writers(),
             ERROR_FIELD: self.emergencies.clear_field,
             STORE: self._save,
             RESTORE: self._restore,
@@ -132,6 +150,7 @@ class Device:
         }
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
+        self._synchronous = Synchronous(self._pdos.sync_type)
         self._server = SdoServer(self.objects)
         self._consumer = HeartbeatConsumer()
         self._next_heartbeat = inf
@@ -148,12 +167,17 @@ class Device:
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
             **dict.fromkeys(self._pdos.received, self._receive_pdo),
+            self._pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
         }
         self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
         self.identifiers = sorted(self._ears)
+        self._restart_pdos()
+
+    def _restart_pdos(self) -> None:
         self._pacing.restart(self._pdos.sent.values(), self._now)
+        self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
 
     @property
     def protocol(self) -> Protocol:
@@ -192,6 +216,15 @@ class Device:
             self._configure()
 
         return written
+
+    def _command(self, binding: Binding, message: Message) -> None:
+        """Have the application act on what was written as on a PDO; raises Abort with the reason if it does not."""
+        if not self.operational and not binding.always:
+            raise Abort(AbortCode.STATE, f"{self.dictionary.name} is {self.state.name}")
+        try:
+            self._application.act(message)
+        except Refused as refused:
+            raise Abort(REFUSAL[refused.cause], str(refused)) from refused
 
     def _read_eds(self, _: int) -> Value:
         try:
@@ -249,7 +282,7 @@ class Device:
 
     def _enter(self, state: NmtState) -> None:
         self.state = state
-        self._pacing.restart(self._pdos.sent.values(), self._now)
+        self._restart_pdos()
         if state is NmtState.STOPPED:
             self._server.forget()
 
@@ -354,13 +387,26 @@ class Device:
         except FrameLengthError:
             self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
             return Reaction([])
-        if binding.layout.length:
-            self._process.note(binding, frame.data)
         if len(frame.data) > binding.layout.length:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
         elif binding.name in self.emergencies.errors:
             self.emergencies.cleared(binding.name)
+        if binding in self._synchronous:
+            self._synchronous.hold(Arrival(binding, frame.data, message))
+            return Reaction([])
+        if binding.layout.length:
+            self._process.note(binding, frame.data)
         return Reaction([], message)
+
+    def _receive_sync(self, _: Frame) -> Reaction:
+        """Send what goes with this SYNC, with the values of now, and let take effect what has waited for it."""
+        if not self.operational:
+            return Reaction([])
+        frames = [self._process.frame(binding) for binding in self._synchronous.due()]
+        arrived = self._synchronous.arrived()
+        for each in arrived:
+            self._process.note(each.binding, each.data)
+        return Reaction(frames, synchronous=tuple(each.message for each in arrived))
 
     def _raise_length(self, code: ErrorCode, binding: Binding, frame: Frame) -> None:
         self.emergencies.raised(code, binding.name, frame.cob_id.to_bytes(2, "little") + bytes([len(frame.data)]))
@@ -381,13 +427,19 @@ class Device:
         return binding
 
     def send(self, message: Message, now: float) -> list[Frame]:
-        """Return the frame of a message to send now, none if its inhibit time holds it back; raises as `transmit`."""
+        """Return the frame of a message to send now, none if it has to wait for SYNC or for its inhibit time.
+
+        Raises as `transmit`.
+        """
         binding = self._pdos.sent.get(type(message)) if self.operational else None
         if binding is None:
             binding = self._sendable(message)  # a stop, or it says what is wrong
         frame = binding.encode(message)
         if frame.data:
             self._process.note(binding, frame.data)
+        if binding in self._synchronous:
+            self._synchronous.ask(binding)
+            return []
         frames = self._pacing.admit(binding, frame, now)
         if not frames:
             self.plan.at(self._pacing.next)

@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Hashable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer, TimerAction, Timers
-from eurobot_od.errors import StateError
+from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
@@ -30,7 +32,10 @@ class Node:
     """A node, made from its EDS; `store` keeps its settings over a restart, None as long as it runs.
 
     `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
-    answer with, or None. As it stands, the class does nothing with a message: it runs anybody's device.
+    answer with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName,
+    which objects are read from the node and which ones, written over SDO, mean a message: when the last sub-index is
+    written, the node acts as if the frame had come. As it stands, the class does nothing with a message: it runs
+    anybody's device.
 
     `ignored` counts messages that were not acted on because of what they say, `withheld` those that were not
     sent because of the NMT state or because their TPDO is not valid. Whoever runs the node from several threads sets
@@ -41,9 +46,10 @@ class Node:
 
     CATALOGUE: ClassVar[Catalogue] = NOTHING
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
+    OBJECTS: ClassVar[Mapping[str, BoundObject]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
-        self.device = Device(dictionary, store, self.CATALOGUE)
+        self.device = Device(dictionary, store, self.CATALOGUE, self._application())
         self.name = dictionary.name
         self.now = 0.0
         self.ignored = self.withheld = 0
@@ -54,6 +60,11 @@ class Node:
         self._soon: deque[TimerAction] = deque()
         self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
+
+    def _application(self) -> Application:
+        readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
+        writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
+        return Application(readers, writers, self._obey)
 
     def setting(self, name: str) -> int:
         """Return a setting from the object dictionary by its ParameterNames."""
@@ -110,7 +121,7 @@ class Node:
         self._call()
 
     def _react(self, reaction: Reaction) -> None:
-        frames, message, reset, lost, answer, booted = reaction
+        frames, message, reset, lost, answer, booted, synchronous = reaction
         self._out += frames
         if self._operational is not self.device.operational:
             self._operational = self.device.operational
@@ -124,6 +135,8 @@ class Node:
             self.booted(booted)
         if message is not None:
             self.handle(message)
+        for each in synchronous:
+            self.handle(each)
         if answer is not None:
             self.answered(answer)
 
@@ -196,9 +209,9 @@ class Node:
     # Hooks: what a faulty node does otherwise, without knowing how a healthy one works inside (`reset` is one, too)
 
     def handle(self, message: Message) -> None:
-        """Take in a message that has come: act on it unless there is something wrong with what it says.
+        """Take in a message that has come, and act on it if it can be believed and the node does not refuse it.
 
-        What is wrong is counted and told by EMCY, once until a message of its type is right again.
+        One that cannot be believed is counted and told by EMCY, once until a message of its type can be again.
         """
         emergencies, what = self.device.emergencies, (Node.doubt, type(message))
         doubt = self.doubt(message)
@@ -208,7 +221,8 @@ class Node:
             return
         if what in emergencies.errors:
             emergencies.cleared(what)
-        self._act(message)
+        with suppress(Refused):
+            self._act(message)
 
     def doubt(self, message: Message) -> int | None:
         """Return the error code for a message that is not to be acted on, None for any other.
@@ -218,13 +232,22 @@ class Node:
         flagged = message and is_flagged(message) and type(message) not in self.CATALOGUE.always
         return ErrorCode.VALUE_OUT_OF_RANGE if flagged else None
 
+    def _obey(self, command: Message) -> None:
+        """Act on what writing an object means; raises Refused."""
+        if self.doubt(command) is not None:
+            raise Refused(Cause.VALUES, "it cannot be believed")
+        self._act(command)
+
     def _act(self, message: Message) -> None:
         answer = self.answer_to(message)
         if answer is not None:
             self.offer(answer)
 
     def answer_to(self, message: Message) -> Message | None:
-        """Do what a message says, and return the answer to it without sending it; None if there is none."""
+        """Do what a message says, and return the answer to it without sending it; None if there is none.
+
+        Raises Refused, and has done nothing then.
+        """
         handler = self.HANDLERS.get(type(message))
         return handler(self, message) if handler is not None else None
 

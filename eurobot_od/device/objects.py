@@ -52,16 +52,23 @@ class Objects:
     # For the device
 
     def value(self, address: Address) -> Value:
-        """Return an object's present value: as written or received, else as in the file."""
+        """Return an object's present value: from its reader, else what is kept; raises Abort if a reader does."""
         part = self._part(address)
         if part is not None:
-            return self.raw(part.whole) >> part.low & (1 << part.bits) - 1
+            return part.of(self.raw(part.whole))
+        reader = self._readers.get(address[0])
+        return self.kept(address) if reader is None else reader(address[1])
+
+    def kept(self, address: Address) -> Value:
+        """Return the value that was written or received last, else the file's."""
         return self.values[address] if address in self.values else self.dictionary.default(address)
 
     def raw(self, address: Address) -> int:
-        """Return a value as the unsigned bits that a PDO carries; 0 without one."""
-        value = self.value(address)
-        return value if isinstance(value, int) else 0
+        """Return a value as the unsigned bits that a PDO carries; 0 without one, and where a reader has none."""
+        try:
+            return _bits(self.value(address))
+        except Abort:
+            return 0
 
     def number(self, address: Address) -> int:
         """Return a value that has to be a number; raises DictionaryError."""
@@ -81,8 +88,7 @@ class Objects:
         if part is None or not isinstance(value, int):
             self.values[address] = value
         else:
-            mask = (1 << part.bits) - 1
-            self.values[part.whole] = self.raw(part.whole) & ~(mask << part.low) | (value & mask) << part.low
+            self.values[part.whole] = part.put(_bits(self.kept(part.whole)), value)
 
     def _part(self, address: Address) -> Part | None:
         if address not in self._parts:
@@ -100,8 +106,7 @@ class Objects:
         variable = self._variable(address)
         if not variable.readable:
             raise Abort(AbortCode.WRITE_ONLY)
-        reader = self._readers.get(address[0])
-        value, type_ = self.value(address) if reader is None else reader(address[1]), data_type(variable)
+        value, type_ = self.value(address), data_type(variable)
         if value is None and type_.size:
             return bytes(type_.size)  # what a file gives no value has 0; a text or a file may be there or not
         try:
@@ -124,7 +129,7 @@ class Objects:
     def write(self, address: Address, data: bytes) -> None:
         """Give an object the value in its SDO form, with all that follows from it; raises Abort."""
         self.admit(address, len(data))
-        variable, before = self._variable(address), self.value(address)
+        variable, before = self._variable(address), self.kept(address)
         value = data_type(variable).read(data)
         if isinstance(value, (int, float)):
             if variable.max is not None and value > variable.max:
@@ -132,7 +137,7 @@ class Objects:
             if variable.min is not None and value < variable.min:
                 raise Abort(AbortCode.TOO_LOW)
         self._writers.get(address[0], self.put)(address, value)
-        if is_configuration(address) and address not in VERIFY_CONFIGURATION and self.value(address) != before:
+        if is_configuration(address) and address not in VERIFY_CONFIGURATION and self.kept(address) != before:
             # A changed configuration is not the verified one any more (CiA 301, 7.5.2.21).
             for mark in VERIFY_CONFIGURATION:
                 self.values.pop(mark, None)
@@ -143,3 +148,7 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
         return variable
+
+
+def _bits(value: Value) -> int:
+    return value if isinstance(value, int) else 0

@@ -11,6 +11,7 @@ from itertools import accumulate
 from math import inf
 
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
+from eurobot_od.device.sync import PRODUCER, SYNC, SYNCHRONOUS
 from eurobot_od.errors import MappingError
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
@@ -26,7 +27,7 @@ REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
 """Identifiers that no PDO may have; the low restricted ones are allowed, as this protocol has its messages there."""
 
 EVENT_DRIVEN = (254, 255)
-"""Transmission types there are without SYNC (CiA 301, Tables 68 and 72)."""
+"""Transmission types that need no SYNC (CiA 301, Tables 68 and 72)."""
 
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
@@ -68,17 +69,45 @@ class Pdos:
         return 0.0 if binding.always else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
-        """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not."""
+        """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not, or if it follows SYNC."""
+        if self.sync_type(binding) is not None:
+            return 0.0
         return self._objects.raw((binding.pdo.index, EVENT_TIMER)) / 1000
+
+    # SYNC
+
+    @property
+    def sync_cob_id(self) -> int | None:
+        """The COB-ID of SYNC, None if the device has no object for it."""
+        return self._objects.raw(SYNC) & values.BASE_IDENTIFIER if SYNC[0] in self._objects.dictionary.members else None
+
+    def sync_type(self, binding: Binding) -> int | None:
+        """Return the transmission type of a PDO that follows SYNC, None for another; what acts always never waits."""
+        number = self._objects.raw((binding.pdo.index, TRANSMISSION_TYPE))
+        return number if number in self._sync_types and not binding.always else None
+
+    @property
+    def _sync_types(self) -> range:
+        return SYNCHRONOUS if self.sync_cob_id is not None else range(0)
+
+    def _write_sync(self, address: Address, value: Value) -> None:
+        number = value if isinstance(value, int) else 0
+        if number & (PRODUCER | values.EXTENDED):
+            raise Abort(AbortCode.VALUE, "it sends no SYNC, and hears one in base frames only")
+        self._objects.put(address, number)
 
     # Written over SDO
 
     def writers(self) -> dict[int, OnWrite]:
-        """Return what writing a record of a PDO does, by its index."""
+        """Return what writing the COB-ID of SYNC and a record of a PDO does, by the index."""
         members = self._objects.dictionary.members
         records = [n for each in PdoDirection for n in range(each.value, each.value + values.PDO_COUNT) if n in members]
         mappings = [index + values.MAPPING_OFFSET for index in records]
-        return {**dict.fromkeys(records, self._write_communication), **dict.fromkeys(mappings, self._write_mapping)}
+        return {
+            SYNC[0]: self._write_sync,
+            **dict.fromkeys(records, self._write_communication),
+            **dict.fromkeys(mappings, self._write_mapping),
+        }
 
     def _write_communication(self, address: Address, value: Value) -> None:
         index, subindex = address
@@ -86,8 +115,8 @@ class Pdos:
         if subindex == COB_ID:
             self._write_cob_id(index, number)
             return
-        if subindex == TRANSMISSION_TYPE and number not in EVENT_DRIVEN:
-            raise Abort(AbortCode.VALUE, "there is no SYNC: event-driven only")
+        if subindex == TRANSMISSION_TYPE and number not in (*EVENT_DRIVEN, *self._sync_types):
+            raise Abort(AbortCode.VALUE, "event-driven, or by SYNC if the device has one")
         if subindex in (INHIBIT_TIME, EVENT_TIMER) and number and index < PdoDirection.TPDO.value:
             raise Abort(AbortCode.VALUE, "an RPDO has no times")  # of ours: it watches no deadline
         if subindex == INHIBIT_TIME and self._is_valid(index):
@@ -106,7 +135,7 @@ class Pdos:
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
             raise Abort(AbortCode.STATE, "the PDO is valid")
         cob_id = entry & values.BASE_IDENTIFIER
-        if valid and (cob_id == self._objects.raw(EMCY_COB_ID) or owner(cob_id, REFUSED)):
+        if valid and (cob_id in (self._objects.raw(EMCY_COB_ID), self.sync_cob_id) or owner(cob_id, REFUSED)):
             raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)

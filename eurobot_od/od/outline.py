@@ -243,6 +243,14 @@ class Outline:
             raise self._error(None, f"no object is named {name!r}")
         return self._by_name[name]
 
+    def data_index(self, name: str) -> int | None:
+        """Return the index of the manufacturer-specific object with a ParameterName, None if there is none.
+
+        A PDO's record may have the same name as the data it carries.
+        """
+        named = (index for index in self.members if self.device.objects[index].name == name)
+        return next((index for index in named if index in values.MANUFACTURER), None)
+
     # PDOs
 
     @cached_property

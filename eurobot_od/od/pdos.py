@@ -56,6 +56,18 @@ class Part(NamedTuple):
     low: int
     bits: int
 
+    @property
+    def _mask(self) -> int:
+        return (1 << self.bits) - 1
+
+    def of(self, whole: int) -> int:
+        """Return the part of a whole value."""
+        return whole >> self.low & self._mask
+
+    def put(self, whole: int, value: int) -> int:
+        """Return the whole with another value of the part."""
+        return whole & ~(self._mask << self.low) | (value & self._mask) << self.low
+
 
 OnRefused: TypeAlias = Callable[[MappingError], object]
 """What is done about a PDO that does not hold, which is then left out."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple, TypeAlias
 
+from eurobot_od.errors import FieldError
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange, words_of
 from eurobot_od.pdo.message import Message
@@ -154,6 +155,10 @@ class ConfederatePositionResponse(NamedTuple):
     source: MaybeSource
 
 
+DIAMETERS: Mapping[Source, str] = {Source.ENEMY_1: "enemy_1_diameter", Source.ENEMY_2: "enemy_2_diameter"}
+"""Whose diameter each of a start configuration's fields is."""
+
+
 @CATALOGUE.message(GIP)
 class StartConfigurationSet(NamedTuple):
     """GIP: team colour, number of enemies and confederates, the enemies' diameters in cm (document Table 3)."""
@@ -169,6 +174,14 @@ class StartConfigurationSet(NamedTuple):
         if whom is Source.CONFEDERATE:
             return self.confederates >= 1
         return self.enemies >= {Source.ENEMY_1: 1, Source.ENEMY_2: 2}.get(whom, 0)
+
+    def contradiction(self) -> FieldError | None:
+        """Return what contradicts itself: the diameter of an enemy that is not there; None if all agrees."""
+        for whom, field in DIAMETERS.items():
+            diameter = getattr(self, field)
+            if diameter and not self.includes(whom):
+                return FieldError("Start Configuration Set", field, diameter, f"0, as enemies = {self.enemies}")
+        return None
 
 
 @CATALOGUE.message(GIP)

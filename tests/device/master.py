@@ -12,10 +12,13 @@ import canopen
 import pytest
 from canopen import SdoAbortedError
 
+from eurobot_od.device.bound import NO_APPLICATION, Application
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.node import Node
 from eurobot_od.device.storage import Store
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
@@ -43,19 +46,28 @@ class Wire(canopen.Network):
         self.device, self.now = device, 0.0
         self.heard: list[Frame] = []
         self.sdo: Any = self.add_node(device.node_id)
-        self._take(Reaction(device.start(self.now)))
+        self._take(self._start())
+
+    def _start(self) -> Reaction:
+        return Reaction(self.device.start(self.now))
+
+    def _receive(self, frame: Frame) -> Reaction:
+        return self.device.receive(frame, self.now)
+
+    def _tick(self) -> Reaction:
+        return self.device.tick(self.now)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         self.send(Frame(can_id, bytes(data)))
 
     def send(self, frame: Frame) -> Reaction:
         """Give the device a frame."""
-        return self._take(self.device.receive(frame, self.now))
+        return self._take(self._receive(frame))
 
     def wait(self, seconds: float) -> Reaction:
         """Let the time pass."""
         self.now += seconds
-        return self._take(self.device.tick(self.now))
+        return self._take(self._tick())
 
     def command(self, command: NmtCommand, node_id: int = 0) -> Reaction:
         """Send an NMT command, to all nodes unless one is named."""
@@ -100,6 +112,48 @@ class Wire(canopen.Network):
         return AbortCode(refusal.value.code)
 
 
-def wired(node: str = "drive", dialect: str = "canopen", store: Store | None = None) -> Wire:
+class NodeWire(Wire):
+    """The same with a whole `node` in the place of the device."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        super().__init__(node.device)
+
+    def _start(self) -> Reaction:
+        return Reaction(self.node.start(self.now))
+
+    def _receive(self, frame: Frame) -> Reaction:
+        return Reaction(self.node.receive(frame, self.now))
+
+    def _tick(self) -> Reaction:
+        return Reaction(self.node.tick(self.now))
+
+    def run(self, seconds: float) -> None:
+        """Let the time pass, and call the node whenever it wants to be."""
+        end = self.now + seconds
+        while (wakeup := self.node.next_wakeup) <= end:
+            self.now = wakeup
+            self._take(self._tick())
+        self.now = end
+
+
+def wired(
+    node: str = "drive",
+    dialect: str = "canopen",
+    store: Store | None = None,
+    application: Application = NO_APPLICATION,
+) -> Wire:
     """Return a master and a device that has just booted."""
-    return Wire(Device(dialects.load(node, dialect), store, CATALOGUE))
+    return Wire(Device(dialects.load(node, dialect), store, CATALOGUE, application))
+
+
+SYNC_COB_ID = 0x0F0
+"""An identifier that no message of the robot has; CANopen's own, 0x080, is that of Navi Position Response."""
+
+
+def dictionary_with_sync(node: str = "drive", dialect: str = "canopen", cob_id: int = SYNC_COB_ID) -> Dictionary:
+    """Return a node's dictionary with an object 0x1005."""
+    plain = dialects.load(node, dialect)
+    entries = ("ParameterName=COB-ID SYNC", "DataType=0x0007", "AccessType=rw", f"DefaultValue={cob_id}")
+    text = "\n".join((plain.content.decode(), "[1005]", *entries, ""))
+    return Dictionary.read(text.encode(), plain.file, plain.node_id)

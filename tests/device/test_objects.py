@@ -80,7 +80,7 @@ def test_names_are_read_as_text() -> None:
 
 
 def test_a_part_and_its_whole_are_one_value() -> None:
-    wire = wired("core", "firmware2014")
+    wire = wired("drive", "firmware2014")
     wire.write(0x2000, 1, 0xABC, size=2)
     assert wire.read(0x3000, 1) == 0xAB
     assert wire.read(0x3000, 3) == 0xC

@@ -61,6 +61,19 @@ def test_objects_are_described(address: tuple[int, int], expected: Described | N
     assert Outline.load(DRIVE).described(address) == expected
 
 
+@pytest.mark.parametrize(
+    ("name", "index"),
+    [
+        ("Kalman position", 0x2011),
+        ("Goto XY", 0x2000),  # not 0x1403, the record of the PDO with that name
+        ("Identity object", None),  # a communication object
+        ("Nothing", None),
+    ],
+)
+def test_data_is_found_by_its_name(name: str, index: int | None) -> None:
+    assert Outline.load(DRIVE).data_index(name) == index
+
+
 @pytest.mark.parametrize("kind", [Outline, Dictionary])
 def test_all_files_are_loaded_by_node_id(kind: type[Outline]) -> None:
     found = kind.load_folder(ROOT / "eds" / "canopen")

@@ -27,6 +27,25 @@ frames = st.builds(
     st.one_of(st.sampled_from(COB_IDS), st.sampled_from([0x000, 0x601, 0x602, 0x702]), st.integers(0, 0x7FF)),
     st.binary(max_size=8),
 )
+DATA = [
+    (node.node_id, index, subindex, node.type(member).size)
+    for node in DICTIONARIES.values()
+    for index, members in node.members.items()
+    if index in range(0x2000, 0x2100)
+    for subindex, member in members.items()
+]
+"""What messages carry, in all nodes: node-ID, index, sub-index and size in bytes."""
+
+
+def sdo_write(target: tuple[int, int, int, int], value: int) -> Frame:
+    """Return the SDO request that writes a value."""
+    node_id, index, subindex, size = target
+    content = index.to_bytes(2, "little") + bytes([subindex]) + value.to_bytes(4, "little")
+    return Frame(0x600 + node_id, bytes([0x23 | 4 - size << 2]) + content)
+
+
+values = st.one_of(st.integers(0, 3), st.integers(0, 3000), st.integers(0, 0xFFFFFF))
+writes = st.builds(sdo_write, st.sampled_from(DATA), values)
 gotos = st.tuples(
     st.integers(0, 3000),
     st.integers(0, 2000),
@@ -55,7 +74,7 @@ def is_frame(frame: Frame) -> bool:
 
 @pytest.mark.parametrize("role", ROLES)
 @settings(max_examples=150, deadline=None)
-@given(steps=st.lists(st.tuples(pauses, frames), max_size=20))
+@given(steps=st.lists(st.tuples(pauses, st.one_of(frames, writes)), max_size=20))
 def test_no_frame_brings_a_node_down(role: str, steps: list[tuple[float, Frame]]) -> None:
     node, now = ROLES[role](DICTIONARIES[role]), 0.0
     node.start(now)

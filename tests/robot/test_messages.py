@@ -147,3 +147,23 @@ def test_is_described_for_a_person(message: Message, text: str) -> None:
 def test_a_start_configuration_says_who_is_in_the_match(enemies: int, confederates: int, included: set[Source]) -> None:
     start = START._replace(enemies=enemies, confederates=confederates)
     assert {whom for whom in Source if start.includes(whom)} == included
+
+
+@pytest.mark.parametrize(
+    ("enemies", "diameters", "field"),
+    [
+        (0, (0, 0), None),
+        (1, (30, 0), None),
+        (2, (30, 20), None),
+        (2, (0, 0), None),  # 0: nobody has measured them
+        (0, (30, 0), "enemy_1_diameter"),
+        (0, (0, 20), "enemy_2_diameter"),
+        (1, (30, 20), "enemy_2_diameter"),
+        (0, (30, 20), "enemy_1_diameter"),
+    ],
+)
+def test_only_an_enemy_that_is_there_has_a_diameter(
+    enemies: int, diameters: tuple[int, int], field: str | None
+) -> None:
+    wrong = StartConfigurationSet(TeamColour.RED, enemies, 0, *diameters).contradiction()
+    assert (wrong.field if wrong else None) == field

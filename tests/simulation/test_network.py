@@ -394,4 +394,4 @@ def test_what_is_said_while_the_bus_is_off_leaves_by_its_priority_or_is_dropped_
     wire.drive.say(Frame(0x001))
     assert wire.run(0.6) == [Frame(0x001), *frames[:3]]
     assert wire.frames[0][0] > 0.5
-    assert [report.name for report in wire.network.reports] == ["0x683", "0x684"]
+    assert [report.name for report in wire.network.reports] == ["0x683", "0x684", "0x701"]  # and a heartbeat

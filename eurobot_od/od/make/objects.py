@@ -8,7 +8,7 @@ Where the standard leaves room, this is the form that every tool accepts that wa
 - A field has the type of exactly as many bytes as its bits need.
 - Every PDO has all five communication parameters. Every mapping record, even that of a message without data, has the
   same number of entries, filled up with zeros: a master can write only entries that are there.
-- Data that is received is `rww`, data that is sent `rwr`, and all of it has limits.
+- Data that is received is `rww`, data that is sent `ro`, and all of it has limits.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ EVENT_DRIVEN = 254
 """Transmission type of every PDO (7.5.2.35, 7.5.2.37): sent when the protocol says so."""
 LEAST_ENTRIES = 8
 """Entries of a mapping record, unless a mapping needs more: the same in every PDO, so that any may be remapped."""
-ACCESS = {(True, False): "rwr", (False, True): "rww", (True, True): "rw"}
-"""Access to data by (sent, received) of its node: always writable, as an operator may want to set what is sent next."""
+ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
+"""Access to data by (sent, received) of its node: nobody else sets what it sends; only `rw` may be mapped both ways."""
 
 
 class SubObject(NamedTuple):

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from contextlib import suppress
+from typing import Any, ClassVar
 
+from eurobot_od.errors import Refused
+from eurobot_od.pdo.message import Message
 from eurobot_od.robot.faults import hooks
 from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
@@ -37,6 +40,7 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.nodes.node import Objects
 from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Passage, Source, TeamColour
 
 WITHOUT_BARRIERS = 6
@@ -77,6 +81,33 @@ class CoreBootIgnored(Drive):
         """Do nothing."""
 
 
+class CommandsStored(Drive):
+    """Keeps what is written to the object of a command, and does nothing else."""
+
+    OBJECTS: ClassVar[Objects] = {name: each._replace(write=None) for name, each in Drive.OBJECTS.items()}
+
+
+class MeasurementsKept(Drive):
+    """Has in its objects what it sent last, not what it measures."""
+
+    OBJECTS: ClassVar[Objects] = {name: each._replace(read=None) for name, each in Drive.OBJECTS.items()}
+
+
+class RefusalsSwallowed(Drive):
+    """Says nothing of what it does not act on."""
+
+    def _act(self, message: Message) -> None:
+        with suppress(Refused):
+            super()._act(message)
+
+
+class ContradictionsTaken(Drive):
+    """Takes any start configuration."""
+
+    def check_configuration(self, configuration: StartConfigurationSet) -> None:
+        """Find nothing wrong."""
+
+
 def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
     """Do something as soon as the drive does not move."""
     if drive.moving:
@@ -87,7 +118,8 @@ def _once_standing(drive: Drive, action: Callable[[], object]) -> None:
 
 def _begin(drive: Drive, goto: GotoXY) -> None:
     """Begin a goto without confirming it: the answer is not sent."""
-    drive.answer_to(goto)
+    with suppress(Refused):
+        drive.answer_to(goto)
 
 
 def _confirmed_on_arrival(drive: Drive, goto: GotoXY, _: Any) -> None:
@@ -417,4 +449,17 @@ FAULTS = {
         "takes the first start configuration, and confirms later ones without taking them",
         hooks.handling(StartConfigurationSet, _only_first),
     ),
+    "contradictions-taken": Caught("sdo-commands", "Table 3 by SDO: no enemy, but a diameter, is refused").fault(
+        "takes a start configuration that contradicts itself", ContradictionsTaken
+    ),
+    # Commands and measurements over SDO
+    "sdo-commands-ignored": Caught(
+        "sdo-commands", "2.3 Start configuration by SDO: the last value is the command"
+    ).fault("stores what is written to the object of a command, and does not carry it out", CommandsStored),
+    "sdo-refusals-swallowed": Caught(
+        "sdo-commands", "4.2.2 Emergency mushroom: a goto by SDO is refused in the safe state"
+    ).fault("confirms a command by SDO that it does not carry out", RefusalsSwallowed),
+    "measurements-frozen": Caught(
+        "sdo-commands", "2.2 Kalman position by SDO: the robot is at its team's start place"
+    ).fault("has in its objects what it sent last, not where it is", MeasurementsKept),
 }

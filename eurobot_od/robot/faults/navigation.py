@@ -45,6 +45,13 @@ CONFIRMED = "2.3 Start Configuration Confirm: the navigation confirms"
 """Steps that find several faults: the first ones that look at an answer at all."""
 
 
+class ContradictionsTaken(Navigation):
+    """Takes any start configuration."""
+
+    def check_configuration(self, configuration: StartConfigurationSet) -> None:
+        """Find nothing wrong."""
+
+
 def _scattered(position: NaviPositionResponse) -> NaviPositionResponse:
     """Move a place to either side, by the noise in its last bit."""
     if position.x is None:
@@ -118,6 +125,9 @@ FAULTS = {
     "navi-configuration-not-applied": Caught("navigation", "Table 2: an enemy that is not there is unknown").fault(
         "confirms the start configuration and forgets it",
         hooks.handling(StartConfigurationSet, lambda navigation, *_: navigation.offer(StartConfigurationConfirm())),
+    ),
+    "navi-contradictions-taken": Caught("navigation", "Table 3: no enemy, but a diameter, is told by EMCY").fault(
+        "takes a start configuration that contradicts itself", ContradictionsTaken
     ),
     "navi-mute-after-shutdown": Caught(
         "navigation", "4.2.2 Emergency mushroom: the navigation still answers node checks"

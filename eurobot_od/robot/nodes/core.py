@@ -26,6 +26,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, ClassVar, NamedTuple, get_args
 
+from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import START, Call, Flow, Pause, Result, Script, shielded
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
@@ -38,7 +39,7 @@ from eurobot_od.robot.field import is_near
 from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
 from eurobot_od.robot.nodes.identity import Channel
-from eurobot_od.robot.nodes.node import Handlers, RobotNode
+from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
 from eurobot_od.robot.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 
@@ -130,16 +131,19 @@ class Core(RobotNode):
     ) -> Call[float]:
         """Set the start configuration; the result is the seconds until its confirm (document 2.3).
 
-        Diameters in cm, 0..50. The confirms of drive and navigation have one identifier: one of them is enough, and
-        both nodes are checked once more. The drive starts anew from the team's start place, so a goto under way is
-        stopped. Position polling starts after the `Start delay` setting. Raises FieldError, NoAnswer; StateError if a
-        newer start configuration or an Emergency Shutdown comes before the confirm.
+        Diameters in cm, 0..50, and 0 for an enemy that is not there. The confirms of drive and navigation have one
+        identifier: one of them is enough, and both nodes are checked once more. The drive starts anew from the team's
+        start place, so a goto under way is stopped. Position polling starts after the `Start delay` setting. Raises
+        FieldError, NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the
+        confirm.
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
         )
         with self.guard:
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
+            if wrong := configuration.contradiction():
+                raise wrong
             if self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
             self._end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
@@ -449,6 +453,14 @@ class Core(RobotNode):
     def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
 
+    OBJECTS: ClassVar[Objects] = {
+        "Goto state": BoundObject(write=messages.GotoStateResponse),
+        "Navi position": BoundObject(write=messages.NaviPositionResponse),
+        "Kalman position": BoundObject(write=messages.KalmanPositionResponse),
+        "Enemy 1 position": BoundObject(write=messages.Enemy1PositionResponse),
+        "Enemy 2 position": BoundObject(write=messages.Enemy2PositionResponse),
+        "Confederate position": BoundObject(write=messages.ConfederatePositionResponse),
+    }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoConfirm: _confirmed,
         messages.GotoStateResponse: _told_state,

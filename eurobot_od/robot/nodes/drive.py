@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
+from eurobot_od.errors import Cause, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
@@ -20,7 +22,7 @@ from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.kinds import Remaining
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
-from eurobot_od.robot.nodes.node import Handlers, RobotNode
+from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 
@@ -69,10 +71,10 @@ class Drive(RobotNode):
 
     # Goto
 
-    def _accept(self, goto: messages.GotoXY) -> Message | None:
-        """Take over a goto; the one before is dropped (document 2.1)."""
+    def _accept(self, goto: messages.GotoXY) -> Message:
+        """Take over a goto; the one before is dropped (document 2.1). Raises Refused in the safe state."""
         if self.safe:
-            return None
+            raise Refused(Cause.STATE, "the safe state is held until a new start configuration")
         self.goto, self.stopped_by = goto, None
         self._forget_obstruction()
         way = self._way(goto) if goto.speed else None  # at no speed no place is ever reached
@@ -127,6 +129,9 @@ class Drive(RobotNode):
             return None
         # Not 0, which says arrived, and below the code for unknown.
         return min(max(round(seconds * 1000), 1), Remaining.UNKNOWN - 1)
+
+    def _state(self) -> messages.GotoStateResponse:
+        return messages.GotoStateResponse(self.remaining())
 
     # Stops
 
@@ -217,7 +222,8 @@ class Drive(RobotNode):
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
-        """Start anew from the team's start place (document 2.3)."""
+        """Start anew from the team's start place (document 2.3); raises Refused for one that contradicts itself."""
+        self.check_configuration(configuration)
         self.configuration, self.safe = configuration, False
         self._stop(messages.StopDrive())
         self.stopped_by = None
@@ -225,12 +231,20 @@ class Drive(RobotNode):
         self.clear_error(messages.EmergencyShutdown)
         return messages.StartConfigurationConfirm()
 
+    OBJECTS: ClassVar[Objects] = {
+        "Goto XY": BoundObject(write=messages.GotoXY),
+        "Emergency stop": BoundObject(write=messages.EmergencyStop),
+        "Goto state": BoundObject(read=_state),
+        "Navi position": BoundObject(write=messages.NaviPositionResponse),
+        "Kalman position": BoundObject(read=_position),
+        "Start configuration": BoundObject(write=messages.StartConfigurationSet),
+    }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoXY: _accept,
         messages.StopDrive: _stop,
         messages.EmergencyStop: _stop,
         messages.EmergencyShutdown: _shut_down,
-        messages.GotoStateRequest: lambda self, _: messages.GotoStateResponse(self.remaining()),
+        messages.GotoStateRequest: lambda self, _: self._state(),
         messages.KalmanPositionRequest: lambda self, _: self._position(),
         messages.NaviPositionResponse: _correct,
         messages.StartConfigurationSet: _configure,

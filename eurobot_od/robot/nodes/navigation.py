@@ -5,14 +5,16 @@ Rule of this file: what the beacons do not see is unknown, never the last place 
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar, NamedTuple, Protocol
 
+from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
 from eurobot_od.robot.field import HEIGHT, WIDTH
-from eurobot_od.robot.nodes.node import Handlers, RobotNode
+from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.values import RobotError, Source
 
 AMBIGUOUS = 255
@@ -46,6 +48,7 @@ class Navigation(RobotNode):
         self.beacons = beacons
         self.configuration: messages.StartConfigurationSet | None = None
         self.safe = False
+        self._measured, self._fixes = -math.inf, dict[Source, Fix | None]()
 
     def deviations(self) -> tuple[float, float]:
         """Return the standard deviations of simulated beacons by the Noise settings: mm and degrees."""
@@ -57,6 +60,7 @@ class Navigation(RobotNode):
         self.configuration, self.safe = None, False
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
+        self.check_configuration(configuration)
         self.configuration, self.safe = configuration, False
         self.clear_error(messages.EmergencyShutdown)
         return messages.StartConfigurationConfirm()
@@ -65,10 +69,18 @@ class Navigation(RobotNode):
         self.safe = True
         self.raise_error(RobotError.EMERGENCY_SHUTDOWN, messages.EmergencyShutdown)
 
+    def _fix(self, whom: Source) -> Fix | None:
+        """Measure where somebody is, once at a time: an SDO, a PDO and an answer of one moment say the same."""
+        if self._measured != self.now:
+            self._measured, self._fixes = self.now, {}
+        if whom not in self._fixes:
+            self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
+        return self._fixes[whom]
+
     def _position(self, response: type[messages.PositionResponse], whom: Source) -> messages.PositionResponse:
         # Before the start configuration anyone may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
-        fix = self.beacons.locate(whom, self.now) if expected and self.beacons else None
+        fix = self._fix(whom) if expected else None
         if fix is None or not (0 <= fix.x <= WIDTH and 0 <= fix.y <= HEIGHT):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)
@@ -76,14 +88,31 @@ class Navigation(RobotNode):
             return response(x + (x == y == AMBIGUOUS), y, None, whom)
         return response(x, y, round(fix.angle) % 360, whom)
 
+    def _own(self) -> messages.PositionResponse:
+        return self._position(messages.NaviPositionResponse, Source.INTERNAL)
+
+    def _enemy_1(self) -> messages.PositionResponse:
+        return self._position(messages.Enemy1PositionResponse, Source.ENEMY_1)
+
+    def _enemy_2(self) -> messages.PositionResponse:
+        return self._position(messages.Enemy2PositionResponse, Source.ENEMY_2)
+
+    def _confederate(self) -> messages.PositionResponse:
+        return self._position(messages.ConfederatePositionResponse, Source.CONFEDERATE)
+
+    OBJECTS: ClassVar[Objects] = {
+        "Navi position": BoundObject(read=_own),
+        "Enemy 1 position": BoundObject(read=_enemy_1),
+        "Enemy 2 position": BoundObject(read=_enemy_2),
+        "Confederate position": BoundObject(read=_confederate),
+        "Start configuration": BoundObject(write=messages.StartConfigurationSet),
+    }
     HANDLERS: ClassVar[Handlers] = {
         messages.CheckNaviRequest: lambda *_: messages.CheckNaviResponse(),
         messages.StartConfigurationSet: _configure,
         messages.EmergencyShutdown: _shut_down,
-        messages.NaviPositionRequest: lambda self, _: self._position(messages.NaviPositionResponse, Source.INTERNAL),
-        messages.Enemy1PositionRequest: lambda self, _: self._position(messages.Enemy1PositionResponse, Source.ENEMY_1),
-        messages.Enemy2PositionRequest: lambda self, _: self._position(messages.Enemy2PositionResponse, Source.ENEMY_2),
-        messages.ConfederatePositionRequest: lambda self, _: self._position(
-            messages.ConfederatePositionResponse, Source.CONFEDERATE
-        ),
+        messages.NaviPositionRequest: lambda self, _: self._own(),
+        messages.Enemy1PositionRequest: lambda self, _: self._enemy_1(),
+        messages.Enemy2PositionRequest: lambda self, _: self._enemy_2(),
+        messages.ConfederatePositionRequest: lambda self, _: self._confederate(),
     }

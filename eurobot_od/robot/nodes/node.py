@@ -5,24 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import Ask
 from eurobot_od.device.node import Node
+from eurobot_od.errors import Cause, Refused
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import CATALOGUE, SOURCES
+from eurobot_od.robot import messages
 from eurobot_od.robot.values import RobotError, Source
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
 """What a node does with each message: a function of the node and the message; it returns the answer, or None."""
 
+Objects: TypeAlias = Mapping[str, BoundObject]
+"""What a node's objects, by their ParameterNames, are read from and mean when they are written."""
+
 
 class RobotNode(Node):
     """A node of the robot."""
 
-    CATALOGUE = CATALOGUE
+    CATALOGUE = messages.CATALOGUE
+
+    def check_configuration(self, configuration: messages.StartConfigurationSet) -> None:
+        """Raise Refused, and report it by EMCY until a good one comes, if a start configuration contradicts itself."""
+        wrong = configuration.contradiction()
+        if wrong is not None:
+            self.raise_error(RobotError.CONFIGURATION_REFUSED, messages.StartConfigurationSet)
+            raise Refused(Cause.VALUES, str(wrong))
+        self.clear_error(messages.StartConfigurationSet)
 
     def doubt(self, message: Message) -> int | None:
         """Return the error code for a message that cannot be believed: a position of another robot is none of ours."""
-        source = SOURCES.get(type(message))
+        source = messages.SOURCES.get(type(message))
         if source is not None and getattr(message, "source", None) in set(Source) - {source}:
             return RobotError.WRONG_SOURCE
         return super().doubt(message)

@@ -49,9 +49,9 @@ def navigation(beacons: Beacons | None = None, *configurations: StartConfigurati
     return node
 
 
-def ask(node: Navigation, question: Message) -> Message:
+def ask(node: Navigation, question: Message, now: float = 1.0) -> Message:
     """Ask, and return the answer, which has to be the only frame that the question brings."""
-    (frame,) = node.receive(PROTOCOL.encode(question), 1.0)
+    (frame,) = node.receive(PROTOCOL.encode(question), now)
     return PROTOCOL.decode(*frame)
 
 
@@ -87,7 +87,7 @@ def test_a_place_that_is_no_longer_seen_is_unknown_again() -> None:
     node = navigation(beacons, RED)
     ask(node, Enemy1PositionRequest())
     beacons.fixes.clear()
-    assert ask(node, Enemy1PositionRequest()) == Enemy1PositionResponse(None, None, None, Source.ENEMY_1)
+    assert ask(node, Enemy1PositionRequest(), 2.0) == Enemy1PositionResponse(None, None, None, Source.ENEMY_1)
 
 
 @pytest.mark.parametrize(

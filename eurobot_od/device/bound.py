@@ -1,0 +1,139 @@
+"""Objects bound to the application: what it measures is asked from it, what is written to them is a command to it.
+
+Rule of this file: what an object's sub-indices mean is what the file's own PDO says, whatever a master has made of that
+PDO since. So an SDO, a PDO under any mapping and the answer to a request all carry the bits of one message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from eurobot_od.device.objects import Objects, OnRead, OnWrite
+from eurobot_od.errors import FieldError, MappingError
+from eurobot_od.od.outline import SLICES
+from eurobot_od.od.values import Address, Value
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import Catalogue, field_name
+from eurobot_od.pdo.message import Message, flagged_fields
+from eurobot_od.sdo.wire import Abort, AbortCode
+
+
+class BoundObject(NamedTuple):
+    """What an object of a node is bound to, sub-indices to fields by their names.
+
+    `read` gives the message that has its present values; `write` is the type of the message that writing it means.
+    """
+
+    read: Callable[[Any], Message] | None = None
+    write: type[Message] | None = None
+
+
+class Application(NamedTuple):
+    """What a device's objects, by their ParameterNames, are bound to.
+
+    `readers` give the messages with their present values, `writers` are the message types that writing them means, and
+    `act` acts on such a message; it raises Refused, and has done nothing then.
+    """
+
+    readers: Mapping[str, Callable[[], Message]] = MappingProxyType({})
+    writers: Mapping[str, type[Message]] = MappingProxyType({})
+    act: Callable[[Message], object] = lambda _: None
+
+
+NO_APPLICATION = Application()
+"""For a device that nobody has bound anything to: its objects keep what was written or received last."""
+
+
+class BoundObjects:
+    """The bound ones of a device's `objects`; `command` is told what writing one means, and may raise Abort."""
+
+    def __init__(
+        self,
+        objects: Objects,
+        catalogue: Catalogue,
+        application: Application,
+        command: Callable[[Binding, Message], object],
+    ) -> None:
+        self._objects, self._dictionary, self._catalogue = objects, objects.dictionary, catalogue
+        self._application, self._command = application, command
+        self._bindings: dict[type[Message], Binding | None] = {}  # as they are asked for
+
+    def readers(self) -> dict[int, OnRead]:
+        """Return what gives the value of a bound object, by its index."""
+        found = ((self._dictionary.data_index(name), read) for name, read in self._application.readers.items())
+        return {index: partial(self._read, index, read) for index, read in found if index is not None}
+
+    def writers(self) -> dict[int, OnWrite]:
+        """Return what writing a bound object does, by its index; its slices are written likewise."""
+        return {
+            record: partial(self._write, index, message_type)
+            for name, message_type in self._application.writers.items()
+            if (index := self._dictionary.data_index(name)) is not None
+            for record in (index, self._dictionary.data_index(name + SLICES))
+            if record is not None
+        }
+
+    # A value
+
+    def _read(self, index: int, read: Callable[[], Message], subindex: int) -> Value:
+        message = read()
+        binding = self._binding(type(message))
+        try:
+            raw = binding.unpack(binding.encode(message).data)
+        except FieldError as error:
+            raise Abort(AbortCode.INCOMPATIBLE_INSIDE, str(error)) from error
+        fields = dict(self._fields(index, binding))
+        return raw[fields[subindex]] if subindex in fields else self._objects.kept((index, subindex))
+
+    def _fields(self, index: int, binding: Binding) -> Iterator[tuple[int, str]]:
+        """Give the sub-indices that are a field of the message, and its name."""
+        for subindex, variable in self._dictionary.members[index].items():
+            if (field := field_name(variable.name)) in binding.layout.fields:
+                yield subindex, field
+
+    def _binding(self, message_type: type[Message]) -> Binding:
+        """Return how the file maps a message; raises Abort if it does not."""
+        if message_type not in self._bindings:
+            self._bindings[message_type] = next(self._mapped(message_type), None)
+        binding = self._bindings[message_type]
+        if binding is None:
+            raise Abort(AbortCode.INCOMPATIBLE_INSIDE, f"the file has no PDO for {message_type.__name__}")
+        return binding
+
+    def _mapped(self, message_type: type[Message]) -> Iterator[Binding]:
+        """Give the file's PDOs for a message, valid or not; what does not hold is left out."""
+        for pdo in self._dictionary.read_pdos(self._dictionary.default, lambda _: None):
+            entry = self._catalogue.find(pdo.name)
+            if entry is not None and entry.type is message_type:
+                try:
+                    yield Binding(self._dictionary.file, pdo, pdo.name, entry)
+                except MappingError:
+                    continue
+
+    # A command
+
+    def _write(self, index: int, message_type: type[Message], address: Address, value: Value) -> None:
+        """Keep a value; the last one of an object is the command. A refused one leaves all as it was."""
+        before = dict(self._objects.values)
+        self._objects.put(address, value)
+        if address[1] == max(self._dictionary.members[address[0]]):
+            try:
+                binding = self._binding(message_type)
+                self._command(binding, self._message(index, binding))
+            except Abort:
+                self._objects.values = before
+                raise
+
+    def _message(self, index: int, binding: Binding) -> Message:
+        """Return the message with the values kept; raises Abort if one of them is none of its field's."""
+        kept = {field: self._objects.kept((index, subindex)) for subindex, field in self._fields(index, binding)}
+        try:
+            message = binding.decode(binding.pack({f: value for f, value in kept.items() if isinstance(value, int)}))
+        except FieldError as error:
+            raise Abort(AbortCode.VALUE, str(error)) from error
+        if wrong := flagged_fields(message):
+            raise Abort(AbortCode.VALUE, f"out of range: {', '.join(wrong)}")
+        return message

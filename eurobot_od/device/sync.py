@@ -1,0 +1,75 @@
+"""What waits for SYNC: TPDOs that go with every n-th one, RPDOs that take effect with the next (CiA 301, 7.2.2.3).
+
+Rule of this file: of one PDO's frames that wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+from eurobot_od.od.values import Address
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.message import Message
+
+SYNC: Address = (0x1005, 0)
+"""COB-ID of SYNC (CiA 301, 7.5.2.5); a device without this object knows none."""
+
+PRODUCER = 1 << 30
+"""Bit of 0x1005: the device itself sends SYNC."""
+
+ACYCLIC, SYNCHRONOUS = 0, range(241)
+"""Transmission types that follow SYNC: n with every n-th one, 0 with the next one (CiA 301, Tables 68 and 72)."""
+
+
+class Arrival(NamedTuple):
+    """A received PDO that takes effect with the next SYNC."""
+
+    binding: Binding
+    data: bytes
+    message: Message
+
+
+class Synchronous:
+    """The PDOs that follow SYNC; `type_of` gives the transmission type of a PDO, None for one that does not."""
+
+    def __init__(self, type_of: Callable[[Binding], int | None]) -> None:
+        self._type_of = type_of
+        self._types: dict[Binding, int] = {}
+        self._counts: dict[Binding, int] = {}
+        self._asked: set[Binding] = set()
+        self._arrived: dict[Binding, Arrival] = {}
+
+    def restart(self, sent: Iterable[Binding], received: Iterable[Binding]) -> None:
+        """Begin anew with these PDOs, and with their types as they are now; what waited is dropped."""
+        self._types = {each: n for each in (*sent, *received) if (n := self._type_of(each)) is not None}
+        self._counts = {each: 0 for each in sent if each in self._types}
+        self._asked.clear()
+        self._arrived.clear()
+
+    def __contains__(self, binding: Binding) -> bool:
+        return binding in self._types
+
+    def ask(self, binding: Binding) -> None:
+        """Note that the application has sent a TPDO: with transmission type 0 it goes with the next SYNC."""
+        self._asked.add(binding)
+
+    def hold(self, arrival: Arrival) -> None:
+        """Keep what has been received until the next SYNC."""
+        self._arrived[arrival.binding] = arrival
+
+    def due(self) -> list[Binding]:
+        """Count a SYNC, and return the TPDOs that go with it."""
+        self._counts = {binding: count + 1 for binding, count in self._counts.items()}
+        due = [binding for binding, count in self._counts.items() if self._goes(binding, count)]
+        self._asked.clear()
+        return due
+
+    def _goes(self, binding: Binding, count: int) -> bool:
+        period = self._types[binding]
+        return binding in self._asked if period == ACYCLIC else count % period == 0
+
+    def arrived(self) -> list[Arrival]:
+        """Return and forget what takes effect now."""
+        arrived, self._arrived = self._arrived, {}
+        return list(arrived.values())

@@ -1,0 +1,195 @@
+"""Objects bound to an application: read from it under any mapping, written as commands, refused with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from canopen import SdoAbortedError
+
+from eurobot_od.device.bound import Application
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.errors import Cause, Refused
+from eurobot_od.frame import Frame
+from eurobot_od.od.values import NOT_VALID
+from eurobot_od.pdo.message import Message
+from eurobot_od.robot.messages import EmergencyStop, GotoXY, KalmanPositionResponse, StartConfigurationSet
+from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from eurobot_od.sdo.wire import AbortCode
+from tests.device.master import Wire, wired
+
+KALMAN, KALMAN_TPDO, GOTO = 0x2011, 0x1802, 0x2000
+PLACE = KalmanPositionResponse(1234, 567, 89, Source.ENEMY_1)
+UNKNOWN = KalmanPositionResponse(None, None, None, Source.INTERNAL)
+RAW = {PLACE: [1234, 567, 89, 2], UNKNOWN: [0xFF, 0xFF, 0x3FF, 0]}
+DIALECTS = ["canopen", "firmware2014"]
+
+
+def measuring(place: KalmanPositionResponse = PLACE, dialect: str = "canopen") -> Wire:
+    """Return a device that measures a place."""
+    return wired("drive", dialect, application=Application(readers={"Kalman position": lambda: place}))
+
+
+def kalman(wire: Wire) -> list[int]:
+    return [wire.read(KALMAN, subindex) for subindex in range(1, 5)]
+
+
+# Reading
+
+
+def as_it_is(_: Wire) -> None:
+    """The TPDO is as in the file."""
+
+
+def not_valid(wire: Wire) -> None:
+    wire.write(KALMAN_TPDO, 1, NOT_VALID | 0x100)
+
+
+def widened(wire: Wire) -> None:
+    wire.map_pdo(KALMAN_TPDO, 0x123, 0x20110110, 0x20110210, 0x20110310, 0x20110408)
+
+
+def restarted(wire: Wire) -> None:
+    wire.command(NmtCommand.RESET_NODE)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+@pytest.mark.parametrize("place", RAW)
+@pytest.mark.parametrize("change", [as_it_is, not_valid, widened, restarted])
+def test_an_object_reads_what_is_measured_whatever_its_pdo_is(
+    change: Callable[[Wire], object], place: KalmanPositionResponse, dialect: str
+) -> None:
+    wire = measuring(place, dialect)
+    change(wire)
+    assert kalman(wire) == RAW[place]
+    assert wire.read(KALMAN, 0) == 4
+
+
+@pytest.mark.parametrize("place", RAW)
+@pytest.mark.parametrize(("change", "widths"), [(as_it_is, (12, 12, 10, 4)), (widened, (16, 16, 16, 8))])
+def test_a_timed_tpdo_carries_the_same(
+    change: Callable[[Wire], object], widths: tuple[int, ...], place: KalmanPositionResponse
+) -> None:
+    wire = measuring(place)
+    change(wire)
+    wire.write(KALMAN_TPDO, 5, 100, size=2)
+    word = int.from_bytes(wire.wait(0.1).frames[0].data, "little")
+    assert [word >> sum(widths[:n]) & (1 << width) - 1 for n, width in enumerate(widths)] == RAW[place]
+
+
+def test_a_measurement_that_no_frame_can_say_is_an_abort_and_0_in_a_pdo() -> None:
+    wire = measuring(PLACE._replace(x=-1))
+    wire.write(KALMAN_TPDO, 5, 100, size=2)
+    with pytest.raises(SdoAbortedError) as refusal:
+        wire.read(KALMAN, 1)
+    assert refusal.value.code == AbortCode.INCOMPATIBLE_INSIDE
+    assert wire.wait(0.1).frames == [Frame(0x100, bytes(5))]
+
+
+def test_a_message_that_the_file_has_no_pdo_for_is_no_value() -> None:
+    wire = wired("navigation", application=Application(readers={"Navi position": lambda: PLACE}))
+    with pytest.raises(SdoAbortedError) as refusal:
+        wire.read(0x2010, 1)
+    assert refusal.value.code == AbortCode.INCOMPATIBLE_INSIDE
+
+
+def test_a_sub_index_that_is_no_field_of_the_message_keeps_its_value() -> None:
+    wire = wired(application=Application(readers={"Goto state": lambda: PLACE}))
+    assert wire.read(0x2002, 1) == 0x0FFFFF
+
+
+def test_a_name_that_the_file_has_not_is_not_bound() -> None:
+    wired("drive", application=Application({"Enemy 1 position": lambda: PLACE}, {"Enemy 2 position": GotoXY}))
+
+
+def test_an_error_field_without_errors_is_0_in_a_pdo() -> None:
+    assert wired().device.objects.raw((0x1003, 1)) == 0
+
+
+# Writing
+
+
+class Commanded:
+    """A device whose application keeps the messages that it acts on; `refuses` makes it act on none."""
+
+    def __init__(self, dialect: str = "canopen", refuses: Refused | None = None) -> None:
+        self.acts: list[Message] = []
+        self._refuses = refuses
+        writers = {"Goto XY": GotoXY, "Emergency stop": EmergencyStop, "Start configuration": StartConfigurationSet}
+        self.wire = wired("drive", dialect, application=Application(writers=writers, act=self._act))
+
+    def _act(self, message: Message) -> None:
+        if self._refuses:
+            raise self._refuses
+        self.acts.append(message)
+
+    def write(self, index: int, *values: tuple[int, int]) -> None:
+        """Write values, each with its size in bytes, to the sub-indices of an object from 1 on."""
+        for subindex, (value, size) in enumerate(values, 1):
+            self.wire.write(index, subindex, value, size)
+
+
+GOTO_VALUES = ((1234, 2), (567, 2), (89, 2), (75, 1), (0xA5C3, 2))
+
+
+def test_the_last_sub_index_is_the_command() -> None:
+    commanded = Commanded()
+    commanded.write(GOTO, *GOTO_VALUES[:-1])
+    assert commanded.acts == []
+    commanded.wire.write(GOTO, 5, 0, size=2)
+    assert commanded.acts == [GotoXY(1234, 567, 89, 75)]
+    commanded.wire.write(GOTO, 5, 0, size=2)
+    assert commanded.acts == [GotoXY(1234, 567, 89, 75)] * 2
+
+
+def test_the_last_slice_is_the_command_as_well() -> None:
+    commanded = Commanded("firmware2014")
+    commanded.write(GOTO, *GOTO_VALUES[:4])
+    commanded.wire.write(0x3000, 1, 1000 >> 4, size=1)
+    assert commanded.acts == []
+    commanded.wire.write(0x3000, 12, 0, size=1)
+    assert commanded.acts == [GotoXY(1000 & 0xFF0 | 1234 & 0xF, 567, 89, 75)]
+
+
+@pytest.mark.parametrize(
+    ("state", "written", "acts", "why"),
+    [
+        (NmtCommand.ENTER_PRE_OPERATIONAL, EmergencyStop, True, "a stop acts in every NMT state"),
+        (NmtCommand.ENTER_PRE_OPERATIONAL, StartConfigurationSet, False, "anything else in OPERATIONAL only"),
+        (NmtCommand.START, StartConfigurationSet, True, "OPERATIONAL"),
+    ],
+)
+def test_a_command_acts_in_the_states_in_which_its_pdo_does(
+    state: NmtCommand, written: type[Message], acts: bool, why: str
+) -> None:
+    commanded = Commanded()
+    commanded.wire.command(state)
+    last = (0x2001, 1) if written is EmergencyStop else (0x2020, 5)
+    if acts:
+        commanded.wire.write(*last, 0, size=1)
+    else:
+        assert commanded.wire.refused(last, 0, size=1) == AbortCode.STATE
+    assert [type(each) for each in commanded.acts] == [written] * acts, why
+
+
+@pytest.mark.parametrize(("cause", "code"), [(Cause.STATE, AbortCode.STATE), (Cause.VALUES, AbortCode.INCOMPATIBLE)])
+def test_what_the_application_refuses_is_an_abort_and_keeps_nothing(cause: Cause, code: AbortCode) -> None:
+    commanded = Commanded(refuses=Refused(cause, "not now"))
+    commanded.write(GOTO, *GOTO_VALUES[:-1])
+    assert commanded.wire.refused((GOTO, 5), 1, size=2) == code
+    assert commanded.wire.read(GOTO, 5) == 0
+
+
+def test_a_value_out_of_range_as_a_whole_is_refused() -> None:
+    commanded = Commanded("firmware2014")
+    commanded.wire.write(0x3000, 1, 0xFF, size=1)
+    assert commanded.wire.refused((0x3000, 12), 0, size=1) == AbortCode.VALUE
+    assert commanded.acts == []
+
+
+def test_a_command_means_the_same_under_another_mapping() -> None:
+    commanded = Commanded()
+    commanded.wire.write(0x1401, 1, NOT_VALID | 0x002)
+    commanded.wire.write(0x2001, 1, Obstacle.ENEMY, size=1)
+    commanded.write(0x2020, (TeamColour.RED, 1), (2, 1), (1, 1), (45, 1), (33, 1))
+    assert commanded.acts == [EmergencyStop(Obstacle.ENEMY), StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)]

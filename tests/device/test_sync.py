@@ -1,0 +1,149 @@
+"""PDOs that follow SYNC: when TPDOs are sent, when RPDOs take effect, and what never waits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from eurobot_od.device.device import Device, Reaction
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.frame import Frame
+from eurobot_od.pdo.message import Message
+from eurobot_od.robot.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
+from eurobot_od.robot.values import Obstacle
+from eurobot_od.sdo.wire import AbortCode
+from tests.device.master import SYNC_COB_ID, Wire, dictionary_with_sync, wired
+
+STATE_TPDO, GOTO_RPDO, STOP_RPDO = 0x1801, 0x1403, 0x1401
+"""Communication records of the drive's Goto State Response, Goto XY and Emergency Stop."""
+
+STATE = 0x014
+GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)
+SYNC = Frame(SYNC_COB_ID, b"")
+
+
+def synchronous(*pdos: tuple[int, int]) -> Wire:
+    """Return a drive with SYNC and with these transmission types."""
+    wire = Wire(Device(dictionary_with_sync(), None, CATALOGUE))
+    for index, transmission_type in pdos:
+        wire.write(index, 2, transmission_type, size=1)
+    wire.sent()
+    return wire
+
+
+def states(wire: Wire, syncs: int) -> list[int]:
+    """Return how many states each of so many SYNCs brings."""
+    return [sum(frame.cob_id == STATE for frame in wire.send(SYNC).frames) for _ in range(syncs)]
+
+
+def goto(message: Message = GOTO) -> Frame:
+    return wired("core").device.transmit(message)
+
+
+# TPDOs
+
+CYCLES = [
+    (1, [1, 1, 1, 1, 1, 1], "every SYNC"),
+    (2, [0, 1, 0, 1, 0, 1], "every second one"),
+    (3, [0, 0, 1, 0, 0, 1], "every third one"),
+    (240, [0, 0, 0, 0, 0, 0], "the longest period there is"),
+    (0, [0, 0, 0, 0, 0, 0], "only after the application has sent it"),
+    (254, [0, 0, 0, 0, 0, 0], "event-driven"),
+]
+
+
+@pytest.mark.parametrize(("transmission_type", "sent", "why"), CYCLES)
+def test_a_tpdo_goes_with_every_nth_sync(transmission_type: int, sent: list[int], why: str) -> None:
+    assert states(synchronous((STATE_TPDO, transmission_type)), 6) == sent, why
+
+
+def test_type_0_goes_with_the_next_sync_after_the_application_has_sent_it() -> None:
+    wire = synchronous((STATE_TPDO, 0))
+    assert wire.device.send(GotoStateResponse(1), wire.now) == []
+    assert wire.device.send(GotoStateResponse(1500), wire.now) == []
+    assert wire.send(SYNC).frames == [wire.device.protocol.encode(GotoStateResponse(1500))]
+    assert states(wire, 2) == [0, 0]
+
+
+def test_a_tpdo_that_follows_sync_goes_at_no_other_time() -> None:
+    wire = synchronous((STATE_TPDO, 1))
+    wire.write(0x1017, 0, 0, size=2)
+    wire.write(STATE_TPDO, 5, 100, size=2)
+    assert wire.device.send(GotoStateResponse(1500), wire.now) == []
+    assert wire.wait(1.0).frames == []
+    assert states(wire, 1) == [1]
+
+
+@pytest.mark.parametrize("command", [NmtCommand.ENTER_PRE_OPERATIONAL, NmtCommand.STOP])
+def test_sync_does_nothing_unless_operational_and_counts_anew_then(command: NmtCommand) -> None:
+    wire = synchronous((STATE_TPDO, 2), (GOTO_RPDO, 1))
+    wire.send(goto())
+    wire.command(command)
+    assert wire.send(SYNC) == Reaction([])
+    wire.command(NmtCommand.START)
+    assert wire.send(SYNC).synchronous == ()
+    assert states(wire, 2) == [1, 0]
+
+
+# RPDOs
+
+
+@pytest.mark.parametrize("transmission_type", [0, 1, 240])
+def test_what_is_received_takes_effect_with_the_next_sync(transmission_type: int) -> None:
+    wire = synchronous((GOTO_RPDO, transmission_type))
+    assert wire.send(goto(GOTO._replace(x=1))).message is None
+    assert wire.send(goto()).message is None
+    assert wire.read(0x2000, 1) == 0
+    assert wire.send(SYNC).synchronous == (GOTO,)
+    assert wire.read(0x2000, 1) == 1234
+    assert wire.send(SYNC).synchronous == ()
+
+
+def test_a_stop_never_waits() -> None:
+    wire = synchronous((STOP_RPDO, 1))
+    assert wire.send(goto(EmergencyStop(Obstacle.ENEMY))).message == EmergencyStop(Obstacle.ENEMY)
+
+
+def test_a_frame_too_short_is_reported_at_once_and_never_takes_effect() -> None:
+    wire = synchronous((GOTO_RPDO, 1))
+    assert [frame.data[:2] for frame in wire.send(Frame(0x008, bytes(3))).frames] == [b"\x10\x82"]
+    assert wire.send(SYNC).synchronous == ()
+
+
+# Over SDO
+
+REFUSED_TYPES = [
+    ("without SYNC", wired, 0),
+    ("without SYNC", wired, 1),
+    ("without SYNC", wired, 240),
+    ("reserved", synchronous, 241),
+    ("sampled at SYNC, sent by remote frame", synchronous, 252),
+    ("sent by remote frame", synchronous, 253),
+]
+
+
+@pytest.mark.parametrize("index", [STATE_TPDO, GOTO_RPDO])
+@pytest.mark.parametrize(("why", "made", "transmission_type"), REFUSED_TYPES)
+def test_other_transmission_types_are_refused(
+    why: str, made: Callable[[], Wire], transmission_type: int, index: int
+) -> None:
+    assert made().refused((index, 2), transmission_type, size=1) == AbortCode.VALUE, why
+
+
+def test_a_master_moves_sync() -> None:
+    wire = synchronous((STATE_TPDO, 1))
+    wire.write(0x1005, 0, 0x0F1)
+    assert wire.send(SYNC).frames == []
+    assert [frame.cob_id for frame in wire.send(Frame(0x0F1, b"\x07")).frames] == [STATE]
+
+
+@pytest.mark.parametrize(("entry", "why"), [(1 << 30 | 0x0F0, "it sends none"), (1 << 29 | 0x0F0, "a 29-bit one")])
+def test_a_sync_that_the_device_has_not_is_refused(entry: int, why: str) -> None:
+    assert synchronous().refused((0x1005, 0), entry, size=4) == AbortCode.VALUE, why
+
+
+def test_no_pdo_may_have_the_identifier_of_sync() -> None:
+    wire = synchronous()
+    wire.write(STATE_TPDO, 1, 1 << 31 | STATE)
+    assert wire.refused((STATE_TPDO, 1), SYNC_COB_ID, size=4) == AbortCode.VALUE
