@@ -30,6 +30,9 @@ WAIT = 1.2
 KNOWN_WHY = (Outcome.STOPPED.value, Outcome.REPLACED.value)
 """Ways for a goto to end of which the timeline has told the reason already."""
 
+FIRST_POSITION = 5.0
+"""Seconds until the first position should have come: the polling's start delay, and several periods."""
+
 SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
 
@@ -81,9 +84,12 @@ class Player:
         self.timeline.tell(EventKind.CONFIGURE, f"{what}: confirmed after {took * 1000:.1f} ms", seconds=took)
 
     async def _first_position(self) -> None:
-        """Wait until position polling has brought the robot's place."""
+        """Wait until position polling has brought the robot's place, or else ask for it; raises NoAnswer."""
+        patience = self.clock() + FIRST_POSITION
         while KalmanPositionResponse not in self.core.positions:
             await asyncio.sleep(SENSE_PERIOD)
+            if self.clock() > patience:
+                await self.core.position()
         seen = self.core.positions[KalmanPositionResponse].position
         self.timeline.tell(EventKind.POSITION, f"({seen.x}, {seen.y}) {seen.angle} deg", position=seen[:3])
 

@@ -111,6 +111,11 @@ class Core(RobotNode):
         """Whether a goto of this core is under way."""
         return self._driving is not None
 
+    @property
+    def open_calls(self) -> int:
+        """How many calls have not ended; to go on stopping a robot that does not stand is nobody's call."""
+        return len(self._flows) - (self._keeping_on is not None)
+
     # Calls
 
     def check_nodes(self) -> Call[dict[str, float]]:

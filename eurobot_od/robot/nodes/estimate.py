@@ -20,13 +20,13 @@ class Estimate:
 
     Navigation positions are blended in with a fixed weight; the Kalman filter that the document names (4.2.2,
     Navigation), which would weigh both sides by their deviations, is to take the place of that blend. An `assumed`
-    pose is one that nothing has measured, such as the start place: the first position overrules it.
+    pose is one that nothing has measured, such as the start place: the first full position takes its place.
     """
 
     def __init__(self, pose: Pose | None = None, *, assumed: bool = False) -> None:
         self.pose = pose
         """Place in mm and heading in degrees; None before the first pose or full position."""
-        self._refused = OUTLIERS_REFUSED if assumed else 0
+        self._assumed, self._refused = assumed, 0
 
     def moved(self, odometry: Odometry) -> None:
         """Follow what the wheels report along an arc; without effect before the first pose."""
@@ -40,8 +40,8 @@ class Estimate:
         A position without a heading (`angle` None) leaves the heading as it is, and is refused as the first one:
         dead reckoning needs both. A first position, and one that overrules the estimate, are taken whole.
         """
-        if self.pose is None:
-            self.pose = None if angle is None else Pose(x, y, normalise(angle))
+        if self.pose is None or (self._assumed and angle is not None):
+            self.pose, self._assumed = None if angle is None else Pose(x, y, normalise(angle)), False
             return angle is not None
         outlying = self.pose.distance(Point(x, y)) > outlier
         if outlying and self._refused < OUTLIERS_REFUSED:

@@ -380,19 +380,31 @@ def test_a_first_navigation_position(
         ((200, 1800, 10), (200, 1800, 3)),
         ((210, 1800, None), (203, 1800, 0)),  # the heading stays
         ((None, None, None), (200, 1800, 0)),  # not seen
-        ((1500, 1000, 0), (1500, 1000, 0)),  # nothing has measured the start place yet
+        ((1500, 1000, 0), (200, 1800, 0)),  # an outlier
     ],
 )
 def test_navigation_positions_correct_the_estimate(
     position: tuple[int | None, int | None, int | None], expected: tuple[int, int, int]
 ) -> None:
-    seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
+    seat = configured()
+    for each in ((200, 1800, 0), position):
+        seat.say(NaviPositionResponse(*each, Source.INTERNAL))
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == expected
 
 
-def test_an_outlier_is_refused_once_a_position_was_near() -> None:
-    seat = configured().say(*(NaviPositionResponse(x, y, 0, Source.INTERNAL) for x, y in ((200, 1800), (1500, 1000))))
-    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == (200, 1800, 0)
+@pytest.mark.parametrize(
+    ("position", "expected"),
+    [
+        ((1500, 1000, 90), (1500, 1000, 90)),  # nothing has measured the start place: the drive may have rebooted
+        ((210, 1800, None), (203, 1800, 0)),  # without a heading it only corrects
+        ((None, None, None), (200, 1800, 0)),
+    ],
+)
+def test_the_first_position_takes_the_place_of_the_start_place(
+    position: tuple[int | None, int | None, int | None], expected: tuple[int, int, int]
+) -> None:
+    seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == expected
 
 
 def test_an_angle_that_rounds_to_360_is_0() -> None:

@@ -1,0 +1,48 @@
+"""The loss matrix: a few of its cells of every kind, and that it would see a robot that does not stand."""
+
+from __future__ import annotations
+
+import loss_matrix
+import pytest
+from loss_matrix import BOUND, Cell
+
+from eurobot_od.robot.nodes import Drive
+
+KINDS = (
+    Cell("Emergency Stop", "lost for ever"),
+    Cell("Stop Drive", "lost 3 times"),
+    Cell("Goto Confirm", "lost for ever"),
+    Cell("Goto XY", "2 s late"),
+    Cell("Goto State Response", "lost 3 times"),
+    Cell("Start Configuration Confirm", "doubled"),
+    Cell("core", "killed", 5.0),
+    Cell("core", "rebooted", 5.0),
+    Cell("core", "frozen 5 s", 5.0),
+    Cell("drive", "rebooted", 5.0),
+    Cell("navigation", "frozen 5 s", 9.0),
+    Cell("bus", "off 1 s", 5.0),
+)
+
+
+@pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
+@pytest.mark.parametrize("cell", KINDS, ids=lambda cell: f"{cell.what} {cell.how}")
+def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
+    result = loss_matrix.attempt(cell._replace(dialect=dialect))
+    assert result.wrong == ""
+    assert result.seconds <= BOUND
+
+
+def test_every_message_and_every_loss_has_its_cells() -> None:
+    cells = list(loss_matrix.cells("canopen", 3))
+    assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3
+
+
+def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Drive, "heartbeat_lost", lambda *_: None)
+    result = loss_matrix.attempt(Cell("core", "killed", 4.0, seed=5))
+    assert "uncommanded" in result.wrong
+
+
+def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:
+    assert loss_matrix.main(["--times", "1", "--only", "bus", "--jobs", "1"]) == loss_matrix.FINE
+    assert capsys.readouterr().out.splitlines()[-1].startswith("1 cells, 0 wrong; uncommanded for ")

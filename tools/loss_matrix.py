@@ -1,0 +1,339 @@
+"""Loses, delays and doubles messages, kills, reboots and freezes nodes in simulated matches: does the robot stand?
+
+Each cell of the matrix is a short match in which one thing goes wrong. What is measured:
+
+- *uncommanded*: how long, and how far, the robot moves while no living core has a goto under way, or the bus is off.
+  Braking after an ordinary stop counts, too, so that it is never 0. It has to end within BOUND seconds.
+- *off*: how far from its place the robot truly is when it has arrived.
+- *open calls*: calls of the core that have not ended when all is over. There must be none.
+- *went on*: whether another place was reached after it went wrong. Not every match can go on; it is told, not judged.
+
+A drive that is dead or frozen moves nothing here: what a motor does when nobody controls it is not in the protocol.
+
+The exit status says whether every cell is as it has to be: 0 yes, 1 no.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+from eurobot_od.device.station import Station
+from eurobot_od.errors import EurobotError
+from eurobot_od.frame import Frame
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.match import stage
+from eurobot_od.robot.match.player import Player
+from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
+from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.world import World
+from eurobot_od.simulation import loop
+from eurobot_od.simulation.network import ON_TIME, Network, processing_time
+
+FINE, WRONG = 0, 1
+
+BOUND = 3.0
+"""Seconds within which a robot stands that nobody commands: the core's Standstill wait of 2 s, and braking."""
+
+OFF_PLACE = 50.0
+"""How far from its place, mm, the robot may truly be when it has arrived: more is a drive that has lost its way."""
+
+DURATION = 20.0
+"""Seconds of a match: enough for several gotos and stops."""
+
+MUSHROOM = "Emergency Shutdown"
+MUSHROOM_AT = 12.0
+"""The message that no match has without an emergency, and when it is then, in seconds of the match."""
+
+BEGIN = 2.3
+"""Seconds from power-on until a match has begun."""
+
+BOOTING = 0.4
+"""Seconds that a node takes to boot."""
+
+FROZEN = 5.0
+OFF = 1.0
+"""Seconds that a node hangs, and that the bus is off."""
+
+TIMES = 200
+"""At how many times of the match a node is lost."""
+
+AFTERWARDS = 8.0
+"""Seconds after the match in which everything has to end."""
+
+NEVER = 1 << 30
+
+DELAYS = {"1 ms late": 0.001, "20 ms late": 0.02, "0.5 s late": 0.5, "2 s late": 2.0}
+LOST = {"lost once": 1, "lost 3 times": 3, "lost for ever": NEVER}
+DOUBLED = "doubled"
+MESSAGE_FATES = (*LOST, *DELAYS, DOUBLED)
+NODE_FATES = ("killed", "rebooted", "frozen 5 s")
+BUS, BUS_FATE = "bus", "off 1 s"
+
+
+class Cell(NamedTuple):
+    """What goes wrong: a message, a node or the bus, how, and when in seconds since power-on (a message: from then)."""
+
+    what: str
+    how: str
+    time: float = 0.0
+    seed: int = 1
+    dialect: str = "canopen"
+
+
+class Result(NamedTuple):
+    """What became of a cell: seconds and mm uncommanded, whether the match went on, and what is wrong, if anything."""
+
+    cell: Cell
+    seconds: float
+    distance: float
+    went_on: bool
+    wrong: str
+
+
+class Watched:
+    """The wheels of the robot in its world, which notice how long they are moved uncommanded."""
+
+    def __init__(self, world: World, commanded: Callable[[], bool], clock: Callable[[], float]) -> None:
+        self.world, self._commanded, self._clock = world, commanded, clock
+        self._since: tuple[float, Pose] | None = None
+        self.seconds = self.distance = 0.0
+        self.moving = False
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        """Move the robot."""
+        before, odometry = self.world.robot, self.world.advance(command, dt)
+        self.moving = command != AT_REST
+        if not self.moving or self._commanded():
+            self._since = None
+        else:
+            begin, place = self._since = self._since or (self._clock(), before)
+            self.seconds = max(self.seconds, self._clock() + dt - begin)
+            self.distance = max(self.distance, self.world.robot.distance(place.point))
+        return odometry
+
+
+@cache
+def files(dialect: str) -> stage.EdsFiles:
+    """Return the EDS files of a dialect, read once in each process."""
+    return stage.EdsFiles.read(dialect)
+
+
+class Trial:
+    """One cell being tried."""
+
+    def __init__(self, cell: Cell) -> None:
+        self.cell, self.files = cell, files(cell.dialect)
+        emergency = MUSHROOM_AT if cell.what == MUSHROOM else None
+        self.options = MatchOptions(seed=cell.seed, duration=DURATION, emergency_at=emergency, dialect=cell.dialect)
+        self.network = Network()
+        nodes, self.world = stage.cast_for(self.options, self.files, self._clock)
+        self.wheels = Watched(self.world, self._is_commanded, self._clock)
+        self.nodes: dict[str, Node] = {node.name: node for node in nodes}
+        self.stations: dict[str, Station] = {}
+        for node in nodes:
+            self._attach(node, stage.BOOT_TIMES[node.name])
+        self.off_until = 0.0
+        self.without_core = False
+        self.reached: list[float] = []
+        self.off = 0.0
+        self.playing: asyncio.Task[None] | None = None
+
+    def _clock(self) -> float:
+        return self.network.now
+
+    @property
+    def core(self) -> Core:
+        core = self.nodes["core"]
+        assert isinstance(core, Core)
+        return core
+
+    def _attach(self, node: Node, start: float) -> None:
+        if isinstance(node, Drive):
+            node.chassis = self.wheels
+        if isinstance(node, Navigation):
+            node.beacons = self.world
+        self.nodes[node.name] = node
+        self.stations[node.name] = self.network.attach(node, start, processing_time(self.cell.seed, node.name))
+
+    def _is_commanded(self) -> bool:
+        return not self.without_core and self.network.now >= self.off_until and self.core.is_commanding
+
+    # What goes wrong
+
+    def _spoil_message(self) -> None:
+        cob_id, seen = self.files.protocol.cob_id(self.cell.what), 0
+
+        def disturb(_: float, frame: Frame) -> Sequence[float]:
+            nonlocal seen
+            if frame.cob_id != cob_id or self.network.now < self.cell.time:
+                return ON_TIME
+            seen += 1
+            if self.cell.how in LOST:
+                return () if seen <= LOST[self.cell.how] else ON_TIME
+            return (DELAYS[self.cell.how],) if self.cell.how in DELAYS else (0.0, 0.001)
+
+        self.network.disturb = disturb
+
+    def _go_wrong(self) -> None:
+        how, now = self.cell.how, self.network.now
+        if self.cell.what == BUS:
+            self.off_until = now + OFF
+            self.network.cut(self.off_until)
+        elif how == "frozen 5 s":
+            self.network.freeze(self.stations[self.cell.what], now + FROZEN)
+            self._miss_core_until(now + FROZEN)
+        else:
+            self.network.detach(self.stations[self.cell.what])
+            self._miss_core_until(now + BOOTING if how == "rebooted" else float("inf"))
+            if how == "rebooted":
+                role, dictionary = ROLES[self.cell.what], self.files.dictionaries[self.cell.what]
+                self._attach(role(dictionary), now + BOOTING)
+
+    def _miss_core_until(self, time: float) -> None:
+        if self.cell.what != "core":
+            return
+        self.without_core = True
+        if time < float("inf"):
+            asyncio.get_running_loop().call_later(time - self.network.now, self._core_is_back)
+        if self.cell.how != "frozen 5 s" and self.playing is not None:
+            self.playing.cancel()  # the strategy is part of the program that has died
+
+    def _core_is_back(self) -> None:
+        self.without_core = False
+        if self.cell.how == "rebooted":
+            self.playing = asyncio.ensure_future(self._play(BEGIN + DURATION - self.network.now))
+
+    # The match
+
+    async def _play(self, duration: float) -> None:
+        options = replace(self.options, duration=max(duration, 1.0))
+        await asyncio.sleep(stage.POWER_UP)
+        with suppress(EurobotError):  # a match that cannot be played has an end, too
+            await Player(self.core, self.world, options, Timeline(self._clock, self._told)).play()
+
+    def _told(self, event: MatchEvent) -> None:
+        if event.kind is EventKind.ARRIVED:
+            self.reached.append(event.time)
+            self.off = max(self.off, event.data["distance"])
+
+    async def _run(self) -> bool:
+        """Play the match, have it go wrong, and tell whether everything has ended in time."""
+        self.playing = asyncio.ensure_future(self._play(DURATION))
+        if self.cell.how in MESSAGE_FATES:
+            self._spoil_message()
+        else:
+            await asyncio.sleep(self.cell.time)
+            self._go_wrong()
+        await asyncio.sleep(BEGIN + DURATION + AFTERWARDS - self.network.now)
+        return self.playing.done()
+
+    def result(self) -> Result:
+        """Try the cell."""
+        ended = loop.run(self.network, self._run())
+        killed = self.cell.what if self.cell.how == "killed" else None
+        wrong = {
+            "moves at the end": killed != "drive" and self.wheels.moving,
+            f"uncommanded for {self.wheels.seconds:.2f} s": self.wheels.seconds > BOUND,
+            f"arrived {self.off:.0f} mm off": self.off > OFF_PLACE,
+            "the match does not end": not ended,
+            f"{self.core.open_calls} open calls": killed != "core" and self.core.open_calls > 0,
+        }
+        went_on = any(time > self.cell.time for time in self.reached)
+        text = "; ".join(text for text, is_so in wrong.items() if is_so)
+        return Result(self.cell, self.wheels.seconds, self.wheels.distance, went_on, text)
+
+
+def attempt(cell: Cell) -> Result:
+    """Try a cell, in any process."""
+    return Trial(cell).result()
+
+
+# Which cells
+
+
+def cells(dialect: str, times: int) -> Iterator[Cell]:
+    """Give all cells of a dialect, in the order of the table; a node is lost at so many `times` of a match."""
+    for name in files(dialect).protocol.names():
+        yield from (Cell(name, how, dialect=dialect) for how in MESSAGE_FATES)
+    losses = [(node, how) for node in ROLES for how in NODE_FATES]
+    for what, how in (*losses, (BUS, BUS_FATE)):
+        for number in range(times):
+            yield Cell(what, how, BEGIN + DURATION * number / times, number + 1, dialect)
+
+
+# The table
+
+
+def table(results: Iterable[Result]) -> Iterator[str]:
+    """Write the results as two tables: a row for each message, and a row for each loss of a node or the bus."""
+    rows: dict[str, dict[str, list[Result]]] = {}
+    for each in results:
+        rows.setdefault(each.cell.what, {}).setdefault(each.cell.how, []).append(each)
+    spoiled = {what: fates for what, fates in rows.items() if what not in (*ROLES, BUS)}
+    yield f"| message | {' | '.join(MESSAGE_FATES)} |"
+    yield "|---" * (1 + len(MESSAGE_FATES)) + "|"
+    for what, fates in spoiled.items():
+        yield f"| {what} | {' | '.join(_figures(fates.get(how, ())) for how in MESSAGE_FATES)} |"
+    yield ""
+    yield "| lost | matches | worst | matches that went on |"
+    yield "|---|---|---|---|"
+    for what in [each for each in rows if each not in spoiled]:
+        for how, found in rows[what].items():
+            yield f"| {what} {how} | {len(found)} | {_figures(found)} | {sum(each.went_on for each in found)} |"
+
+
+def _figures(results: Sequence[Result]) -> str:
+    """Write the worst of some results; a star marks that no match went on."""
+    if not results:
+        return ""
+    seconds, distance = max(each.seconds for each in results), max(each.distance for each in results)
+    return f"{seconds:.2f} s, {distance:.0f} mm" + "*" * (not any(each.went_on for each in results))
+
+
+def summary(results: Sequence[Result]) -> str:
+    """Say in one line what the worst was."""
+    worst, farthest = max(results, key=lambda r: r.seconds), max(results, key=lambda r: r.distance)
+    return (
+        f"{len(results)} cells, {sum(bool(r.wrong) for r in results)} wrong; uncommanded for {worst.seconds:.2f} s at "
+        f"most ({worst.cell.what} {worst.cell.how}), {farthest.distance:.0f} mm at most "
+        f"({farthest.cell.what} {farthest.cell.how})"
+    )
+
+
+def parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
+    command = argparse.ArgumentParser(description="Lose messages and nodes in matches; see that the robot stands.")
+    command.add_argument("--dialect", default="canopen", help="EDS files (default: canopen)")
+    command.add_argument("--times", type=int, default=TIMES, metavar="N", help=f"times of a match (default: {TIMES})")
+    command.add_argument("--only", default="", metavar="TEXT", help="only cells whose name has this in it")
+    command.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes")
+    return command
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table, what is wrong, and the figures."""
+    options = parser().parse_args(arguments)
+    chosen = [each for each in cells(options.dialect, options.times) if options.only in f"{each.what} {each.how}"]
+    with ProcessPoolExecutor(options.jobs) as pool:
+        results = list(pool.map(attempt, chosen, chunksize=8))
+    print(*table(results), sep="\n")
+    print()
+    wrong = [each for each in results if each.wrong]
+    print(*(f"{each.cell.what} {each.cell.how} at {each.cell.time:.2f} s: {each.wrong}" for each in wrong), sep="\n")
+    print(summary(results))
+    return WRONG if wrong else FINE
+
+
+if __name__ == "__main__":
+    sys.exit(main())
