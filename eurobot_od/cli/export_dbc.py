@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the file."""
-    from eurobot_od.pdo.dbc import dbc_text
+    from eurobot_od.export.dbc import dbc_text
     from eurobot_od.robot.protocol import EurobotProtocol
 
     text = dbc_text(EurobotProtocol.load(arguments.dialect))

@@ -19,7 +19,7 @@ from cantools.database.can.c_source import generate
 from eurobot_od import cli
 from eurobot_od.errors import MappingError
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.dbc import dbc_text, identifier
+from eurobot_od.export.dbc import dbc_text
 from eurobot_od.pdo.layout import Layout, Slot
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
@@ -60,7 +60,7 @@ def random_data(binding: Binding, number: int = FRAMES) -> list[bytes]:
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_cantools_reads_all_messages_with_their_identifiers_and_lengths(dialect: str) -> None:
     found = {each.frame_id: (each.name, each.length) for each in database(dialect).messages}
-    expected = {b.cob_id: (identifier(b.name), b.layout.length) for b in protocol(dialect).bindings}
+    expected = {b.cob_id: (b.name.replace(" ", "_"), b.layout.length) for b in protocol(dialect).bindings}
     assert found == expected
 
 
@@ -105,7 +105,7 @@ CHOICES = [
 @pytest.mark.parametrize("dialect", dialects.names())
 @pytest.mark.parametrize(("message", "field", "choices"), CHOICES)
 def test_value_tables(dialect: str, message: str, field: str, choices: Mapping[int, str]) -> None:
-    signal = database(dialect).get_message_by_name(identifier(message)).get_signal_by_name(field)
+    signal = database(dialect).get_message_by_name(message.replace(" ", "_")).get_signal_by_name(field)
     assert {raw: str(name) for raw, name in (signal.choices or {}).items()} == choices
 
 
@@ -206,7 +206,7 @@ def test_a_field_in_pieces_is_refused() -> None:
     spoilt = EurobotProtocol.load(dialects.DEFAULT)
     binding = spoilt.binding("Goto State Response")
     binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
-    with pytest.raises(MappingError, match="Goto State Response: time is in 2 pieces"):
+    with pytest.raises(MappingError, match="Goto State Response: time is not in one piece"):
         dbc_text(spoilt)
 
 
