@@ -32,7 +32,7 @@ WORDS = """auto break case char const continue default do double else enum exter
  false asm fortran errno linux unix i386 near far interrupt alignas alignof and and_eq atomic bitand bitor catch class
  compl concept const_cast constexpr decltype delete dynamic_cast explicit export friend mutable namespace new noexcept
  not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
- template this thread_local throw try typeid typename using virtual wchar_t xor xor_eq""".split()
+ template this thread_local throw try typeid typename using virtual wchar_t xor xor_eq"""
 """Keywords of C and C++, and macros of compilers and of the headers here: none of them can name a member."""
 
 PARTS = 4
@@ -296,7 +296,7 @@ def _value(member: Member) -> str:
         return f"{raw} != 0u"
     if member.field.numeral is not Numeral.SIGNED:
         return raw
-    # What an unsigned number becomes that a signed type does not have is the compiler's choice: so it never comes to it.
+    # What a signed type makes of an unsigned number that it does not have is the compiler's choice: never come to it.
     low, sign = _unsigned(member.low_bits, member.bits), _unsigned(member.low_bits + 1, member.bits)
     negative = f"({member.type})({raw} & {low}) - {_signed(member.low_bits, member.bits)} - 1"
     return f"({member.type})(({raw} & {sign}) != 0u ? {negative} : ({member.type})({raw} & {low}))"

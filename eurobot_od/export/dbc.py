@@ -40,7 +40,7 @@ VALUE_TYPES = {32: 1, 64: 2}
 SIGNS = {Numeral.UNSIGNED: "+", Numeral.SIGNED: "-", Numeral.REAL: "-"}
 
 RESERVED = """version ns_ bs_ bu_ bo_ sg_ ev_ cm_ val_ val_table_ ba_ ba_def_ ba_def_def_ ba_def_rel_ ba_rel_ bo_tx_bu_
- sig_valtype_ sgtype_ sig_group_ envvar_data_ cat_def_ cat_ filter int hex float string enum vector__xxx""".split()
+ sig_valtype_ sgtype_ sig_group_ envvar_data_ cat_def_ cat_ filter int hex float string enum vector__xxx"""
 """The words of the format."""
 
 ATTRIBUTES = (

@@ -7,7 +7,6 @@ is needed.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from itertools import count
 
 LONGEST_IDENTIFIER = 31
@@ -15,6 +14,8 @@ LONGEST_IDENTIFIER = 31
 
 LONGEST_TEXT = 400
 """Characters of a text that goes into a comment or a label."""
+
+UNNAMED = "unnamed"
 
 NOT_PRINTABLE = re.compile(r"[^\x20-\x7E]+")
 NOT_AN_IDENTIFIER = re.compile(r"[^A-Za-z0-9]+")
@@ -26,15 +27,20 @@ def printable(text: str, longest: int = LONGEST_TEXT) -> str:
     return shown if len(shown) <= longest else f"{shown[: longest - 3]}..."
 
 
-class Identifiers:
-    """Hands out identifiers, each only once whatever its case; `reserved` ones, in lower case, never."""
+def label(name: str) -> str:
+    """Return a name as printable ASCII that is not empty."""
+    return printable(name) or UNNAMED
 
-    def __init__(self, reserved: Iterable[str] = (), longest: int = LONGEST_IDENTIFIER) -> None:
-        self._taken, self._longest = set(reserved), longest
+
+class Identifiers:
+    """Hands out identifiers, each only once whatever its case; the `reserved` words, in lower case, never."""
+
+    def __init__(self, reserved: str = "", longest: int = LONGEST_IDENTIFIER) -> None:
+        self._taken, self._longest = set(reserved.split()), longest
 
     def new(self, name: str) -> str:
         """Return the identifier of a name: `Status (raw)` is `Status_raw`, a second one `Status_raw_2`."""
-        base = NOT_AN_IDENTIFIER.sub("_", name).strip("_")[: self._longest] or "unnamed"
+        base = NOT_AN_IDENTIFIER.sub("_", name).strip("_")[: self._longest] or UNNAMED
         base = f"n{base}"[: self._longest] if base[0].isdigit() else base
         ends = (f"_{number}" if number > 1 else "" for number in count(1))
         candidates = (base[: self._longest - len(end)] + end for end in ends)

@@ -12,12 +12,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.export.names import Identifiers, printable
+from eurobot_od.export.names import Identifiers, label, printable
 from eurobot_od.pdo.protocol import Protocol
 
 READER = Path(__file__).with_name("wireshark.lua")
 
-WORDS = ("can", "canopen", "length")
+WORDS = "can canopen length"
 """Names that a network, or a message, must not have in a display filter: they are somebody else's."""
 
 FIELD_TYPES = {Numeral.UNSIGNED: {bits: f"uint{bits}" for bits in (8, 16, 24, 32, 64)}}
@@ -69,7 +69,7 @@ def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
 def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
     expected = " or ".join(map(str, sorted({message.shortest, message.length})))
     yield f"MESSAGES[0x{message.cob_id:03X}] = {{"
-    yield f"    name = {_quoted(message.name)}, path = {_quoted(message.path)},"
+    yield f"    name = {_quoted(label(message.name))}, path = {_quoted(message.path)},"
     yield f"    length = {message.length}, shortest = {message.shortest}, expected = {_quoted(expected)},"
     yield "    fields = {"
     of_fields = Identifiers()
@@ -83,11 +83,11 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     types, chunks = FIELD_TYPES[field.numeral], field.chunks
     kind = types[next(bits for bits in types if bits >= field.width)]
     first, last = min(each.byte for each in chunks), max(each.byte for each in chunks)
-    names = "{" + ", ".join(f"[{raw}] = {_quoted(name)}" for raw, name in field.named.items()) + "}"
+    names = "{" + ", ".join(f"[{raw}] = {_quoted(label(name))}" for raw, name in field.named.items()) + "}"
     given = f", base.DEC, {names}" if field.named else ""
     yield "        {"
-    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(field.name)}{given}),"
-    yield f"            name = {_quoted(field.name)}, unit = {_quoted(field.unit)}, names = {names},"
+    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(label(field.name))}{given}),"
+    yield f"            name = {_quoted(label(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
     yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
     yield f"            bytes = {last - first + 1},"
     yield from _limits(field)

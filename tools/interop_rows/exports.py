@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 
 from eurobot_od.export import c, wireshark
 from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -173,7 +172,7 @@ def compare_tshark(protocol: Protocol, messages: Sequence[DescribedMessage], fol
 
 
 def dissected(log: Path, script: Path) -> list[list[str]]:
-    """Return the values, as tshark writes them, of our fields in each frame of a log; raises Differs if tshark complains of the script."""
+    """Return our fields' values in each frame of a log, as tshark writes them; raises Differs if it complains."""
     done = run("tshark", "-X", f"lua_script:{script}", "-r", log, "-T", "pdml", "-Y", NAME)
     complaints = [line for line in done.stderr.splitlines() if not line.startswith("Running as user")]
     agree("tshark's complaints", complaints, [])
