@@ -19,7 +19,6 @@ import pytest
 from cantools.database.can import Database, Message
 from cantools.database.can.c_source import generate
 
-from eurobot_od import cli
 from eurobot_od.errors import MappingError
 from eurobot_od.export.dbc import dbc_text, text_of
 from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral
@@ -279,7 +278,7 @@ def test_no_multiplexing_is_invented() -> None:
     assert not any(each.is_multiplexed() for each in typed_database(ANY_MESSAGES).messages)
 
 
-# What DBC cannot say, and the command
+# What DBC cannot say
 
 
 def test_a_field_in_pieces_is_refused() -> None:
@@ -288,9 +287,3 @@ def test_a_field_in_pieces_is_refused() -> None:
     binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
     with pytest.raises(MappingError, match="Goto State Response: time is not in one piece"):
         dbc_text(spoilt)
-
-
-def test_the_command_writes_the_file(tmp_path: Path) -> None:
-    file = tmp_path / "robot.dbc"
-    assert cli.main(["export", "dbc", "-o", str(file)]) == 0
-    assert file.read_text() == dbc_text(protocol(dialects.DEFAULT))

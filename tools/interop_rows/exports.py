@@ -101,6 +101,7 @@ int main(void)
             data[i] = (uint8_t)octet;
         }}
         size = 0;
+        (void)data;
         switch (number) {{
 {cases}
         default: return 4;
