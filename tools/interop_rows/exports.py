@@ -34,6 +34,10 @@ class Sample(NamedTuple):
     data: bytes
     values: Mapping[str, int]
 
+    def bits(self, field: DescribedField) -> int:
+        """Return the bits of a field, as a number without a sign."""
+        return self.values[field.name] & ((1 << field.width) - 1)
+
 
 def samples(protocol: Protocol, frames: int) -> list[Sample]:
     """Return random frames of each message with fields; every tenth is as short as the message may be."""
@@ -67,8 +71,8 @@ def compare_c(protocol: Protocol, messages: Sequence[DescribedMessage], folder: 
     done = run("sh", "-c", f'"{judge}" < "{asked}" > "{answers}"')
     agree("the judge's status", done.returncode, 0)
     for sample, line in zip(wanted, answers.read_text().splitlines(), strict=True):
-        binding = protocol.bindings[sample.number]
-        raw = " ".join(f"{sample.values[field]:x}" for field in binding.layout.fields)
+        binding, message = protocol.bindings[sample.number], messages[sample.number]
+        raw = " ".join(f"{sample.bits(field):x}" for field in message.fields)
         agree(f"{binding.name} {sample.data.hex()}", line, f"{raw} {binding.pack(sample.values).hex()}")
 
 
@@ -168,7 +172,7 @@ def compare_tshark(protocol: Protocol, messages: Sequence[DescribedMessage], fol
     for sample, items in zip(wanted, found, strict=True):
         message = messages[sample.number]
         theirs = [_read(item, field) for item, field in zip(items, message.fields, strict=True)]
-        ours = [_meant(sample.values[field.name], field) for field in message.fields]
+        ours = [_meant(sample.bits(field), field) for field in message.fields]
         agree(f"{message.name} {sample.data.hex()}", theirs, ours)
 
 
