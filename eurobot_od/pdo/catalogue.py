@@ -98,11 +98,5 @@ def first_free(name: str, taken: Container[object]) -> str:
 def made_type(name: str, fields: Sequence[str]) -> type[Message]:
     """Return a message type of plain numbers for a PDO that no catalogue has."""
     annotated: Any = [(field, Annotated[int, Kind()]) for field in fields]
-    made: Any = NamedTuple(_type_name(name), annotated)  # type: ignore[misc]  # made at run time
+    made: Any = NamedTuple(re.sub(r"\W", "_", name, flags=re.ASCII), annotated)  # type: ignore[misc]  # made at run time
     return cast("type[Message]", told_apart(made))
-
-
-def _type_name(name: str) -> str:
-    """Return what a message's type is called: `Drive TPDO 1` is `Drive_TPDO_1`, `class` is `Message_class`."""
-    made = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return made if made.isidentifier() and not keyword.iskeyword(made) else f"Message_{made}"

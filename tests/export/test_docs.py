@@ -103,7 +103,7 @@ def test_the_fields_of_a_message(form: str) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_names_stay_text(form: str) -> None:
-    messages = [(f"{number} {name}", [made_up.Field(name, 7, 8)]) for number, name in enumerate(made_up.BAD_NAMES)]
+    messages = [(f"Number {number} {name}", [made_up.Field(name, 7, 8)]) for number, name in enumerate(made_up.BAD_NAMES)]
     found = read(page(docs_text(made_up.protocol(messages), [made_up.outline(messages)], form), form))
     assert found.tags <= {
         *[
