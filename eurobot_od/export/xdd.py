@@ -41,7 +41,15 @@ LIMITS_AND_VALUES = {
 }
 """Attributes of an object, and the keys of the file that say them."""
 
-COMMISSIONED = {"nodeName": "nodename", "networkName": "networkname", "networkNumber": "netnumber"}
+COMMISSIONED = {
+    "nodeID": ("nodeid", "0"),
+    "nodeName": ("nodename", ""),
+    "actualBaudRate": ("baudrate", ""),
+    "networkNumber": ("netnumber", "0"),
+    "networkName": ("networkname", ""),
+}
+"""Attributes of a commissioned device, the keys of a DCF that say them, and what stands for one that says nothing."""
+
 NO_DAY = "1970-01-01"
 """Stands for the day of a file that names none, as the schema wants one."""
 
@@ -168,11 +176,10 @@ class _Writer:
         return _element("TransportLayers", {}, _element("PhysicalLayer", {}, _element("baudRate", {}, *supported)))
 
     def _management(self) -> Element:
-        counts = {each: sum(index in records for index in self._outline.members) for each, records in _RECORDS}
         general = {
             "granularity": str(min(max(self._info("granularity"), 0), 64)),
-            "nrOfRxPDO": str(counts[PdoDirection.RPDO]),
-            "nrOfTxPDO": str(counts[PdoDirection.TPDO]),
+            "nrOfRxPDO": self._count(PdoDirection.RPDO),
+            "nrOfTxPDO": self._count(PdoDirection.TPDO),
             "groupMessaging": _said(bool(self._info("groupmessaging"))),
             "bootUpSlave": _said(bool(self._info("simplebootupslave"))),
             "layerSettingServiceSlave": _said(bool(self._info("lss_supported"))),
@@ -181,14 +188,16 @@ class _Writer:
         features = [_element("CANopenGeneralFeatures", general), _element("CANopenMasterFeatures", master)]
         return _element("NetworkManagement", {}, *features, *self._commissioning())
 
+    def _count(self, direction: PdoDirection) -> str:
+        return str(sum(index in COMMUNICATION_RECORDS[direction] for index in self._outline.members))
+
     def _commissioning(self) -> Iterator[Element]:
         """Give what a DCF commissions the device with; nothing for an EDS."""
-        section, node_id = self._device.commissioning, self._device.commissioned("nodeid")
-        if section and node_id:
-            texts = {attribute: section.text(key) or None for attribute, key in COMMISSIONED.items()}
-            rate = self._device.commissioned("baudrate")
-            said = {"NodeID": str(node_id.value), "actualBaudRate": f"{rate.value} Kbps" if rate else None, **texts}
-            yield _element("deviceCommissioning", said)
+        section = self._device.commissioning
+        if section and section.text("nodeid"):
+            texts = {name: section.text(key) or nothing for name, (key, nothing) in COMMISSIONED.items()}
+            is_manager = DescribedVariable(0, 0, section).number("canopenmanager") == (1, False)
+            yield _element("deviceCommissioning", {**texts, "CANopenManager": _said(is_manager)})
 
     # Objects
 
@@ -226,9 +235,6 @@ class _Writer:
         if NODE_ID in text.upper():
             return f"{NODE_ID}+0x{value - self._outline.node_id:X}"
         return f"0x{value:X}" if value >= 0 else str(value)
-
-
-_RECORDS = COMMUNICATION_RECORDS.items()
 
 
 def _object_type(variable: DescribedVariable) -> str:

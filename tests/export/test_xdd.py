@@ -178,7 +178,14 @@ def test_the_profiles_say_whose_device_it_is_and_what_it_can() -> None:
     rates = [each.get("value") for each in network.iter("supportedBaudRate")]
     general, commissioned = (next(network.iter(tag)) for tag in ("CANopenGeneralFeatures", "deviceCommissioning"))
     assert (rates, general.get("granularity")) == (["125 Kbps"], "64")
-    assert commissioned.attrib == {"NodeID": "7", "actualBaudRate": "125 Kbps", "nodeName": "left"}
+    assert commissioned.attrib == {
+        "nodeID": "7",
+        "nodeName": "left",
+        "actualBaudRate": "125",
+        "networkNumber": "0",
+        "networkName": "",
+        "CANopenManager": "false",
+    }
 
 
 def test_any_names_are_well_formed() -> None:
