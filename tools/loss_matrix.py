@@ -29,6 +29,7 @@ from typing import NamedTuple
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
+from eurobot_od.robot import dialects
 from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match import stage
 from eurobot_od.robot.match.player import Player
@@ -88,7 +89,7 @@ class Cell(NamedTuple):
     how: str
     time: float = 0.0
     seed: int = 1
-    dialect: str = "canopen"
+    dialect: str = dialects.DEFAULT
 
 
 class Result(NamedTuple):
@@ -314,7 +315,7 @@ def summary(results: Sequence[Result]) -> str:
 def parser() -> argparse.ArgumentParser:
     """Describe the command line."""
     command = argparse.ArgumentParser(description="Lose messages and nodes in matches; see that the robot stands.")
-    command.add_argument("--dialect", default="canopen", help="EDS files (default: canopen)")
+    command.add_argument("--dialect", default=dialects.DEFAULT, help="EDS files (default: %(default)s)")
     command.add_argument("--times", type=int, default=TIMES, metavar="N", help=f"times of a match (default: {TIMES})")
     command.add_argument("--only", default="", metavar="TEXT", help="only cells whose name has this in it")
     command.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes")

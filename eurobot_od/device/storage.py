@@ -6,13 +6,13 @@ and takes its place in one step, so that a crash at any moment leaves the old on
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol
 
 from eurobot_od.device.objects import is_configuration
 from eurobot_od.errors import DictionaryError
+from eurobot_od.files import write_whole
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
@@ -69,19 +69,3 @@ class FileStore:
         eds = self._dictionary.content.decode(ANY_BYTES)
         text = dcf.with_values(eds, values, node_id, self._dictionary.name, self._baudrate)
         write_whole(self.file, text.encode(ANY_BYTES))
-
-
-def write_whole(file: Path, content: bytes) -> None:
-    """Put a file in place of another in one step, safe on the disk; raises OSError, and leaves the other then."""
-    beside = file.with_name(f"{file.name}.new")
-    with beside.open("wb") as new:
-        new.write(content)
-        new.flush()
-        os.fsync(new.fileno())
-    beside.replace(file)
-    if os.name == "posix":  # the new name is in the folder, which elsewhere cannot be brought to the disk
-        folder = os.open(file.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)

@@ -11,8 +11,9 @@ import canopen
 import pytest
 
 from eurobot_od.device.device import SAVE, Device
-from eurobot_od.device.storage import FileStore, write_whole
+from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import DictionaryError
+from eurobot_od.files import write_whole
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 

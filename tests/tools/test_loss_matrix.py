@@ -6,6 +6,7 @@ import loss_matrix
 import pytest
 from loss_matrix import BOUND, Cell
 
+from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import Drive
 
 KINDS = (
@@ -24,7 +25,7 @@ KINDS = (
 )
 
 
-@pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
+@pytest.mark.parametrize("dialect", dialects.names())
 @pytest.mark.parametrize("cell", KINDS, ids=lambda cell: f"{cell.what} {cell.how}")
 def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
     result = loss_matrix.attempt(cell._replace(dialect=dialect))
@@ -33,7 +34,7 @@ def test_the_robot_stands_and_every_call_ends(cell: Cell, dialect: str) -> None:
 
 
 def test_every_message_and_every_loss_has_its_cells() -> None:
-    cells = list(loss_matrix.cells("canopen", 3))
+    cells = list(loss_matrix.cells(dialects.DEFAULT, 3))
     assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3
 
 

@@ -13,8 +13,8 @@ from typing import Any
 import canmatrix.formats
 import cantools
 
+from eurobot_od.export.dbc import dbc_text
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.dbc import dbc_text
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol

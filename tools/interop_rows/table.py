@@ -5,7 +5,7 @@ Rule of this file: the table alone; a question is added as one row here and one 
 
 from __future__ import annotations
 
-from interop_rows import databases, javascript, peers, recordings, shared_bus, sheets, tools
+from interop_rows import databases, exports, javascript, peers, recordings, shared_bus, sheets, tools
 from interop_rows.row import Row
 
 ROWS = (
@@ -21,11 +21,13 @@ ROWS = (
     Row(tools.CANOPEN, "as node of our master", peers.stock_node_under_our_master),
     Row(tools.CANTOOLS, "read our DBC files", databases.by_cantools),
     Row(tools.CANMATRIX, "read our DBC files", databases.by_canmatrix),
+    Row(tools.GCC, "compile our C headers, pack and unpack", exports.by_compiler),
     Row(tools.CAN, "Logger: record a session in each format", recordings.written_by_python_can),
     Row(tools.CAN, "LogReader: read `match --log` in each format", recordings.read_by_python_can),
     Row(tools.CAN, "can_player: play a log to our drive", shared_bus.played_log),
     Row(tools.REMOTE, "carry a bus between master and node", shared_bus.remote_bus),
     Row(tools.TSHARK, "dissect a recorded session", recordings.dissected_by_tshark),
+    Row(tools.TSHARK, "dissect with our dissectors", exports.by_tshark),
     Row(tools.NPM_CANOPEN, "load every EDS", javascript.load),
     Row(tools.NPM_CANOPEN, "as master: SDO, NMT, heartbeat, EMCY", javascript.talk),
     Row(tools.CAN_UTILS, "cansend and candump on vcan0", shared_bus.candump_and_cansend),

@@ -141,6 +141,7 @@ OBJDICTGEN = Tool(
     f"python3 tools/interop.py installs it below {OWN.relative_to(ROOT)}",
 )
 TSHARK = _of_debian("tshark", "tshark")
+GCC = _of_debian("gcc", "cc")
 NPM_CANOPEN = Tool(
     "npm canopen",
     "npm",

@@ -18,8 +18,8 @@ from bitstruct import c as bitstruct  # type: ignore[import-untyped]  # it carri
 
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import protocol
+from eurobot_od.export.dbc import dbc_text
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.dbc import dbc_text
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects

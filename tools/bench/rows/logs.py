@@ -21,7 +21,7 @@ from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Wa
 from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, run
 from bench.shared import protocol
 from bench.traffic import Timed, random_traffic, recorded_traffic, write_candump
-from eurobot_od.pdo.dbc import dbc_text
+from eurobot_od.export.dbc import dbc_text
 
 SAMPLES = 1000
 """Lines whose values are compared, all over a log."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import random
+import re
+import struct
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -16,14 +19,15 @@ import pytest
 from cantools.database.can import Database, Message
 from cantools.database.can.c_source import generate
 
-from eurobot_od import cli
 from eurobot_od.errors import MappingError
+from eurobot_od.export.dbc import dbc_text, text_of
+from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.dbc import dbc_text, identifier
 from eurobot_od.pdo.layout import Layout, Slot
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.export import made_up
 
 FRAMES = 10_000
 """Random frames for each message."""
@@ -60,7 +64,7 @@ def random_data(binding: Binding, number: int = FRAMES) -> list[bytes]:
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_cantools_reads_all_messages_with_their_identifiers_and_lengths(dialect: str) -> None:
     found = {each.frame_id: (each.name, each.length) for each in database(dialect).messages}
-    expected = {b.cob_id: (identifier(b.name), b.layout.length) for b in protocol(dialect).bindings}
+    expected = {b.cob_id: (b.name.replace(" ", "_"), b.layout.length) for b in protocol(dialect).bindings}
     assert found == expected
 
 
@@ -105,7 +109,7 @@ CHOICES = [
 @pytest.mark.parametrize("dialect", dialects.names())
 @pytest.mark.parametrize(("message", "field", "choices"), CHOICES)
 def test_value_tables(dialect: str, message: str, field: str, choices: Mapping[int, str]) -> None:
-    signal = database(dialect).get_message_by_name(identifier(message)).get_signal_by_name(field)
+    signal = database(dialect).get_message_by_name(message.replace(" ", "_")).get_signal_by_name(field)
     assert {raw: str(name) for raw, name in (signal.choices or {}).items()} == choices
 
 
@@ -199,18 +203,93 @@ def test_c_code_compiles_without_warning_and_agrees_with_the_codec(dialect: str,
     assert judged.stdout.splitlines() == expected
 
 
-# What DBC cannot say, and the command
+# Any network
+
+
+def typed_database(messages: Sequence[DescribedMessage]) -> Database:
+    loaded = cantools.database.load_string(text_of(messages), "dbc", strict=True)
+    assert isinstance(loaded, Database)
+    return loaded
+
+
+ANY = list(made_up.ANY_NUMBERS.items())
+ANY_PROTOCOL = made_up.protocol(ANY)
+ANY_MESSAGES = made_up.typed(ANY_PROTOCOL, ANY)
+
+
+REALS = {32: "<f", 64: "<d"}
+
+
+def raw_of(value: float, field: DescribedField) -> int:
+    """Return the bits of a number."""
+    if field.numeral is Numeral.REAL:
+        return int.from_bytes(struct.pack(REALS[field.width], value), "little")
+    return int(value) & ((1 << field.width) - 1)
+
+
+def bits_of(binding: Binding, data: bytes) -> dict[str, int]:
+    """Return the fields of a frame as numbers without a sign."""
+    widths = binding.layout.widths
+    return {field: raw & ((1 << widths[field]) - 1) for field, raw in binding.unpack(data).items()}
+
+
+def is_exact(binding: Binding, data: bytes) -> bool:
+    """Whether no REAL in a frame is a NaN, whose bits no number keeps."""
+    return all(
+        not math.isnan(struct.unpack(REALS[field.width], raw.to_bytes(field.width // 8, "little"))[0])
+        for raw, field in zip(bits_of(binding, data).values(), message_of(binding).fields, strict=True)
+        if field.numeral is Numeral.REAL
+    )
+
+
+def message_of(binding: Binding) -> DescribedMessage:
+    return next(each for each in ANY_MESSAGES if each.cob_id == binding.cob_id)
+
+
+@pytest.mark.parametrize("binding", ANY_PROTOCOL.bindings, ids=lambda each: each.name)
+def test_cantools_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding) -> None:
+    signals = typed_database(ANY_MESSAGES).get_message_by_frame_id(binding.cob_id)
+    fields = message_of(binding).fields
+    for data in (each for each in made_up.random_data(binding, FRAMES) if is_exact(binding, each)):
+        values: Any = signals.decode(data, decode_choices=False)
+        assert {field.name: raw_of(values[field.name], field) for field in fields} == bits_of(binding, data)
+        assert signals.encode(values, strict=False) == binding.pack(binding.unpack(data))
+
+
+@pytest.mark.parametrize("binding", ANY_PROTOCOL.bindings, ids=lambda each: each.name)
+def test_canmatrix_reads_numbers_of_any_type_and_place_as_we_do(binding: Binding) -> None:
+    loaded: Any = canmatrix.formats.loads(text_of(ANY_MESSAGES), "dbc")
+    (found,) = loaded.values()
+    assert found.load_errors == []
+    (frame,) = (each for each in found.frames if each.arbitration_id.id == binding.cob_id)
+    fields = message_of(binding).fields
+    for data in (each for each in made_up.random_data(binding, FRAMES // 20) if is_exact(binding, each)):
+        values = {name: each.raw_value for name, each in frame.decode(data).items()}
+        assert {field.name: raw_of(values[field.name], field) for field in fields} == bits_of(binding, data)
+
+
+@pytest.mark.parametrize("messages", [made_up.badly_named(), made_up.many()], ids=["bad names", "512 messages"])
+def test_any_names_are_read(messages: list[DescribedMessage]) -> None:
+    text = text_of(messages)
+    assert re.fullmatch(r"[\t\x20-\x7E\n]+", text)
+    names = [(each.name, *(signal.name for signal in each.signals)) for each in typed_database(messages).messages]
+    assert len({message.lower() for message, *_ in names}) == len(messages)
+    assert all(len({each.lower() for each in signals}) == len(signals) for _, *signals in names)
+    loaded: Any = canmatrix.formats.loads(text, "dbc")
+    (found,) = loaded.values()
+    assert len(found.frames) == len(messages)
+
+
+def test_no_multiplexing_is_invented() -> None:
+    assert not any(each.is_multiplexed() for each in typed_database(ANY_MESSAGES).messages)
+
+
+# What DBC cannot say
 
 
 def test_a_field_in_pieces_is_refused() -> None:
     spoilt = EurobotProtocol.load(dialects.DEFAULT)
     binding = spoilt.binding("Goto State Response")
     binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
-    with pytest.raises(MappingError, match="Goto State Response: time is in 2 pieces"):
+    with pytest.raises(MappingError, match="Goto State Response: time is not in one piece"):
         dbc_text(spoilt)
-
-
-def test_the_command_writes_the_file(tmp_path: Path) -> None:
-    file = tmp_path / "robot.dbc"
-    assert cli.main(["export", "dbc", "-o", str(file)]) == 0
-    assert file.read_text() == dbc_text(protocol(dialects.DEFAULT))

@@ -1,0 +1,302 @@
+"""The messages as a C99 header without dependencies: identifiers, lengths, structs, and functions that pack and unpack.
+
+Each message with data gets a struct of its fields, `NAME_MESSAGE_pack` and `NAME_MESSAGE_unpack`; values with names,
+limits, identifier and length are macros. Goto XY of a network called `robot` becomes, shortened to one field:
+
+    #define ROBOT_GOTO_XY_COB_ID 0x008u
+    #define ROBOT_GOTO_XY_LENGTH 8u
+
+    typedef struct {
+        uint16_t x; /* 0..3000 mm */
+    } robot_goto_xy_t;
+
+    static inline size_t robot_goto_xy_pack(uint8_t *data, size_t size, const robot_goto_xy_t *message)
+    static inline bool robot_goto_xy_unpack(robot_goto_xy_t *message, const uint8_t *data, size_t length)
+
+Rule of this file: the C depends on neither byte order nor width of int of the machine, and compiles without a warning;
+bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller has no 64-bit shifts to do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from textwrap import TextWrapper
+from typing import NamedTuple
+
+from eurobot_od.export.description import Chunk, DescribedField, DescribedMessage, Numeral, described
+from eurobot_od.export.names import LONGEST_IDENTIFIER, Identifiers, printable
+from eurobot_od.pdo.protocol import Protocol
+
+WORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
+ register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true
+ false asm fortran errno linux unix i386 near far interrupt alignas alignof and and_eq atomic bitand bitor catch class
+ compl concept const_cast constexpr decltype delete dynamic_cast explicit export friend mutable namespace new noexcept
+ not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
+ template this thread_local throw try typeid typename using virtual wchar_t xor xor_eq"""
+"""Keywords of C and C++, and macros of compilers and of the headers here: none of them can name a member."""
+
+PARTS = 4
+"""Names of which a macro is put together: network, message, field, value."""
+
+STRUCT_REALS = {32: "float", 64: "double"}
+
+
+WIDE = TextWrapper(110, subsequent_indent=" * ")
+"""How the words on a message become a comment of several lines."""
+
+
+class Member(NamedTuple):
+    """A field and its name in the struct."""
+
+    name: str
+    field: DescribedField
+
+    @property
+    def bits(self) -> int:
+        """Bits of its C type: 8, 16, 32 or 64."""
+        return next(bits for bits in (8, 16, 32, 64) if bits >= self.field.width)
+
+    @property
+    def raw_type(self) -> str:
+        """The unsigned C type of its bits."""
+        return f"uint{self.bits}_t"
+
+    @property
+    def type(self) -> str:
+        """The C type of its value."""
+        if self.field.numeral is Numeral.REAL:
+            return STRUCT_REALS[self.field.width]
+        if self.field.numeral is Numeral.SIGNED:
+            return f"int{self.bits}_t"
+        return "bool" if self.field.width == 1 else self.raw_type
+
+    @property
+    def low_bits(self) -> int:
+        """All bits of a signed value but its sign, as a mask."""
+        return (1 << (self.field.width - 1)) - 1
+
+
+class Block(NamedTuple):
+    """A message, its name in lower-case identifiers, after the network's, and its struct's members."""
+
+    name: str
+    message: DescribedMessage
+    members: list[Member]
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether a frame may be shorter than the mapping."""
+        return self.message.shortest < self.message.length
+
+
+def c_header(protocol: Protocol, name: str) -> str:
+    """Return the header of a protocol; `name` begins its identifiers. Raises LocalError without messages."""
+    return header_of(described(protocol), name)
+
+
+def header_of(messages: Iterable[DescribedMessage], name: str) -> str:
+    """Return the header of messages."""
+    prefix, blocks = prefix_of(name), blocks_of(messages, name)
+    macros = Identifiers(longest=PARTS * (LONGEST_IDENTIFIER + 1))
+    lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), *_foot()]
+    return "\n".join(lines) + "\n"
+
+
+def prefix_of(name: str) -> str:
+    """Return what the identifiers of a network of that name begin with."""
+    return Identifiers(WORDS).new(name).lower()
+
+
+def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[Block]:
+    """Return the messages with the names that they and their fields have in the header."""
+    of_messages, prefix = Identifiers(), prefix_of(name)
+    return [Block(f"{prefix}_{of_messages.new(each.name).lower()}", each, _members(each)) for each in messages]
+
+
+def _members(message: DescribedMessage) -> list[Member]:
+    names = Identifiers(WORDS)
+    return [Member(names.new(field.name).lower(), field) for field in message.fields]
+
+
+def _head(prefix: str, blocks: Iterable[Block]) -> Iterator[str]:
+    files = dict.fromkeys(each.message.file.name for each in blocks)
+    yield f"/* Messages of {_comment(', '.join(files))}, made by `eurobot-od export c`; do not edit."
+    yield " *"
+    yield " * pack: puts a message into `data`, which holds `size` bytes; returns the frame's length, 0 if it does not"
+    yield " * fit or if a value is too wide for its field. unpack: takes a message out of a frame's data; returns false"
+    yield " * and leaves the message as it was if the frame is too short, as CiA 301 wants it; a longer one is read. */"
+    yield f"#ifndef {prefix.upper()}_H"
+    yield f"#define {prefix.upper()}_H"
+    yield ""
+    yield from (f"#include <{each}.h>" for each in ("stdbool", "stddef", "stdint", "string"))
+    for bits, real in STRUCT_REALS.items():
+        if any(member.type == real for block in blocks for member in block.members):
+            yield ""
+            yield f"/* A {real} of other than {bits} bits, as on some 8-bit controllers, does not compile. */"
+            yield f"typedef char {prefix}_{real}_has_{bits}_bits[sizeof({real}) == {bits // 8} ? 1 : -1];"
+
+
+def _foot() -> Iterator[str]:
+    yield ""
+    yield "#endif"
+
+
+def _comment(text: str) -> str:
+    """Make a text fit for a comment; `??` could begin a trigraph."""
+    return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+
+
+# A message
+
+
+def _block(block: Block, macros: Identifiers) -> Iterator[str]:
+    message = block.message
+    about = f"{message.name}: {message.path}" + (f". {message.text}" if message.text else "")
+    yield ""
+    yield f"/* {WIDE.fill(_comment(about))} */"
+    yield ""
+    yield f"#define {_macro(macros, block.name, 'cob_id')} 0x{message.cob_id:03X}u"
+    yield f"#define {_macro(macros, block.name, 'length')} {message.length}u"
+    if block.is_cut:
+        yield f"#define {_macro(macros, block.name, 'shortest')} {message.shortest}u"
+    for member in block.members:
+        yield from _macros(block, member, macros)
+    if block.members:  # C knows no struct without members
+        yield from _struct(block)
+        yield from _pack(block)
+        yield from _unpack(block)
+
+
+def _macro(macros: Identifiers, *parts: str) -> str:
+    return macros.new("_".join(parts)).upper()
+
+
+def _macros(block: Block, member: Member, macros: Identifiers) -> Iterator[str]:
+    """Write a field's limits and the names of its values as macros: an enum's constants fit into an int only."""
+    field, of_values = member.field, Identifiers()
+    if field.numeral is not Numeral.REAL:
+        for word, value in zip(("min", "max"), field.limits):
+            yield f"#define {_macro(macros, block.name, member.name, word)} {_number(value, member)}"
+    for value, text in field.named.items():
+        yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {_number(value, member)}"
+
+
+def _struct(block: Block) -> Iterator[str]:
+    yield ""
+    yield "typedef struct {"
+    for member in block.members:
+        yield f"    {member.type} {member.name}; /* {_comment(member.field.allowed)} */"
+    yield f"}} {block.name}_t;"
+
+
+# Numbers
+
+
+def _unsigned(value: int, bits: int) -> str:
+    """Write a number of an unsigned type as wide as `bits`, in hexadecimal."""
+    return f"0x{value:X}u" if bits <= 16 else f"UINT{bits}_C(0x{value:X})"
+
+
+def _signed(value: int, bits: int) -> str:
+    """Write a number of a signed type; its lowest has no literal, as minus is an operator of C."""
+    if value == -1 << (bits - 1):
+        return f"({_signed(value + 1, bits)} - 1)"
+    text = str(value) if bits <= 16 else f"INT{bits}_C({abs(value)})"
+    return f"({'-' * (bits > 16)}{text})" if value < 0 else text
+
+
+def _number(value: int, member: Member) -> str:
+    if member.field.numeral is Numeral.SIGNED:
+        return _signed(value, member.bits)
+    return f"{value}u" if member.bits <= 16 else f"UINT{member.bits}_C({value})"
+
+
+# Functions
+
+
+def _pack(block: Block) -> Iterator[str]:
+    length = block.message.length
+    yield ""
+    yield f"static inline size_t {block.name}_pack(uint8_t *data, size_t size, const {block.name}_t *message)"
+    yield "{"
+    for member in block.members:
+        yield from _to_raw(member)
+    for condition in (f"size < {length}u", *filter(None, map(_too_wide, block.members))):
+        yield f"    if ({condition}) return 0;"
+    for byte in range(length):
+        parts = [_placed(each, chunk) for each in block.members for chunk in each.field.chunks if chunk.byte == byte]
+        yield f"    data[{byte}] = (uint8_t)({' | '.join(parts) or '0u'});"
+    yield f"    return {length}u;"
+    yield "}"
+
+
+def _to_raw(member: Member) -> Iterator[str]:
+    if member.field.numeral is Numeral.REAL:
+        yield f"    {member.raw_type} raw_{member.name};"
+        yield f"    memcpy(&raw_{member.name}, &message->{member.name}, sizeof raw_{member.name});"
+    else:
+        yield f"    const {member.raw_type} raw_{member.name} = ({member.raw_type})message->{member.name};"
+
+
+def _too_wide(member: Member) -> str:
+    """Write the condition that a value does not fit into its field; empty if all of its type's values do."""
+    width, value = member.field.width, f"message->{member.name}"
+    if width == member.bits or member.type == "bool":
+        return ""
+    if member.field.numeral is Numeral.SIGNED:
+        low, high = (_signed(limit, member.bits) for limit in (-member.low_bits - 1, member.low_bits))
+        return f"{value} < {low} || {value} > {high}"
+    return f"{value} > {_unsigned((1 << width) - 1, member.bits)}"
+
+
+def _placed(member: Member, chunk: Chunk) -> str:
+    raw = f"(raw_{member.name} >> {chunk.shift})" if chunk.shift else f"raw_{member.name}"
+    part = f"({raw} & 0x{chunk.mask:X}u)"
+    return f"({part} << {chunk.bit})" if chunk.bit else part
+
+
+def _unpack(block: Block) -> Iterator[str]:
+    length, source = block.message.length, "all" if block.is_cut else "data"
+    yield ""
+    yield f"static inline bool {block.name}_unpack({block.name}_t *message, const uint8_t *data, size_t length)"
+    yield "{"
+    if block.is_cut:
+        yield f"    uint8_t all[{length}] = {{0}};"
+        yield f"    if (length < {length}u && length != {block.message.shortest}u) return false;"
+        yield f"    memcpy(all, data, length < {length}u ? length : {length}u);"
+    else:
+        yield f"    if (length < {length}u) return false;"
+    for member in block.members:
+        yield from _from_raw(member, source, length)
+    yield "    return true;"
+    yield "}"
+
+
+def _from_raw(member: Member, source: str, length: int) -> Iterator[str]:
+    raw, kind, default = f"raw_{member.name}", member.raw_type, member.field.default
+    taken = f"({kind})({' | '.join(_taken(member, chunk, source) for chunk in member.field.chunks)})"
+    if default is not None:
+        taken = f"({kind})(length < {length}u ? {_unsigned(default, member.bits)} : {taken})"
+    yield f"    const {kind} {raw} = {taken};"
+    if member.field.numeral is Numeral.REAL:
+        yield f"    memcpy(&message->{member.name}, &{raw}, sizeof {raw});"
+    else:
+        yield f"    message->{member.name} = {_value(member)};"
+
+
+def _taken(member: Member, chunk: Chunk, source: str) -> str:
+    byte = f"({source}[{chunk.byte}] >> {chunk.bit})" if chunk.bit else f"{source}[{chunk.byte}]"
+    part = f"({member.raw_type})({byte} & 0x{chunk.mask:X}u)"
+    return f"({part} << {chunk.shift})" if chunk.shift else part
+
+
+def _value(member: Member) -> str:
+    raw = f"raw_{member.name}"
+    if member.type == "bool":
+        return f"{raw} != 0u"
+    if member.field.numeral is not Numeral.SIGNED:
+        return raw
+    # What a signed type makes of an unsigned number that it does not have is the compiler's choice: never come to it.
+    low, sign = _unsigned(member.low_bits, member.bits), _unsigned(member.low_bits + 1, member.bits)
+    negative = f"({member.type})({raw} & {low}) - {_signed(member.low_bits, member.bits)} - 1"
+    return f"({member.type})(({raw} & {sign}) != 0u ? {negative} : ({member.type})({raw} & {low}))"

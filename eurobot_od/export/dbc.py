@@ -1,0 +1,173 @@
+"""The messages as a DBC file (Vector's CAN database): identifiers, bits, units, limits, value tables, nodes.
+
+Rule of this file: no multiplexing is invented, and a field that DBC cannot express, because its bits are not in one
+piece in either byte order, is an error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
+
+from eurobot_od.errors import MappingError
+from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
+from eurobot_od.export.names import Identifiers, printable
+from eurobot_od.pdo.protocol import Protocol
+
+HEAD = """VERSION ""
+
+NS_ :
+\tCM_
+\tBA_DEF_
+\tBA_
+\tVAL_
+\tBA_DEF_DEF_
+\tBO_TX_BU_
+\tSIG_VALTYPE_
+
+BS_:
+"""
+
+NOBODY = "Vector__XXX"
+"""Stands for a node where DBC wants one and there is none."""
+
+INTEL, MOTOROLA = 1, 0
+"""DBC's numbers for the byte orders: least and most significant byte first."""
+
+VALUE_TYPES = {32: 1, 64: 2}
+"""DBC's numbers for REALs, by their bits."""
+
+SIGNS = {Numeral.UNSIGNED: "+", Numeral.SIGNED: "-", Numeral.REAL: "-"}
+
+RESERVED = """version ns_ bs_ bu_ bo_ sg_ ev_ cm_ val_ val_table_ ba_ ba_def_ ba_def_def_ ba_def_rel_ ba_rel_ bo_tx_bu_
+ sig_valtype_ sgtype_ sig_group_ envvar_data_ cat_def_ cat_ filter int hex float string enum vector__xxx"""
+"""The words of the format."""
+
+ATTRIBUTES = (
+    'BA_DEF_ "BusType" STRING ;',
+    'BA_DEF_ BO_ "Protocol" STRING ;',
+    'BA_DEF_DEF_ "BusType" "CAN";',
+    'BA_DEF_DEF_ "Protocol" "";',
+)
+"""Definitions of the attributes, then their defaults: DBC wants them in this order."""
+
+
+class Signal(NamedTuple):
+    """A field, and its name in the file."""
+
+    name: str
+    field: DescribedField
+
+
+class Entry(NamedTuple):
+    """A message with the names that message, nodes and fields have in the file."""
+
+    name: str
+    message: DescribedMessage
+    senders: Sequence[str]
+    receivers: Sequence[str]
+    signals: Sequence[Signal]
+
+
+def dbc_text(protocol: Protocol) -> str:
+    """Return the DBC file of a protocol; raises MappingError for a field that DBC cannot express, LocalError."""
+    return text_of(described(protocol))
+
+
+def text_of(messages: Iterable[DescribedMessage]) -> str:
+    """Return the DBC file of messages; raises MappingError."""
+    nodes: dict[str, str] = {}
+    entries = list(_named(messages, nodes))
+    parts = [
+        [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
+        *([*_message(each), ""] for each in entries),
+        # A message with several senders names all of them once more.
+        [f"BO_TX_BU_ {_id(each)} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
+        [""],
+        [*_comments(entries), ""],
+        [*ATTRIBUTES, *(f'BA_ "Protocol" BO_ {_id(each)} {_quoted(each.message.group)};' for each in entries), ""],
+        _value_tables(entries),
+        _value_types(entries),
+    ]
+    return "\n".join(line for part in parts for line in part) + "\n"
+
+
+def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[Entry]:
+    """Give messages, nodes and fields names of the file; `nodes` are filled in the order in which they are met."""
+    of_nodes, of_messages = Identifiers(RESERVED), Identifiers(RESERVED)
+    for each in messages:
+        for node in (*each.senders, *each.receivers):
+            if node not in nodes:
+                nodes[node] = of_nodes.new(node)
+        of_signals = Identifiers(RESERVED)
+        yield Entry(
+            of_messages.new(each.name),
+            each,
+            [nodes[node] for node in each.senders],
+            [nodes[node] for node in each.receivers],
+            [Signal(of_signals.new(field.name), field) for field in each.fields],
+        )
+
+
+def _id(entry: Entry) -> int:
+    return entry.message.cob_id
+
+
+def _quoted(text: str) -> str:
+    """Write a text; inside it a double quote would need a backslash, which not every reader knows."""
+    return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
+
+
+def _message(entry: Entry) -> Iterator[str]:
+    yield f"BO_ {_id(entry)} {entry.name}: {entry.message.length} {next(iter(entry.senders), NOBODY)}"
+    for signal in entry.signals:
+        yield _signal(entry, signal)
+
+
+def _signal(entry: Entry, signal: Signal) -> str:
+    field = signal.field
+    order, start = _place(entry.message, field)
+    receivers, unit = ",".join(entry.receivers) or NOBODY, _quoted(field.unit)
+    bits, limits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}", _limits(field)
+    return f" SG_ {signal.name} : {bits} (1,0) {limits} {unit} {receivers}"
+
+
+def _limits(field: DescribedField) -> str:
+    """Write minimum and maximum; equal ones, as of a REAL, say that there are none."""
+    low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits
+    return f"[{low}|{high}]"
+
+
+def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
+    """Return byte order and start bit: the lowest bit for Intel, the highest for Motorola."""
+    places = list(field.places)
+    if places == list(range(places[0], places[0] + field.width)):
+        return INTEL, places[0]
+    # Numbered against the bytes' order, the bits of a value that goes on in the byte before are consecutive, too.
+    turned = [place % 8 - place // 8 * 8 for place in places]
+    if turned == list(range(turned[0], turned[0] + field.width)):
+        return MOTOROLA, places[-1]
+    what = f"{message.name}: {field.name} is not in one piece, which DBC cannot say"
+    raise MappingError(message.file, message.mapping_index, what)
+
+
+def _comments(entries: Iterable[Entry]) -> Iterator[str]:
+    for each in entries:
+        yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
+        for signal in each.signals:
+            yield f"CM_ SG_ {_id(each)} {signal.name} {_quoted(signal.field.allowed)};"
+
+
+def _value_tables(entries: Iterable[Entry]) -> Iterator[str]:
+    for each in entries:
+        for signal in each.signals:
+            if values := signal.field.named:
+                table = " ".join(f"{raw} {_quoted(name)}" for raw, name in values.items())
+                yield f"VAL_ {_id(each)} {signal.name} {table} ;"
+
+
+def _value_types(entries: Iterable[Entry]) -> Iterator[str]:
+    for each in entries:
+        for signal in each.signals:
+            if signal.field.numeral is Numeral.REAL:
+                yield f"SIG_VALTYPE_ {_id(each)} {signal.name} : {VALUE_TYPES[signal.field.width]};"

@@ -1,0 +1,144 @@
+"""A protocol's messages as other tools want them told: plain values, and where each field's bits lie.
+
+Rule of this file: the only place that asks the protocol; the writers of the forms go by what stands here.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping, Sequence
+from enum import Enum
+from pathlib import Path
+from typing import NamedTuple
+
+from eurobot_od.errors import LocalError
+from eurobot_od.od.values import Limits
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.protocol import Protocol
+
+
+class Numeral(Enum):
+    """What a field's bits are as a number: two's complement if SIGNED, IEEE 754 if REAL."""
+
+    UNSIGNED = "unsigned"
+    SIGNED = "signed"
+    REAL = "real"
+
+
+class Chunk(NamedTuple):
+    """Bits of a field that lie side by side in one byte: value bit `shift` is bit `bit` of `byte`, for `bits` bits."""
+
+    byte: int
+    bit: int
+    shift: int
+    bits: int
+
+    @property
+    def mask(self) -> int:
+        """Ones in as many bits."""
+        return (1 << self.bits) - 1
+
+
+class DescribedField(NamedTuple):
+    """A field: `width` in bits, its `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
+
+    `places` are the frame bits (8 times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw
+    value that a shorter frame means, None if no frame leaves the field out.
+    """
+
+    name: str
+    width: int
+    numeral: Numeral
+    limits: Limits
+    unit: str
+    allowed: str
+    named: Mapping[int, str]
+    places: Sequence[int]
+    default: int | None = None
+
+    @property
+    def chunks(self) -> list[Chunk]:
+        """The field's bits byte by byte, from its lowest bit on."""
+        found: list[Chunk] = []
+        for shift, place in enumerate(self.places):
+            byte, bit = divmod(place, 8)
+            last = found[-1] if found else None
+            if last and (byte, bit) == (last.byte, last.bit + last.bits):
+                found[-1] = last._replace(bits=last.bits + 1)
+            else:
+                found.append(Chunk(byte, bit, shift, 1))
+        return found
+
+
+class DescribedMessage(NamedTuple):
+    """A message: who sends it to whom, what it is for (`text`), and its fields in wire order.
+
+    `length` is in bytes; `shortest` is what a frame has at least, and no frame has a length between the two.
+    """
+
+    name: str
+    cob_id: int
+    length: int
+    shortest: int
+    senders: Sequence[str]
+    receivers: Sequence[str]
+    text: str
+    group: str
+    fields: Sequence[DescribedField]
+    file: Path
+    mapping_index: int
+
+    @property
+    def path(self) -> str:
+        """Who sends it to whom, for a person."""
+        return f"{', '.join(self.senders) or 'nobody'} to {', '.join(self.receivers) or 'nobody'}"
+
+
+def described(protocol: Protocol) -> list[DescribedMessage]:
+    """Return all messages, most urgent first; raises LocalError if there is none."""
+    if not protocol.bindings:
+        raise LocalError("no messages: none of the loaded files has a valid PDO")
+    return [_message(binding) for binding in protocol.bindings]
+
+
+def _message(binding: Binding) -> DescribedMessage:
+    return DescribedMessage(
+        name=binding.name,
+        cob_id=binding.cob_id,
+        length=binding.layout.length,
+        shortest=binding.lengths[0],
+        senders=binding.senders,
+        receivers=binding.receivers,
+        text=_text(binding.type),
+        group=binding.group,
+        fields=list(_fields(binding)),
+        file=binding.file,
+        mapping_index=binding.pdo.mapping_index,
+    )
+
+
+def _text(message_type: type) -> str:
+    """Return what a message's class says of it; `Name(x, y)`, Python's own words for a named tuple, says nothing."""
+    said = " ".join((inspect.getdoc(message_type) or "").split())
+    return "" if said.startswith(f"{message_type.__name__}(") else said
+
+
+def _fields(binding: Binding) -> Iterator[DescribedField]:
+    for name in binding.layout.fields:
+        kind, limits = binding.kinds[name], binding.limits[name]
+        yield DescribedField(
+            name=name,
+            width=binding.layout.widths[name],
+            numeral=numeral(binding, name),
+            limits=limits,
+            unit=kind.unit,
+            allowed=kind.allowed(limits),
+            named=dict(sorted(kind.named_values().items())),
+            places=binding.layout.places(name),
+            default=binding.raw(name, binding.defaults[name]) if name in binding.optional else None,
+        )
+
+
+def numeral(binding: Binding, field: str) -> Numeral:
+    """Return what a field's bits are as a number; the one place that asks for it."""
+    return Numeral.SIGNED if binding.limits[field].low < 0 else Numeral.UNSIGNED

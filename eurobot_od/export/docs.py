@@ -1,0 +1,267 @@
+"""A network's messages and its devices' objects as a document to read: Markdown or HTML.
+
+Rule of this file: what the document says is a list of blocks; a form writes each kind of block, and escapes all texts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
+from eurobot_od.od.description import DescribedVariable
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.protocol import Protocol
+
+
+class Heading(NamedTuple):
+    """A heading: its level from 1, and the anchor that links lead to."""
+
+    level: int
+    text: str
+    anchor: str = ""
+
+
+class Link(NamedTuple):
+    """A text that leads to a heading."""
+
+    text: str
+    anchor: str
+
+
+Cell: TypeAlias = "str | Link"
+
+
+class Paragraph(NamedTuple):
+    """Some words."""
+
+    text: str
+
+
+class Table(NamedTuple):
+    """A table: the heads of its columns, and its rows; the columns `numbers` are set right, `words` never broken."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    numbers: Sequence[str] = ()
+    words: Sequence[str] = ()
+
+
+Block: TypeAlias = "Heading | Paragraph | Table"
+
+
+def docs_text(protocol: Protocol, outlines: Iterable[Outline], form: str) -> str:
+    """Return the document of a network in a form of FORMS; raises UnknownName."""
+    if form not in FORMS:
+        raise UnknownName("format", form, FORMS)
+    return FORMS[form](list(blocks(protocol, list(outlines))))
+
+
+def form_of(file: Path) -> str:
+    """Return the form that a file's suffix says; raises UnknownName for a suffix of none."""
+    try:
+        return SUFFIXES[file.suffix.lower()]
+    except KeyError:
+        raise UnknownName("document format", file.suffix or file.name, SUFFIXES) from None
+
+
+# What it says
+
+
+def blocks(protocol: Protocol, outlines: Sequence[Outline]) -> Iterator[Block]:
+    """Give the document: all messages as a table, each message with data, each device."""
+    yield Heading(1, f"CANopen network: {', '.join(each.name for each in outlines)}")
+    messages = described(protocol) if protocol.bindings else []
+    yield Heading(2, "Messages")
+    if messages:
+        yield Table(("COB-ID", "Message", "From", "To", "Bytes", "Fields"), list(map(_row, messages)), ("Bytes",))
+        yield Paragraph(
+            "Bits are byte.bit, both from 0 and bit 0 the least significant; a field's lowest bit comes first. "
+            "Ranges and values with names are raw numbers."
+        )
+    else:
+        yield Paragraph("None of the devices has a valid PDO.")
+    for message in messages:
+        if message.fields:
+            yield from _message(message)
+    for outline in outlines:
+        yield from _device(outline)
+
+
+def _anchor(message: DescribedMessage) -> str:
+    return f"message-{message.cob_id:03x}"
+
+
+def _row(message: DescribedMessage) -> tuple[Cell, ...]:
+    senders, receivers = ", ".join(message.senders), ", ".join(message.receivers)
+    name = Link(message.name, _anchor(message)) if message.fields else message.name
+    fields = ", ".join(f"{each.name} {each.width}" for each in message.fields)
+    return f"0x{message.cob_id:03X}", name, senders, receivers, str(message.length), fields
+
+
+def _message(message: DescribedMessage) -> Iterator[Block]:
+    yield Heading(3, message.name, _anchor(message))
+    lengths = " or ".join(map(str, sorted({message.shortest, message.length})))
+    size = f"{lengths} byte{'s' * (message.length > 1)}"
+    yield Paragraph(f"COB-ID 0x{message.cob_id:03X}, {message.path}, {size}. {message.text}".rstrip())
+    head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
+    yield Table(head, list(map(_field, message.fields)), ("Width",))
+
+
+def _field(field: DescribedField) -> tuple[str, ...]:
+    limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
+    named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())
+    return field.name, _bits(field), str(field.width), field.numeral.value, limits, field.unit, named
+
+
+def _bits(field: DescribedField) -> str:
+    """Write where a field's bits are, the lowest first: `0.0..1.3`, or `1.4..1.7, 0.0..0.7` for slices."""
+    runs: list[list[int]] = []
+    for place in field.places:
+        if runs and place == runs[-1][-1] + 1:
+            runs[-1].append(place)
+        else:
+            runs.append([place])
+    return ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in dict.fromkeys((run[0], run[-1]))) for run in runs)
+
+
+INFORMATION = (
+    ("Vendor", "vendorname"),
+    ("vendor number", "vendornumber"),
+    ("product", "productname"),
+    ("product number", "productnumber"),
+    ("revision", "revisionnumber"),
+)
+OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low limit", "High limit")
+
+
+def _device(outline: Outline) -> Iterator[Block]:
+    yield Heading(2, f"{outline.name}, node-ID {outline.node_id}", f"device-{outline.node_id}")
+    said = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
+    facts = ", ".join(f"{what} {text}" for what, text in said if text)
+    yield Paragraph(f"From {outline.file.name}. {facts}".rstrip())
+    rows = [row for index in outline.members for row in _object(outline, index)]
+    yield Table(OBJECT_HEAD, rows, words=("Index", "Type"))
+
+
+def _object(outline: Outline, index: int) -> Iterator[tuple[str, ...]]:
+    number, described_object = f"0x{index:04X}", outline.device.objects[index]
+    if outline.is_composed(index):
+        code = described_object.code
+        yield number, "", described_object.name, code.name if code else "", "", "", "", "", ""
+    for sub, variable in outline.members[index].items():
+        yield number, str(sub), variable.name, *_variable(outline, variable)
+
+
+def _variable(outline: Outline, variable: DescribedVariable) -> tuple[str, ...]:
+    value = variable.value_entry.value if variable.value_entry else ""
+    limits = (variable.section.text(key) for key in ("lowlimit", "highlimit"))
+    return outline.type(variable).name, variable.access, "yes" if variable.is_mappable else "", value, *limits
+
+
+# The forms
+
+MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")
+"""What means something in Markdown."""
+
+
+def one_line(text: str) -> str:
+    """Return a text in one line; a character that cannot be printed becomes U+FFFD."""
+    return "".join(each if each.isprintable() else "\ufffd" for each in " ".join(text.split()))
+
+
+def _markdown(contents: Sequence[Block]) -> str:
+    return "\n\n".join("\n".join(_markdown_block(each)) for each in contents) + "\n"
+
+
+def _markdown_block(block: Block) -> Iterator[str]:
+    if isinstance(block, Heading):
+        if block.anchor:
+            yield f'<a id="{block.anchor}"></a>\n'
+        yield f"{'#' * block.level} {_marked(block.text)}"
+    elif isinstance(block, Paragraph):
+        yield _marked(block.text)
+    else:
+        yield _markdown_row(block.head)
+        yield "|" + "|".join("---:" if each in block.numbers else "---" for each in block.head) + "|"
+        yield from map(_markdown_row, block.rows)
+
+
+def _markdown_row(cells: Iterable[Cell]) -> str:
+    return f"| {' | '.join(map(_markdown_cell, cells))} |"
+
+
+def _markdown_cell(cell: Cell) -> str:
+    return f"[{_marked(cell.text)}](#{cell.anchor})" if isinstance(cell, Link) else _marked(cell)
+
+
+def _marked(text: str) -> str:
+    return MARKED.sub(r"\\\1", one_line(text))
+
+
+STYLE = """
+body { font: 15px/1.45 system-ui, sans-serif; color: #1c2329; max-width: 75rem; margin: 2rem auto; padding: 0 1.5rem; }
+h1 { font-size: 1.7rem; } h2 { font-size: 1.3rem; margin-top: 2.5rem; border-bottom: 1px solid #ccd3d9; }
+h3 { font-size: 1.05rem; margin: 1.8rem 0 0.3rem; } p { margin: 0.4rem 0 0.6rem; }
+table { border-collapse: collapse; margin: 0.6rem 0; }
+th, td { text-align: left; padding: 0.2rem 0.7rem; border-bottom: 1px solid #e3e8ec; vertical-align: top; }
+td { overflow-wrap: anywhere; } th { background: #f0f3f6; white-space: nowrap; }
+.word { white-space: nowrap; } .number { text-align: right; } a { color: #0b5cad; }
+@media (prefers-color-scheme: dark) {
+  body { background: #14181c; color: #dde3e8; } th { background: #20262c; } th, td, h2 { border-color: #333c44; }
+  a { color: #7db8f5; }
+}
+"""
+
+
+def _html(contents: Sequence[Block]) -> str:
+    title = next(each.text for each in contents if isinstance(each, Heading))
+    body = "\n".join(line for each in contents for line in _html_block(each))
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width">
+<title>{_escaped(title)}</title>
+<style>{STYLE}</style>
+</head>
+<body>
+{body}
+</body>
+</html>
+"""
+
+
+def _html_block(block: Block) -> Iterator[str]:
+    if isinstance(block, Heading):
+        anchor = f' id="{block.anchor}"' if block.anchor else ""
+        yield f"<h{block.level}{anchor}>{_escaped(block.text)}</h{block.level}>"
+    elif isinstance(block, Paragraph):
+        yield f"<p>{_escaped(block.text)}</p>"
+    else:
+        of_columns = dict.fromkeys(block.words, ' class="word"') | dict.fromkeys(block.numbers, ' class="number"')
+        classes = [of_columns.get(each, "") for each in block.head]
+        yield "<table>"
+        yield f"<thead>{_html_row('th', block.head, classes)}</thead>"
+        yield from (_html_row("td", row, classes) for row in block.rows)
+        yield "</table>"
+
+
+def _html_row(tag: str, cells: Iterable[Cell], classes: Iterable[str]) -> str:
+    return f"<tr>{''.join(f'<{tag}{each}>{_html_cell(cell)}</{tag}>' for cell, each in zip(cells, classes))}</tr>"
+
+
+def _html_cell(cell: Cell) -> str:
+    return f'<a href="#{cell.anchor}">{_escaped(cell.text)}</a>' if isinstance(cell, Link) else _escaped(cell)
+
+
+def _escaped(text: str) -> str:
+    return escape(one_line(text))
+
+
+FORMS: Mapping[str, Callable[[Sequence[Block]], str]] = {"markdown": _markdown, "html": _html}
+SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm": "html"}

@@ -1,0 +1,107 @@
+"""The messages as a dissector for Wireshark and tshark from 3.4 on, in Lua: names, fields, units, values with names.
+
+The file is a table of the messages, and `wireshark.lua`, which reads it. It takes the frames of the network's
+identifiers and leaves all others to whoever else decodes them.
+
+Rule of this file: it writes names and texts as quoted strings, filter names as identifiers, and numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
+from eurobot_od.export.names import Identifiers, label, printable
+from eurobot_od.pdo.protocol import Protocol
+
+READER = Path(__file__).with_name("wireshark.lua")
+
+WORDS = "can canopen length"
+"""Names that a network, or a message, must not have in a display filter: they are somebody else's."""
+
+FIELD_TYPES = {Numeral.UNSIGNED: {bits: f"uint{bits}" for bits in (8, 16, 24, 32, 64)}}
+FIELD_TYPES[Numeral.SIGNED] = {bits: f"int{bits}" for bits in (8, 16, 24, 32, 64)}
+FIELD_TYPES[Numeral.REAL] = {32: "float", 64: "double"}
+"""Wireshark's types of fields by their bits."""
+
+MOST_EXACT = 1 << 53
+"""Lua's numbers of this size and above are rounded: limits from there on are left out."""
+
+
+def lua_text(protocol: Protocol, name: str) -> str:
+    """Return the dissector of a protocol; its filters begin with `name`. Raises LocalError without messages."""
+    return text_of(described(protocol), name)
+
+
+def text_of(messages: Iterable[DescribedMessage], name: str) -> str:
+    """Return the dissector of messages."""
+    return "\n".join([*_table(list(messages), filter_name(name)), READER.read_text(encoding="ascii")])
+
+
+def filter_name(name: str) -> str:
+    """Return what the display filters of a network of that name begin with."""
+    return Identifiers(WORDS).new(name).lower()
+
+
+def _table(messages: list[DescribedMessage], short: str) -> Iterator[str]:
+    files = ", ".join(dict.fromkeys(each.file.name for each in messages))
+    yield f"-- Messages of {printable(files)}, made by `eurobot-od export wireshark`; do not edit."
+    yield "-- Put it into the folder of the personal Lua plugins (Help, About Wireshark, Folders), or say"
+    yield "-- `tshark -X lua_script:FILE`. Add `-d can.subdissector,canopen` for all other frames of CANopen."
+    yield ""
+    yield f"local SHORT_NAME = {_quoted(short)}"
+    yield f"local network = Proto(SHORT_NAME, {_quoted(f'CANopen messages of {files}')})"
+    yield "local MESSAGES = {}"
+    of_messages = Identifiers(WORDS)
+    for each in messages:
+        yield ""
+        yield from _message(each, f"{short}.{of_messages.new(each.name).lower()}")
+    yield ""
+    yield "local PROTO_FIELDS = {}"
+    yield "for _, message in pairs(MESSAGES) do"
+    yield "    for _, field in ipairs(message.fields) do PROTO_FIELDS[#PROTO_FIELDS + 1] = field.proto end"
+    yield "end"
+    yield "network.fields = PROTO_FIELDS"
+    yield ""
+
+
+def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
+    expected = " or ".join(map(str, sorted({message.shortest, message.length})))
+    yield f"MESSAGES[0x{message.cob_id:03X}] = {{"
+    yield f"    name = {_quoted(label(message.name))}, path = {_quoted(message.path)},"
+    yield f"    length = {message.length}, shortest = {message.shortest}, expected = {_quoted(expected)},"
+    yield "    fields = {"
+    of_fields = Identifiers()
+    for field in message.fields:
+        yield from _field(field, f"{filters}.{of_fields.new(field.name).lower()}")
+    yield "    },"
+    yield "}"
+
+
+def _field(field: DescribedField, filters: str) -> Iterator[str]:
+    types, chunks = FIELD_TYPES[field.numeral], field.chunks
+    kind = types[next(bits for bits in types if bits >= field.width)]
+    first, last = min(each.byte for each in chunks), max(each.byte for each in chunks)
+    names = "{" + ", ".join(f"[{raw}] = {_quoted(label(name))}" for raw, name in field.named.items()) + "}"
+    given = f", base.DEC, {names}" if field.named else ""
+    yield "        {"
+    yield f"            proto = ProtoField.{kind}({_quoted(filters)}, {_quoted(label(field.name))}{given}),"
+    yield f"            name = {_quoted(label(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
+    yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
+    yield f"            bytes = {last - first + 1},"
+    yield from _limits(field)
+    if field.default is not None:
+        yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
+    listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
+    yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"
+    yield "        },"
+
+
+def _limits(field: DescribedField) -> Iterator[str]:
+    if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
+        yield f"            low = {field.limits.low}, high = {field.limits.high},"
+
+
+def _quoted(text: str) -> str:
+    return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'

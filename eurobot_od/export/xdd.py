@@ -1,0 +1,242 @@
+"""A device's EDS or DCF as CANopen device description in XML (CiA 311, schema 1.1; ISO 15745-1 profiles).
+
+The device profile says whose device it is, the profile of its communication lists the objects with all they have in
+the file. Values keep `$NODEID`. Elements that the schema declares globally are in its namespace, `co:`, and no others.
+
+Rule of this file: `outline` reads the file, ElementTree escapes; a character that XML does not know becomes U+FFFD.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+from eurobot_od.od.description import DescribedVariable, ObjectCode
+from eurobot_od.od.outline import Outline
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NODE_ID, NODE_IDS, PdoDirection
+
+SCHEMA = "http://www.canopen.org/xml/1.1"
+INSTANCE = "http://www.w3.org/2001/XMLSchema-instance"
+
+NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that cannot be in an XML file (XML 1.0, production 2)."""
+
+SAME_ACCESS = ("const", "ro", "wo", "rw")
+MAPPED_ACCESS = {"rwr": ("rw", "TPDO"), "rww": ("rw", "RPDO")}
+"""The EDS's access types that XDD tells as access and mapping."""
+
+BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+"""Those that an EDS can support, in kbit/s (CiA 306-1, 4.5.2)."""
+
+LIMITS_AND_VALUES = {
+    "lowLimit": "lowlimit",
+    "highLimit": "highlimit",
+    "defaultValue": "defaultvalue",
+    "actualValue": "parametervalue",
+}
+"""Attributes of an object, and the keys of the file that say them."""
+
+COMMISSIONED = {
+    "nodeID": ("nodeid", "0"),
+    "nodeName": ("nodename", ""),
+    "actualBaudRate": ("baudrate", ""),
+    "networkNumber": ("netnumber", "0"),
+    "networkName": ("networkname", ""),
+}
+"""Attributes of a commissioned device, the keys of a DCF that say them, and what stands for one that says nothing."""
+
+NO_DAY = "1970-01-01"
+"""Stands for the day of a file that names none, as the schema wants one."""
+
+
+def load(file: str | Path) -> Outline:
+    """Read an EDS or DCF; raises DictionaryError. As what is written keeps `$NODEID`, any node-ID does."""
+    return Outline.load(file, NODE_IDS[0])
+
+
+def xdd_text(outline: Outline) -> str:
+    """Return the device description of a device; raises DictionaryError for a value that cannot be read."""
+    return _Writer(outline).text()
+
+
+def _element(tag: str, attributes: Mapping[str, str | None], *children: Element, text: str | None = None) -> Element:
+    made = Element(tag, {name: NOT_XML.sub("\ufffd", value) for name, value in attributes.items() if value is not None})
+    made.text = None if text is None else NOT_XML.sub("\ufffd", text)
+    made.extend(children)
+    return made
+
+
+def _said(flag: bool) -> str:
+    return "true" if flag else "false"
+
+
+class _Writer:
+    """Makes the elements of one file."""
+
+    def __init__(self, outline: Outline) -> None:
+        self._outline, self._device = outline, outline.device
+
+    def text(self) -> str:
+        names = {"xmlns:co": SCHEMA, "xmlns:xsi": INSTANCE}
+        profiles = (
+            self._profile("Device", "CANopen device profile", [self._identity(), self._function()]),
+            self._profile(
+                "CommunicationNetwork",
+                "CANopen communication network profile",
+                [self._application(), self._transport(), self._management()],
+            ),
+        )
+        whole = _element("co:ISO15745ProfileContainer", names, *profiles)
+        ElementTree.indent(whole)
+        return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(whole, "unicode")}\n'
+
+    def _file(self, section: str, key: str) -> str:
+        return self._device.document.text(section, key)
+
+    def _info(self, key: str) -> int:
+        """Return a number of [DeviceInfo], 0 if there is none."""
+        section = self._device.section("deviceinfo")
+        number = DescribedVariable(0, 0, section).number(key) if section else None
+        return number.value if number else 0
+
+    # Profiles
+
+    def _profile(self, class_id: str, title: str, content: list[Element]) -> Element:
+        reference = (("ISO15745Part", "1"), ("ISO15745Edition", "1"), ("ProfileTechnology", "CANopen"))
+        head = (
+            _element("ProfileIdentification", {}, text=title),
+            _element("ProfileRevision", {}, text="1.1"),
+            _element("ProfileName", {}),
+            _element("ProfileSource", {}),
+            _element("ProfileClassID", {}, text=class_id),
+            _element("ISO15745Reference", {}, *(_element(tag, {}, text=text) for tag, text in reference)),
+        )
+        body = {"xsi:type": f"co:ProfileBody_{class_id}_CANopen", "formatName": "CANopen", "formatVersion": "1.0"}
+        return _element(
+            "co:ISO15745Profile",
+            {},
+            _element("ProfileHeader", {}, *head),
+            _element("ProfileBody", {**body, **self._origin()}, *content),
+        )
+
+    def _origin(self) -> dict[str, str | None]:
+        day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
+        version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))
+        return {
+            "fileName": self._outline.file.with_suffix(".xdd").name,
+            "fileCreator": self._file("fileinfo", "createdby"),
+            "fileCreationDate": day.date().isoformat() if day else NO_DAY,
+            "fileCreationTime": time.time().isoformat() if time else None,
+            "fileVersion": version.group() if version else "0",
+        }
+
+    def _moment(self, key: str, form: str) -> datetime | None:
+        with suppress(ValueError):
+            return datetime.strptime(self._file("fileinfo", key), form)
+        return None
+
+    def _identity(self) -> Element:
+        # numbers in decimal: CANopenEditor reads no others here
+        texts = (
+            ("vendorName", self._file("deviceinfo", "vendorname")),
+            ("vendorID", str(self._info("vendornumber"))),
+            ("productName", self._file("deviceinfo", "productname")),
+            ("productID", str(self._info("productnumber"))),
+            ("orderNumber", self._file("deviceinfo", "ordercode")),
+        )
+        return _element("co:DeviceIdentity", {}, *(_element(f"co:{tag}", {}, text=text) for tag, text in texts))
+
+    def _function(self) -> Element:
+        """Return the list of characteristics, of which the schema wants one at least: the file this comes from."""
+        said = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._outline.file.name))
+        parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in said)
+        listed = _element("co:characteristicsList", {}, _element("co:characteristic", {}, *parts))
+        return _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))
+
+    # Communication
+
+    def _application(self) -> Element:
+        used = (f"Dummy{code:04X}" for code in DUMMIES)
+        entries = (f"{each}={int(self._file('dummyusage', each.lower()) == '1')}" for each in used)
+        return _element(
+            "ApplicationLayers",
+            {},
+            _element("co:CANopenObjectList", {}, *map(self._object, self._outline.members)),
+            _element("dummyUsage", {}, *(_element("dummy", {"entry": each}) for each in entries)),
+        )
+
+    def _transport(self) -> Element:
+        rates = (f"{rate} Kbps" for rate in BIT_RATES if self._info(f"baudrate_{rate}"))
+        supported = (_element("supportedBaudRate", {"value": each}) for each in rates)
+        return _element("TransportLayers", {}, _element("PhysicalLayer", {}, _element("baudRate", {}, *supported)))
+
+    def _management(self) -> Element:
+        general = {
+            "granularity": str(min(max(self._info("granularity"), 0), 64)),
+            "nrOfRxPDO": self._count(PdoDirection.RPDO),
+            "nrOfTxPDO": self._count(PdoDirection.TPDO),
+            "groupMessaging": _said(bool(self._info("groupmessaging"))),
+            "bootUpSlave": _said(bool(self._info("simplebootupslave"))),
+            "layerSettingServiceSlave": _said(bool(self._info("lss_supported"))),
+        }
+        master = {"bootUpMaster": _said(bool(self._info("simplebootupmaster")))}
+        features = [_element("CANopenGeneralFeatures", general), _element("CANopenMasterFeatures", master)]
+        return _element("NetworkManagement", {}, *features, *self._commissioning())
+
+    def _count(self, direction: PdoDirection) -> str:
+        return str(sum(index in COMMUNICATION_RECORDS[direction] for index in self._outline.members))
+
+    def _commissioning(self) -> Iterator[Element]:
+        """Give what a DCF commissions the device with; nothing for an EDS."""
+        section = self._device.commissioning
+        if section and section.text("nodeid"):
+            texts = {name: section.text(key) or nothing for name, (key, nothing) in COMMISSIONED.items()}
+            is_manager = DescribedVariable(0, 0, section).number("canopenmanager") == (1, False)
+            yield _element("deviceCommissioning", {**texts, "CANopenManager": _said(is_manager)})
+
+    # Objects
+
+    def _object(self, index: int) -> Element:
+        described, members = self._device.objects[index], self._outline.members[index]
+        code = (described.code or ObjectCode.VAR).value
+        said: dict[str, str | None] = {"index": f"{index:04X}", "name": described.name, "objectType": str(code)}
+        if not self._outline.is_composed(index):
+            (only,) = members.values()
+            return _element("CANopenObject", {**said, **self._variable(only)})
+        subs = (
+            {"subIndex": f"{sub:02X}", "name": each.name, "objectType": _object_type(each), **self._variable(each)}
+            for sub, each in members.items()
+        )
+        listed = (_element("CANopenSubObject", each) for each in subs)
+        return _element("CANopenObject", {**said, "subNumber": str(len(members))}, *listed)
+
+    def _variable(self, variable: DescribedVariable) -> dict[str, str | None]:
+        access, mapping = MAPPED_ACCESS.get(variable.access, (variable.access, "optional"))
+        flags = variable.number("objflags")
+        return {
+            "dataType": f"{self._outline.type(variable).code:02X}",
+            "accessType": access if access in SAME_ACCESS else None,
+            "PDOmapping": mapping if variable.is_mappable else "no",
+            **{name: self._value(variable, key) for name, key in LIMITS_AND_VALUES.items()},
+            "denotation": variable.section.text("denotation") or None,
+            "objFlags": f"{flags.value:04X}" if flags and 0 <= flags.value <= 0xFFFF else None,
+        }
+
+    def _value(self, variable: DescribedVariable, key: str) -> str | None:
+        """Write what an entry says: a whole number in the form of CiA 306, anything else as it stands."""
+        text, value = variable.section.text(key), self._outline.typed(variable, key)
+        if not text or not isinstance(value, int):
+            return text or None
+        if NODE_ID in text.upper():
+            return f"{NODE_ID}+0x{value - self._outline.node_id:X}"
+        return f"0x{value:X}" if value >= 0 else str(value)
+
+
+def _object_type(variable: DescribedVariable) -> str:
+    is_domain = variable.number("objecttype") == (ObjectCode.DOMAIN.value, False) or variable.type is DOMAIN
+    return str((ObjectCode.DOMAIN if is_domain else ObjectCode.VAR).value)

@@ -1,0 +1,105 @@
+"""The command `export`: where its forms go, what they are called, and what a mistake costs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.cli.export import FORMS
+from eurobot_od.robot import dialects
+from tests.cli.console import run
+
+DRIVE = str(dialects.folder(dialects.DEFAULT) / "drive.eds")
+
+CALLS = [
+    # (form and options, begin of the output)
+    (["c"], "/* Messages of core.eds"),
+    (["dbc"], 'VERSION ""'),
+    (["docs"], "# CANopen network: core, drive, navigation"),
+    (["docs", "--format", "html"], "<!DOCTYPE html>"),
+    (["wireshark"], "-- Messages of core.eds"),
+    (["xdd", DRIVE], "<?xml version="),
+]
+
+
+@pytest.mark.parametrize(("words", "begin"), CALLS)
+def test_a_form_goes_to_standard_output_or_into_a_file(
+    words: list[str], begin: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    said = run(capsys, "export", *words)
+    assert (said.status, said.err) == (0, "")
+    assert said.out.startswith(begin)
+    file = tmp_path / ("pdo.md" if words == ["docs"] else "pdo.html")
+    file.write_text("old")
+    assert run(capsys, "export", *words, "-o", str(file)) == (0, "", "")
+    assert file.read_text() == said.out
+    assert list(tmp_path.iterdir()) == [file]
+
+
+NAMED = [
+    (["c"], "robot_goto_xy_pack"),
+    (["c", "--name", "Our bus"], "our_bus_goto_xy_pack"),
+    (["wireshark"], 'local SHORT_NAME = "robot"'),
+    (["wireshark", "--name", "bus"], 'local SHORT_NAME = "bus"'),
+]
+
+
+@pytest.mark.parametrize(("words", "part"), NAMED)
+def test_identifiers_begin_with_the_output_s_name(
+    words: list[str], part: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.out"
+    assert run(capsys, "export", *words, "-o", str(file)).status == 0
+    assert part in file.read_text()
+
+
+@pytest.fixture
+def silent(tmp_path: Path) -> Path:
+    """Return a folder with one device that has no PDO."""
+    folder = tmp_path / "silent"
+    folder.mkdir()
+    text = "[1000]\nParameterName=Type\nDataType=7\nAccessType=ro\n[DeviceComissioning]\nNodeID=1\n"
+    (folder / "mute.eds").write_text(text)
+    return folder
+
+
+@pytest.mark.parametrize("form", ["c", "dbc", "wireshark"])
+def test_a_network_without_messages_is_told(form: str, silent: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", form, "--dialect", str(silent))
+    assert (said.status, said.out) == (2, "")
+    assert said.err == "eurobot-od: no messages: none of the loaded files has a valid PDO\n"
+
+
+MISTAKES = [
+    (["c", "--dialect", "nowhere"], 2, "eurobot-od: unknown dialect 'nowhere'"),
+    (["c", "-o", "nowhere/bus.h"], 3, "No such file or directory"),
+    (["docs", "-o", "bus.pdf"], 2, "unknown document format '.pdf'"),
+    (["docs", "--format", "pdf"], 2, "invalid choice"),
+    (["xdd"], 2, "required: FILE"),
+    (["xdd", "none.eds"], 2, "none.eds: No such file or directory"),
+    (["xdd", __file__], 2, "not a readable EDS: line 1"),
+    (["nonsense"], 2, "invalid choice"),
+]
+
+
+@pytest.mark.parametrize(("words", "status", "part"), MISTAKES)
+def test_a_mistake_costs_one_line(words: list[str], status: int, part: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", *words)
+    assert (said.status, said.out) == (status, "")
+    assert part in said.complaint
+    assert said.err.count("\n") == 1
+
+
+def test_a_device_is_written_into_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:
+    before = Path(os.devnull).stat().st_ino
+    assert run(capsys, "export", "c", "-o", os.devnull).status == 0
+    assert Path(os.devnull).stat().st_ino == before
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_every_form_explains_itself(form: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "export", form, "--help")
+    assert said.status == 0
+    assert said.out.startswith("usage: eurobot-od export " + form)

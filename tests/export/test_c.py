@@ -1,0 +1,81 @@
+"""The C header, judged by a strict compiler and by its own functions against our codec."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from interop_rows import exports
+from interop_rows.row import Differs
+
+from eurobot_od.export import c
+from eurobot_od.export.description import DescribedMessage, described
+from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
+from tests.export import made_up
+
+FRAMES = 500
+"""Random frames for each message; `tools/interop.py` takes more."""
+
+needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
+
+
+@needs_compiler
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_it_reads_and_writes_the_robot_s_frames_as_we_do(dialect: str, tmp_path: Path) -> None:
+    protocol = EurobotProtocol.load(dialect)
+    exports.compare_c(protocol, described(protocol), tmp_path, FRAMES)
+
+
+@needs_compiler
+def test_it_reads_and_writes_numbers_of_any_type_and_place_as_we_do(tmp_path: Path) -> None:
+    messages = list(made_up.ANY_NUMBERS.items())
+    protocol = made_up.protocol(messages)
+    exports.compare_c(protocol, made_up.typed(protocol, messages), tmp_path, FRAMES)
+
+
+@needs_compiler
+def test_the_judge_sees_a_wrong_bit(tmp_path: Path) -> None:
+    protocol = EurobotProtocol.load(dialects.DEFAULT)
+    messages = described(protocol)
+    stop = messages[1]
+    moved = [*messages[:1], stop._replace(fields=[stop.fields[0]._replace(places=[1])]), *messages[2:]]
+    with pytest.raises(Differs, match="Emergency Stop"):
+        exports.compare_c(protocol, moved, tmp_path, FRAMES)
+
+
+@needs_compiler
+@pytest.mark.parametrize("messages", [made_up.badly_named(), made_up.many()], ids=["bad names", "512 messages"])
+@pytest.mark.parametrize("name", ["int", "", "x" * 1000, "*/ #error"])
+def test_any_names_compile(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:
+    header = c.header_of(messages, name)
+    assert re.fullmatch(r"[\x20-\x7E\n]+", header)
+    assert max(map(len, re.findall(r"\w+", re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)))) <= 140
+    exports.compiled(header, f'#include "{exports.NAME}.h"\nint main(void) {{ return 0; }}\n', tmp_path)
+
+
+USER = """
+#include <stdio.h>
+#include "bus.h"
+int main(void)
+{
+    uint8_t data[8];
+    bus_goto_xy_t m = { 1234, 567, 89, 75, 0xA5C3 };
+    for (size_t i = 0, length = bus_goto_xy_pack(data, sizeof data, &m); i < length; i++) printf("%02X ", data[i]);
+    m.angle = 1024;
+    printf("%zu ", bus_goto_xy_pack(data, sizeof data, &m));
+    printf("%d %d ", bus_goto_xy_unpack(&m, data, 7), bus_goto_xy_unpack(&m, data, 6));
+    printf("%u %u %u", m.speed, m.barriers, BUS_GOTO_STATE_RESPONSE_TIME_BLOCKED);
+    return 0;
+}
+"""
+
+
+@needs_compiler
+def test_a_program_uses_it(tmp_path: Path) -> None:
+    judge = exports.compiled(c.c_header(EurobotProtocol.load(dialects.DEFAULT), "bus"), USER, tmp_path)
+    said = subprocess.run([judge], capture_output=True, text=True, check=True).stdout
+    assert said == "D2 74 23 59 2C 0D 97 02 0 0 1 75 0 16777214"

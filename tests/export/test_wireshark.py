@@ -1,0 +1,76 @@
+"""The Lua dissector, judged by tshark's reading of frames against ours."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from interop_rows import exports
+
+from eurobot_od.export import wireshark
+from eurobot_od.export.description import DescribedMessage, described
+from eurobot_od.robot import dialects
+from eurobot_od.robot.protocol import EurobotProtocol
+from tests.export import made_up
+
+FRAMES = 50
+"""Random frames for each message; `tools/interop.py` takes more."""
+
+needs_tshark = pytest.mark.skipif(shutil.which("tshark") is None, reason="no tshark")
+
+
+@needs_tshark
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_tshark_reads_the_robot_s_frames_as_we_do(dialect: str, tmp_path: Path) -> None:
+    protocol = EurobotProtocol.load(dialect)
+    exports.compare_tshark(protocol, described(protocol), tmp_path, FRAMES)
+
+
+@needs_tshark
+def test_tshark_reads_numbers_of_any_type_and_place_as_we_do(tmp_path: Path) -> None:
+    messages = list(made_up.ANY_NUMBERS.items())
+    protocol = made_up.protocol(messages)
+    exports.compare_tshark(protocol, made_up.typed(protocol, messages), tmp_path, FRAMES)
+
+
+SHOWN = [
+    # (frame, what the columns say)
+    ("004#", "Stop Drive"),
+    ("008#D27423592C0D9702", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=42435"),
+    ("008#D27423592C0D", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=0"),
+    ("008#D27423592C", "Goto XY [5 bytes, expected 6 or 8]"),
+    ("014#FFFF0F", "Goto State Response time=unknown"),
+    ("002#01FF", "Emergency Stop obstacle=enemy"),
+    ("080#B90BFFFF02", "x=3001 mm (out of range) y=4080 mm (out of range) angle=767 deg source=internal"),
+    ("001#R", "ID: 1 (0x1), Length: 0"),
+    ("00000008#D27423592C0D9702", "Ext. ID: 8 (0x8), Length: 8"),
+    ("182#0102", "CANopen"),
+]
+
+
+@needs_tshark
+def test_the_columns_say_what_a_frame_means(tmp_path: Path) -> None:
+    script, log = tmp_path / "robot.lua", tmp_path / "frames.log"
+    script.write_text(wireshark.lua_text(EurobotProtocol.load(dialects.DEFAULT), "robot"))
+    log.write_text("".join(f"({number}.0) can0 {frame}\n" for number, (frame, _) in enumerate(SHOWN)))
+    command = ["tshark", "-X", f"lua_script:{script}", "-d", "can.subdissector,canopen", "-r", str(log)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    for line, (_, shown) in zip(done.stdout.splitlines(), SHOWN, strict=True):
+        assert shown in line
+
+
+@needs_tshark
+@pytest.mark.parametrize("messages", [made_up.badly_named(), made_up.many()], ids=["bad names", "512 messages"])
+@pytest.mark.parametrize("name", ["can", "", "x" * 1000, '"'])
+def test_tshark_takes_any_names(messages: list[DescribedMessage], name: str, tmp_path: Path) -> None:
+    script, log = tmp_path / "bus.lua", tmp_path / "frames.log"
+    script.write_text(wireshark.text_of(messages, name))
+    assert re.fullmatch(r"[\x20-\x7E\n]+", script.read_text())
+    log.write_text(f"(1.0) can0 {messages[0].cob_id:03X}#01FF\n")
+    command = ["tshark", "-X", f"lua_script:{script}", "-r", str(log), "-Y", wireshark.filter_name(name)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert [each for each in done.stderr.splitlines() if not each.startswith("Running as")] == []
+    assert len(done.stdout.splitlines()) == 1

@@ -1,0 +1,198 @@
+"""The XDD, parsed back and compared with our reading of the file, object by object."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import pytest
+
+from eurobot_od.errors import DictionaryError
+from eurobot_od.export import xdd
+from eurobot_od.od.outline import Outline
+from eurobot_od.od.values import NODE_ID, Value, parse_number
+from eurobot_od.robot import dialects
+from tests.export import made_up
+
+ROOT = Path(__file__).parents[2]
+OWN = sorted((ROOT / "eds").rglob("*.eds"))
+FOREIGN = [
+    ROOT / "tests" / "lint" / "samples" / name
+    for name in (
+        "clean.eds",
+        "generated.eds",
+        "compact_drive.eds",
+        "configured.dcf",
+        "crlf_io_module.eds",
+        "editor_with_comments.eds",
+        "sloppy_sensor.eds",
+        "old.eds",
+    )
+]
+CO = f"{{{xdd.SCHEMA}}}"
+LIST = f"{CO}ISO15745Profile/ProfileBody/ApplicationLayers/{CO}CANopenObjectList/CANopenObject"
+
+NODE = 42
+"""The node-ID for which values are compared."""
+
+ACCESS = {("rw", "RPDO"): "rww", ("rw", "TPDO"): "rwr"}
+
+
+def read_back(value: str | None, outline: Outline, kind: type) -> Value:
+    """Read a value of an XDD as CiA 311 means it."""
+    if value is None:
+        return None
+    number = parse_number(value)
+    if kind is int and number:
+        return number.at(outline.node_id)
+    return bytes.fromhex(value) if kind is bytes else float(value) if kind is float else value
+
+
+def objects(text: str) -> dict[tuple[int, int], Element]:
+    """Return the variables of an XDD, by index and sub-index."""
+    found: dict[tuple[int, int], Element] = {}
+    for each in ElementTree.fromstring(text).iterfind(LIST):
+        index, subs = int(each.attrib["index"], 16), each.findall("CANopenSubObject")
+        assert each.get("subNumber", str(len(subs))) == str(len(subs))
+        members = {(index, int(sub.attrib["subIndex"], 16)): sub for sub in subs}
+        found |= members if "subNumber" in each.attrib else {(index, 0): each}
+    return found
+
+
+def compare(outline: Outline) -> None:
+    """Assert that the XDD of a device says what we read in its file."""
+    found = objects(xdd.xdd_text(outline))
+    assert list(found) == list(outline.addresses())
+    for (index, sub), each in found.items():
+        variable = outline.members[index][sub]
+        assert each.attrib["name"] == xdd.NOT_XML.sub("\ufffd", variable.name)
+        assert int(each.attrib["dataType"], 16) == outline.type(variable).code
+        access, mapping = each.get("accessType", ""), each.attrib["PDOmapping"]
+        assert ACCESS.get((access, mapping), access) == variable.access
+        assert (mapping != "no") == variable.is_mappable
+        for attribute, key in xdd.LIMITS_AND_VALUES.items():
+            ours = outline.typed(variable, key)
+            if ours not in (None, "", b""):
+                assert read_back(each.get(attribute), outline, type(ours)) == ours, (index, sub, key)
+
+
+@pytest.mark.parametrize("file", [*OWN, *FOREIGN], ids=lambda file: f"{file.parent.name}-{file.stem}")
+def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
+    compare(Outline.load(file, NODE))
+
+
+def test_the_node_id_stays_a_parameter() -> None:
+    file = dialects.folder(dialects.DEFAULT) / "drive.eds"
+    text = xdd.xdd_text(xdd.load(file))
+    assert objects(text)[0x1014, 0].get("defaultValue") == f"{NODE_ID}+0x80"
+    assert text == xdd.xdd_text(Outline.load(file, NODE))
+
+
+DEVICE = """[FileInfo]
+FileName=odd.eds
+FileVersion=1.2
+CreationDate=31-12-2020
+[DeviceInfo]
+VendorName=A & B <"C">
+VendorNumber=0x1F
+BaudRate_125=1
+Granularity=200
+[1000]
+ParameterName=Bell\a "&<>' ü
+DataType=7
+AccessType=rww
+PDOMapping=1
+DefaultValue=0x180+$NODEID
+[2000]
+ParameterName=Many
+ObjectType=8
+DataType=4
+AccessType=rwr
+PDOMapping=1
+CompactSubObj=3
+LowLimit=0x80000000
+HighLimit=010
+DefaultValue=-5
+[2001]
+ParameterName=Real
+DataType=8
+AccessType=rw
+DefaultValue=1.5
+[2002]
+ParameterName=Text
+DataType=9
+AccessType=const
+DefaultValue=<a>&"
+[2003]
+ParameterName=File
+ObjectType=2
+AccessType=ro
+[2004]
+ParameterName=Set
+ObjectType=7
+DataType=5
+AccessType=rw
+DefaultValue=1
+ParameterValue=2
+Denotation=mine
+ObjFlags=1
+[DeviceComissioning]
+NodeID=7
+Baudrate=125
+NodeName=left
+"""
+
+
+def odd(text: str = DEVICE) -> Outline:
+    return Outline.read(text.encode(), Path("odd.dcf"), NODE)
+
+
+def test_it_says_what_an_odd_file_means() -> None:
+    compare(odd())
+
+
+SAID = [
+    ((0x1000, 0), {"name": "Bell\ufffd \"&<>' ü", "accessType": "rw", "PDOmapping": "RPDO"}),
+    ((0x1000, 0), {"defaultValue": "$NODEID+0x180"}),
+    ((0x2000, 3), {"defaultValue": "-5", "lowLimit": "-2147483648", "highLimit": "0x8", "PDOmapping": "TPDO"}),
+    ((0x2001, 0), {"dataType": "08", "defaultValue": "1.5", "PDOmapping": "no"}),
+    ((0x2002, 0), {"defaultValue": '<a>&"', "accessType": "const"}),
+    ((0x2003, 0), {"objectType": "2", "dataType": "0F"}),
+    ((0x2004, 0), {"defaultValue": "0x1", "actualValue": "0x2", "denotation": "mine", "objFlags": "0001"}),
+]
+
+
+@pytest.mark.parametrize(("address", "attributes"), SAID)
+def test_attributes_of_an_object(address: tuple[int, int], attributes: dict[str, str]) -> None:
+    found = objects(xdd.xdd_text(odd()))[address].attrib
+    assert {name: found[name] for name in attributes} == attributes
+
+
+def test_the_profiles_say_whose_device_it_is_and_what_it_can() -> None:
+    root = ElementTree.fromstring(xdd.xdd_text(odd()))
+    device, network = root.iterfind(f"{CO}ISO15745Profile/ProfileBody")
+    assert device.findtext(f"{CO}DeviceIdentity/{CO}vendorName") == 'A & B <"C">'
+    assert device.findtext(f"{CO}DeviceIdentity/{CO}vendorID") == "31"
+    assert (device.get("fileVersion"), device.get("fileCreationDate")) == ("1", xdd.NO_DAY)
+    rates = [each.get("value") for each in network.iter("supportedBaudRate")]
+    general, commissioned = (next(network.iter(tag)) for tag in ("CANopenGeneralFeatures", "deviceCommissioning"))
+    assert (rates, general.get("granularity")) == (["125 Kbps"], "64")
+    assert commissioned.attrib == {
+        "nodeID": "7",
+        "nodeName": "left",
+        "actualBaudRate": "125",
+        "networkNumber": "0",
+        "networkName": "",
+        "CANopenManager": "false",
+    }
+
+
+def test_any_names_are_well_formed() -> None:
+    messages = [(f"{number} {name}", [made_up.Field(name, 7, 8)]) for number, name in enumerate(made_up.BAD_NAMES)]
+    compare(made_up.outline(messages))
+
+
+def test_a_file_that_is_no_eds_is_refused() -> None:
+    with pytest.raises(DictionaryError, match=r"odd\.dcf: not an EDS"):
+        odd("")
