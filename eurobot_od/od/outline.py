@@ -265,7 +265,10 @@ class Outline:
         return tuple(pdos)
 
     def _pdo(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> Pdo:
-        entry, record = self._parameter((index, 1), value), index + values.MAPPING_OFFSET
+        entry, record = self._cob_id(direction, index, value), index + values.MAPPING_OFFSET
+        inhibit_time, event_timer = (
+            self._setting((index, sub), value, 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
+        )
         if entry & values.EXTENDED:
             raise MappingError(self.file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
         return Pdo(
@@ -274,12 +277,26 @@ class Outline:
             name=self.device.objects[index].name,
             cob_id=entry & values.BASE_IDENTIFIER,
             valid=not entry & values.NOT_VALID,
-            transmission_type=self._parameter((index, 2), value),
+            transmission_type=self._setting((index, values.TRANSMISSION_TYPE), value, values.EVENT_DRIVEN),
             mapping=tuple(
                 self.mapped_object(record, self._parameter((record, subindex), value))
                 for subindex in range(1, self._parameter((record, 0), value) + 1)
             ),
+            inhibit_time=inhibit_time,
+            event_timer=event_timer,
         )
+
+    def _cob_id(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> int:
+        """Return a COB-ID entry; the first four PDOs have one also where the file leaves it out (CiA 301, 7.3.3)."""
+        number = index - direction.value
+        base = values.DEFAULT_PDO_BASES[direction][number : number + 1]
+        address = index, values.COB_ID
+        return self._setting(address, value, base[0] + self.node_id) if base else self._parameter(address, value)
+
+    def _setting(self, address: Address, value: Callable[[Address], Value], default: int) -> int:
+        """Return a communication parameter that a file may leave out."""
+        number = value(address)
+        return number if isinstance(number, int) else default
 
     def _parameter(self, address: Address, value: Callable[[Address], Value]) -> int:
         number = value(address)
@@ -294,7 +311,7 @@ class Outline:
         """
         index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
         if index in values.DUMMIES:
-            return MappedObject(index, subindex, bits, PADDING, Limits(0, 0))
+            return MappedObject(index, subindex, bits, PADDING, Limits(0, 0), values.DATA_TYPES[index])
         variable = self._at((index, subindex))
         where = f"maps 0x{index:04X} sub {subindex}"
         if variable is None:
@@ -303,12 +320,14 @@ class Outline:
         if not 1 <= bits <= most:
             raise MappingError(self.file, mapping_index, f"{where} with {bits} bits, its type has {most}")
         part = self.part((index, subindex))
-        whole = self._at(part.whole) if part else None
-        return MappedObject(index, subindex, bits, variable.name, self._limits(whole or variable))
+        whole = (self._at(part.whole) if part else None) or variable
+        return MappedObject(index, subindex, bits, variable.name, self._limits(whole), self.type(whole))
 
     def _limits(self, variable: DescribedVariable) -> Limits:
+        """Return the limits of an integer, and for anything else those of its bits."""
+        type_ = self.type(variable) if self.type(variable).is_integer else values.UNSIGNED64
         low, high = self.typed(variable, "lowlimit"), self.typed(variable, "highlimit")
-        return Limits(low if isinstance(low, int) else 0, high if isinstance(high, int) else (1 << MOST_BITS) - 1)
+        return Limits(low if isinstance(low, int) else type_.low, high if isinstance(high, int) else type_.high)
 
     def part(self, address: Address) -> Part | None:
         """Return what a slice is a part of: the member so named of the record without ` slices`.

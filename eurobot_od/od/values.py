@@ -163,7 +163,7 @@ DATA_TYPES: dict[int, DataType] = {
 }
 """The basic data types by code (CiA 301, Table 44)."""
 
-UNSIGNED8, UNSIGNED16, UNSIGNED32 = DATA_TYPES[0x05], DATA_TYPES[0x06], DATA_TYPES[0x07]
+UNSIGNED8, UNSIGNED16, UNSIGNED32, UNSIGNED64 = (DATA_TYPES[code] for code in (0x05, 0x06, 0x07, 0x1B))
 REALS = (REAL32, REAL64)
 
 ACCESS_TYPES = ("ro", "wo", "rw", "rwr", "rww", "const")
@@ -206,6 +206,12 @@ MAPPING_RECORDS = {
     for each, records in COMMUNICATION_RECORDS.items()
 }
 """Indices of the records of all PDOs there may be."""
+
+COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
+"""Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
+
+SYNCHRONOUS, EVENT_DRIVEN = range(241), 255
+"""Transmission types of PDOs that follow a SYNC, and of those that a device profile rules (CiA 301, Table 68)."""
 
 MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
 """Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
