@@ -12,15 +12,14 @@ from eurobot_od.cli import options
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="left out: standard output")
-    options.add_dialect(parser)
+    options.add_network(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the file."""
     from eurobot_od.pdo.dbc import dbc_text
-    from eurobot_od.robot.protocol import EurobotProtocol
 
-    text = dbc_text(EurobotProtocol.load(arguments.dialect))
+    text = dbc_text(options.protocol(arguments))
     if arguments.output is None:
         sys.stdout.write(text)
     else:

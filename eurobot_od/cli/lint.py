@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of `eurobot-od lint`."""
-    parser.add_argument("files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also one network YAML")
+    parser.add_argument(
+        "files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also a network file, or a folder"
+    )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
     parser.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
     parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
@@ -71,18 +73,18 @@ def _run_files(arguments: Namespace) -> ExitStatus:
 
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
-    """Read a network: one YAML file that names the nodes, or their EDS and DCF files; raises DictionaryError."""
+    """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
     from eurobot_od.lint.network import LintedNetwork, Member, nodes_of
-    from eurobot_od.od.network import read_network_file
+    from eurobot_od.od.network import SUFFIXES, read_network
+    from eurobot_od.od.network_file import NetworkFile, NodeFile
 
-    if len(files) == 1 and files[0].lower().endswith((".yaml", ".yml")):
-        said = read_network_file(read_bytes(files[0]).decode("utf-8", "replace"), files[0])
-        members = [
-            Member(name, file, load(read_bytes(file), file), node_id) for name, (file, node_id) in said.nodes.items()
-        ]
-        return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
-    devices = [(file, load(read_bytes(file), file)) for file in files]
-    return LintedNetwork(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
+    is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
+    said = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
+    devices = [(each, load(read_bytes(each.file), each.file)) for each in said.nodes]
+    members = [
+        Member(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id) for each, device in devices
+    ]
+    return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
 
 
 def explanation(code: str) -> str:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -46,13 +45,13 @@ class Described(NamedTuple):
 
 
 class Outline:
-    """The outline of one file: its `file`, `name` (the file's stem), `node_id`, and the `device` it describes.
+    """The outline of one file: its `file`, `name` (the file's stem or another), `node_id`, the `device` it describes.
 
     `members` are the variables that can be used, by index and sub-index; a VAR is its own member 0.
     """
 
-    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None) -> None:
-        self.file, self.name, self.device = file, file.stem, device
+    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None, name: str = "") -> None:
+        self.file, self.name, self.device = file, name or file.stem, device
         self._defaults: dict[Address, Value] = {}  # as they are asked for
         self._refuse_what_hides_objects()
         self.members = {index: self._members(each) for index, each in self._usable_objects()}
@@ -61,30 +60,18 @@ class Outline:
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
 
     @classmethod
-    def load(cls, file: str | Path, node_id: int | None = None) -> Self:
+    def load(cls, file: str | Path, node_id: int | None = None, name: str = "") -> Self:
         """Read an EDS or DCF for a node-ID.
 
         Without one it is the NodeID of a DCF's commissioning, or else the value of the object that holds the device's
         own node-ID. Raises DictionaryError if there is none, or if the file cannot be read as an EDS.
         """
-        return cls.read(read_bytes(file), Path(file), node_id)
+        return cls.read(read_bytes(file), Path(file), node_id, name)
 
     @classmethod
-    def read(cls, data: bytes, file: Path, node_id: int | None = None) -> Self:
+    def read(cls, data: bytes, file: Path, node_id: int | None = None, name: str = "") -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, DescribedDevice(read(data)), node_id)
-
-    @classmethod
-    def load_folder(cls, folder: Path) -> tuple[Self, ...]:
-        """Read all EDS files of a folder, one for each node of a network, ordered by node-ID.
-
-        Raises DictionaryError as `load`, and if two have one node-ID.
-        """
-        loaded = sorted(map(cls.load, sorted(folder.glob("*.eds"))), key=lambda each: each.node_id)
-        for one, other in pairwise(loaded):
-            if one.node_id == other.node_id:
-                raise other._error(None, f"node-ID {other.node_id} is taken by {one.file.name}")
-        return tuple(loaded)
+        return cls(file, DescribedDevice(read(data)), node_id, name)
 
     # What must hold
 
@@ -141,7 +128,7 @@ class Outline:
 
     def _checked_node_id(self, node_id: int | None) -> int:
         if node_id is None:
-            raise self._error(None, "the file names no node-ID; give one")
+            raise self._error(None, f"the file names no node-ID; give one, as in 5={self.file.name}")
         if node_id not in values.NODE_IDS:
             raise self._error(None, f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}")
         return node_id

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
@@ -18,6 +18,9 @@ from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, plain_name, readable_name
 from eurobot_od.pdo.message import Message
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
@@ -53,6 +56,11 @@ class Protocol:
         # filled when a message is first read or written, as its function is generated then
         self._readers: dict[int, Callable[[bytes], Message]] = {}
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
+
+    @classmethod
+    def of_devices(cls, outlines: Iterable[Outline], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
+        """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks."""
+        return cls(((each, each.read_pdos(each.default, refused)) for each in outlines), catalogue, refused)
 
     def _bind(self, dictionary: Outline, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)
