@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
@@ -31,7 +31,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
     parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
     parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
+    parser.add_argument("-v", "--verbose", action="store_true", help="every finding, also those that repeat in a file")
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    parser.add_argument(
+        "--fix", action="store_true", help="write the files as they are meant, and list what is changed"
+    )
+    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: where to; left out: into the file itself")
     parser.add_argument("--explain", metavar="CODE", help="say what a rule demands, and where that is written")
 
 
@@ -46,6 +51,8 @@ def run(arguments: Namespace) -> ExitStatus:
         return ExitStatus.FINE
     if not arguments.files:
         raise LocalError("no files to check")
+    if arguments.fix:
+        return _fix(arguments.files, arguments.output)
     gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
     try:
         if not arguments.network:
@@ -56,6 +63,23 @@ def run(arguments: Namespace) -> ExitStatus:
         return _report(arguments, lint_network(network), overview(network))
     finally:
         gc.enable()
+
+
+def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
+    """Write files as they are meant, without a guess at what they do not say; what is right already stays as it is."""
+    from pathlib import Path
+
+    from eurobot_od.od.repairs import repaired
+
+    if output and len(files) > 1:
+        raise LocalError("-o is for one file")
+    for file in files:
+        data, repairs = repaired(read_bytes(file), file)
+        for line, what, _ in repairs:
+            print(f"{file}:{line}: {what}")
+        if repairs or output:
+            Path(output or file).write_bytes(data)
+    return ExitStatus.FINE
 
 
 def _run_files(arguments: Namespace) -> ExitStatus:
@@ -105,7 +129,7 @@ def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequ
     else:
         for identifier, name, producers, consumers in identifiers:
             print(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
-        sys.stdout.writelines(f"{each}\n" for each in wanted)
+        sys.stdout.writelines(f"{each}\n" for each in (wanted if arguments.verbose else summed_up(wanted)))
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
 

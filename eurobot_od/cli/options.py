@@ -91,7 +91,15 @@ def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
     Raises LocalError, DictionaryError, UnknownName.
     """
     files = named_files(arguments)
-    return network.load(files, Outline) if files else dialects.outlines(arguments.dialect)
+    if not files:
+        return dialects.outlines(arguments.dialect)
+    loaded = network.load(files, Outline)
+    for file, repairs in {each.file: each.repairs for each in loaded}.items():
+        if repairs:
+            what = f"line {repairs[0].line}: {repairs[0].what}"
+            more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
+            print(f"eurobot-od: {file}: read as it is meant: {what}{more}", file=sys.stderr)
+    return loaded
 
 
 def decoder(arguments: argparse.Namespace) -> Decoder:

@@ -16,22 +16,23 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od import values
+from eurobot_od.od.completion import completed
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import Odd, read, read_bytes
+from eurobot_od.od.document import HIDING, read, read_bytes
 from eurobot_od.od.pdos import PADDING, MappedObject, OnRefused, Part, Pdo, fatal
-from eurobot_od.od.values import Address, DataType, Limits, Number, PdoDirection, Value, parse_number
+from eurobot_od.od.standard import known_type
+from eurobot_od.od.values import Address, DataType, Limits, PdoDirection, Value, parse_number
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+    from eurobot_od.od.repairs import Repair
 
 SLICES = " slices"
 """End of the ParameterName of a record that holds another record's values in parts."""
 
 MOST_BITS = 64
 """Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
-
-HIDING = (Odd.BINARY, Odd.NOT_AN_ENTRY, Odd.HEADER, Odd.NO_SECTION, Odd.NO_KEY)
-"""Oddities after which nobody knows what the file was to say: it is cut off, or not an EDS at all."""
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 """Objects that hold nothing: a placeholder, and a type that is only named."""
@@ -71,7 +72,14 @@ class Outline:
     @classmethod
     def read(cls, data: bytes, file: Path, node_id: int | None = None, name: str = "") -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, DescribedDevice(read(data)), node_id, name)
+        return cls(file, DescribedDevice(completed(read(data))), node_id, name)
+
+    @cached_property
+    def repairs(self) -> tuple[Repair, ...]:
+        """What the file writes otherwise than CiA 306 asks for, and was read as it is meant."""
+        from eurobot_od.od.repairs import repairs  # only where somebody asks
+
+        return repairs(self.device.document)
 
     # What must hold
 
@@ -102,16 +110,13 @@ class Outline:
         return {variable.sub: self._checked_variable(variable) for variable in variables}
 
     def _checked_variable(self, variable: DescribedVariable) -> DescribedVariable:
-        """Refuse a variable that lacks what it needs to be used; a DOMAIN needs no data type."""
-        if variable.type and variable.access and variable.name:  # nearly all: this decides how fast a file is read
+        """Refuse a variable that lacks what it needs to be used."""
+        if variable.type and variable.access:  # nearly all: this decides how fast a file is read
             return variable
-        section, code = variable.section, variable.number("objecttype")
-        is_domain = code == Number(ObjectCode.DOMAIN.value) and not section.text("datatype")
-        keys = ("ParameterName", "AccessType") if is_domain else ("ParameterName", "DataType", "AccessType")
-        missing = next((key for key in keys if not section.text(key.lower())), None)
-        if missing:
-            raise self._error(variable.index, f"sub {variable.sub} has no {missing}")
-        if variable.type is None and not is_domain and not variable.number("datatype"):
+        section = variable.section
+        if not variable.access:
+            raise self._error(variable.index, f"sub {variable.sub} has no AccessType")
+        if section.text("datatype") and not variable.number("datatype"):
             what = f"DataType {section.text('datatype')!r} is not a number"
             raise self._error(variable.index, f"sub {variable.sub}: {what}")
         return variable
@@ -145,13 +150,23 @@ class Outline:
         """Return a variable's data type.
 
         CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
-        type. Any other type is taken as DOMAIN: bytes.
+        type. One that is left out is the standard's, or that of the array. Any other type is taken as DOMAIN: bytes.
         """
         if variable.type:
             return variable.type
+        if not variable.section.text("datatype"):
+            return self._type_left_out(variable)
         code = variable.number("datatype")
         basic = parse_number(self.device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
         return values.DATA_TYPES.get(basic.value, values.DOMAIN) if basic else values.DOMAIN
+
+    def _type_left_out(self, variable: DescribedVariable) -> DataType:
+        whole = self.device.objects[variable.index]
+        if variable.sub == 0 and whole.code not in SIMPLE:
+            return values.UNSIGNED8  # CiA 301: sub-index 0 always is
+        first = whole.subs.get(1) if whole.code is ObjectCode.ARRAY else None
+        said = known_type(variable.index, variable.sub) or (first.type if first else None)
+        return said or values.DOMAIN
 
     def described(self, address: Address) -> Described | None:
         """Return what an object is called and its type, None if there is none."""
@@ -200,21 +215,18 @@ class Outline:
             if type_ in (values.OCTET_STRING, values.DOMAIN):
                 return bytes.fromhex(entry.value)
             if type_ in values.REALS:
-                return float(entry.value)
-        except ValueError:
+                return _real(entry.value, type_)
+        except (ValueError, OverflowError):
             return None
         return self._integer(variable, entry.value, type_)
 
     def _integer(self, variable: DescribedVariable, text: str, type_: DataType) -> int | None:
-        first, plus, last = text.partition("+")
-        number = parse_number(text) or (parse_number(f"{last}+{first}") if plus else None)  # 0x80+$NODEID is common
+        number = parse_number(text)
         if number is None:
             if values.NODE_ID in text.upper():
                 raise self._error(variable.index, f"sub {variable.sub}: {text!r} is not a number with $NODEID")
             return None
-        value = number.at(self.node_id) if number.relative else number.value
-        # many editors write negative numbers as their bits
-        return value - (1 << type_.bits) if type_.is_signed and type_.high < value < 1 << type_.bits else value
+        return type_.meant(number.at(self.node_id))
 
     @cached_property
     def _by_name(self) -> dict[str, Address]:
@@ -335,3 +347,9 @@ class Outline:
         """The members of records, by both names, of which slices may be parts."""
         found = [address for address in self.addresses() if address[0] >= values.MANUFACTURER[0]]
         return {entry.name: address for address in reversed(found) if (entry := self.described(address))}
+
+
+def _real(text: str, type_: DataType) -> Value:
+    """Read a REAL: a decimal number, or its bits in hexadecimal; raises ValueError."""
+    bits = parse_number(text) if text[:2].lower() == "0x" else None
+    return type_.read(bits.value.to_bytes(type_.size, "little")) if bits else float(text)

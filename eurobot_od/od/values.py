@@ -58,14 +58,43 @@ def label(address: Address, name: str = "") -> str:
 
 
 def parse_number(text: str) -> Number | None:
-    """Read a number as CiA 306 writes it: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either."""
+    """Read a number: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either.
+
+    What editors and compilers write besides is read as it is meant: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
+    """
     upper = text.strip().upper()
-    if not upper.startswith(NODE_ID):
-        value = _integer(upper)
-        return None if value is None else Number(value)
-    plus, rest = upper[len(NODE_ID) :].strip()[:1], upper[len(NODE_ID) :].strip()[1:].strip()
-    offset = 0 if not plus else _integer(rest) if plus == "+" and rest[:1] != "-" else None
-    return None if offset is None else Number(offset, relative=True)
+    value = _integer(upper)
+    if value is not None:
+        return Number(value)
+    if NODE_ID in upper:
+        return _relative(upper)
+    match = _FOREIGN.fullmatch(upper)
+    value = _integer(match["sign"] + (match["number"] or f"0X{match['hex']}")) if match else None
+    return None if value is None else Number(value)
+
+
+def _relative(upper: str) -> Number | None:
+    """Read a sum of the node-ID and numbers, in any order."""
+    parts = [each.strip() for each in upper.strip("()").split("+")]
+    if parts.count(NODE_ID) != 1:
+        return None
+    parts.remove(NODE_ID)
+    numbers = [parse_number(each) for each in parts]
+    if any(each is None or each.relative or each.value < 0 for each in numbers):
+        return None
+    return Number(sum(each.value for each in numbers if each), relative=True)
+
+
+_FOREIGN = re.compile(r"(?P<sign>-?)(?:(?P<hex>[0-9][0-9A-F]*)H|(?P<number>(?:0X[0-9A-F]+|[0-9]+))[UL]{1,3})")
+"""Numbers of other languages: hexadecimal with an h, and C's suffixes."""
+
+
+def is_standard_number(text: str) -> bool:
+    """Whether a number is written as CiA 306 writes it: every tool can read it."""
+    first, plus, rest = (each.strip() for each in text.partition("+"))
+    if first == NODE_ID:
+        return not plus or (rest[:1] != "-" and _integer(rest.upper()) is not None)
+    return _integer(text.strip().upper()) is not None
 
 
 def _integer(text: str) -> int | None:
@@ -99,6 +128,10 @@ class DataType(NamedTuple):
     def is_signed(self) -> bool:
         """Whether values may be negative."""
         return self.low < 0
+
+    def meant(self, value: int) -> int:
+        """Return what a written number is in this type: many editors write negative numbers as their bits."""
+        return value - (1 << self.bits) if self.is_signed and self.high < value < 1 << self.bits else value
 
     @property
     def size(self) -> int:

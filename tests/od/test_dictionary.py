@@ -182,7 +182,7 @@ BROKEN = [
     ("text", b"hello\n", "not a readable EDS: line 1: neither section nor entry nor comment (hello)"),
     ("binary", bytes(range(256)), "not a readable EDS: line 1: a NUL byte"),
     ("cut in a line", GOOD[: GOOD.index(b"DefaultValue=0x2000010C") + 7], "not a readable EDS: line "),
-    ("cut in a section", GOOD[: GOOD.index(b"[1603sub1]") + 30], "0x1603: sub 1 has no DataType"),
+    ("cut in a section", GOOD[: GOOD.index(b"[1603sub1]") + 30], "0x1603: sub 1 has no AccessType"),
     ("cut before its data", GOOD[: GOOD.index(b"[1800]")], "the file names no node-ID; give one"),
     (
         "no number",
