@@ -43,7 +43,7 @@ def completed(document: Document) -> Document:
 
 def looks_odd(name: str) -> bool:
     """Whether a section's name, in lower case, may be that of an object in an unusual form."""
-    return name[0] in values.DIGITS[10] and not USUAL_NAME.fullmatch(name)
+    return name[:1].isdigit() and not USUAL_NAME.fullmatch(name)
 
 
 def usual_name(name: str) -> str | None:

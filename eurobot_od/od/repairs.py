@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od import values
-from eurobot_od.od.completion import usual_name
+from eurobot_od.od.completion import USUAL_NAME, looks_odd, usual_name
 from eurobot_od.od.description import COMMISSIONING, COMPOSED, SIMPLE, DescribedDevice, DescribedObject, ObjectCode
 from eurobot_od.od.document import HIDING, Document, Entry, Odd, Oddity, Section, parse, read
 from eurobot_od.od.keys import IDENTITY, OBJECT_KEYS, OBJECT_LISTS, SECTION_KEYS
@@ -123,14 +123,20 @@ def _sections_twice(device: DescribedDevice) -> Iterator[Repair]:
 def renamed(device: DescribedDevice) -> Iterator[Repair]:
     """Sections and keys in the spelling of CiA 306."""
     for name, section in device.document.sections.items():
-        usual = SECTION_NAMES.get(name) or (usual_name(name) or "").upper().replace("SUB", "sub")
-        is_read_so = not usual or section.name == usual or name == usual.lower()
-        if usual and (not is_read_so or (name in SECTION_NAMES and section.name != usual) or "SUB" in section.name):
+        usual = SECTION_NAMES.get(name) or _object_name(name, section.name)
+        if usual is not None and usual != section.name:
             yield Repair(section.line, f"section [{section.name}] named [{usual}]", (f"[{usual}]",))
-        spelled = KEYS.get(name) or (OBJECTS if usual and name not in SECTION_NAMES else {})
+        spelled = KEYS.get(name, OBJECTS if usual else {})
         for key, entry in section.entries.items():
             if entry.key != spelled.get(key, entry.key):
                 yield _set(entry, spelled[key], entry.value, f"key {entry.key} spelled {spelled[key]}")
+
+
+def _object_name(name: str, written: str) -> str | None:
+    if USUAL_NAME.fullmatch(name):
+        return written.strip().replace("SUB", "sub")
+    usual = usual_name(name) if looks_odd(name) else None
+    return usual and usual.upper().replace("SUB", "sub")
 
 
 def _set(entry: Entry, key: str, value: str, what: str) -> Repair:

@@ -40,6 +40,10 @@ LONGEST_NUMBER = 100
 """More digits than any type has. What is longer is not a number, so that nobody has to convert a megabyte of digits."""
 
 
+REMEMBERED_NUMBERS = 4096
+"""Numbers that are kept: a file repeats few different ones in thousands of entries."""
+
+
 class Number(NamedTuple):
     """A number of a file: its value, and whether the node-ID is to be added."""
 
@@ -51,12 +55,13 @@ class Number(NamedTuple):
         return self.value + node_id if self.relative else self.value
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
 def label(address: Address, name: str = "") -> str:
     """Write an address for a person: `0x1017:0 Producer heartbeat time`."""
     return f"0x{address[0]:04X}:{address[1]} {name}".rstrip()
 
 
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
 def parse_number(text: str) -> Number | None:
     """Read a number: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either.
 
@@ -89,6 +94,7 @@ _FOREIGN = re.compile(r"(?P<sign>-?)(?:(?P<hex>[0-9][0-9A-F]*)H|(?P<number>(?:0X
 """Numbers of other languages: hexadecimal with an h, and C's suffixes."""
 
 
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
 def is_standard_number(text: str) -> bool:
     """Whether a number is written as CiA 306 writes it: every tool can read it."""
     first, plus, rest = (each.strip() for each in text.partition("+"))

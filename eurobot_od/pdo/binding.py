@@ -58,7 +58,7 @@ class Binding:
     def _field_limits(self) -> Iterator[tuple[str, Limits]]:
         for entry, (field, *_) in zip(self.pdo.mapping, self.layout.slots):
             if field is not None:
-                raws = self.layout.raws(field)
+                raws = self.layout.raws[field]
                 yield field, Limits(max(entry.limits.low, raws[0]), min(entry.limits.high, raws[-1]))
 
     def message(self, /, **values: Any) -> Message:
@@ -88,7 +88,7 @@ class Binding:
             raw = self.kinds[field].write(value, self.limits[field])
         except (ValueError, TypeError):
             raise FieldError(self.name, field, value, self.kinds[field].allowed(self.limits[field])) from None
-        if raw not in self.layout.raws(field):
+        if raw not in self.layout.raws[field]:
             width = self.layout.widths[field]
             raise FieldError(self.name, field, value, f"what fits into the {width} bits that the loaded EDS maps")
         return raw
@@ -117,7 +117,7 @@ class Binding:
         value: Any = values.get(field)
         if value is None and field in self.defaults:
             value = self.raw(field, self.defaults[field])
-        raws = self.layout.raws(field)
+        raws = self.layout.raws[field]
         if not isinstance(value, int) or value not in raws:
             raise FieldError(self.name, field, value, f"{raws[0]}..{raws[-1]}")
         return self.layout.place(field, value)
@@ -165,7 +165,7 @@ class Binding:
         write: Callable[[Any], int] = partial(self.raw, field)
         if field not in self.limits:
             return Column(field, None, write, self.defaults[field])
-        limits, raws = self.limits[field], self.layout.raws(field)
+        limits, raws = self.limits[field], self.layout.raws[field]
         read = partial(kind.read, limits=limits)
         if self.layout.widths[field] <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values
             meanings = {read(raw): raw for raw in raws}

@@ -114,4 +114,5 @@ def made_type(name: str, kinds: Mapping[str, Kind]) -> type[Message]:
     annotated: Any = [(field, Annotated[Any, kind]) for field, kind in kinds.items()]
     made: Any = NamedTuple("Message", annotated)  # type: ignore[misc]  # made at run time
     made.__name__ = made.__qualname__ = name
+    made.__doc__ = ""  # what Python writes there says no more than the fields
     return cast("type[Message]", told_apart(made))

@@ -72,7 +72,7 @@ def _extract(layout: Layout, field: str) -> str:
     bits = " | ".join(f"({part})" for part in parts)
     if field not in layout.signed:
         return bits
-    sign = layout.raws(field).stop  # flipping the sign bit and taking its weight off extends it to any length
+    sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
     return f"(({bits}) ^ {sign:#x}) - {sign:#x}"
 
 
@@ -135,7 +135,7 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
     if numbers:
         return f"r if {numbers.start} <= (r := {raw}) < {numbers.stop} else {name}(r)", name, column.read
     if layout.widths[column.field] <= TABLE_BITS:
-        raws = layout.raws(column.field)  # a table's item -1 is its last one
+        raws = layout.raws[column.field]  # a table's item -1 is its last one
         return f"{name}[{raw}]", name, tuple(map(column.read, (*range(raws.stop), *range(raws.start, 0))))
     return f"{name}({raw})", name, lru_cache(REMEMBERED)(column.read)
 

@@ -67,6 +67,8 @@ ByteOrder = Literal["little", "big"]
 class Layout:
     """Where each field's bits lie in a PDO: `fields` in wire order, `widths` in bits, `length` in bytes.
 
+    `raws` are the raw values that the bits of each field can hold.
+
     The frame is read as one integer, in the byte order that leaves the fewest runs: a value whose slices are stored
     most significant first is in one piece again when the frame is read as big-endian.
     Raises LayoutError for over 64 bits, and for parts of a field that overlap or leave a gap.
@@ -82,6 +84,7 @@ class Layout:
         self.fields = tuple(self._places)
         self.widths = {field: len(places) for field, places in self._places.items()}
         self.signed = frozenset(slot.field for slot in self.slots if slot.signed)
+        self.raws = {field: _raws(width, field in self.signed) for field, width in self.widths.items()}
         runs: dict[ByteOrder, dict[str, tuple[Run, ...]]] = {"little": self._runs("little"), "big": self._runs("big")}
         # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
         self.byte_order: ByteOrder = min(runs, key=lambda order: sum(map(len, runs[order].values())))
@@ -104,11 +107,6 @@ class Layout:
             for field, places in self._places.items()
         }
 
-    def raws(self, field: str) -> range:
-        """Return the raw values that a field's bits can hold."""
-        count = 1 << self.widths[field]
-        return range(-count // 2, count // 2) if field in self.signed else range(count)
-
     def places(self, field: str) -> list[int]:
         """Return the frame bits (8 times the byte plus the bit in it) of a field's bits 0, 1, 2, ..."""
         return list(self._places[field])
@@ -120,6 +118,11 @@ class Layout:
     def place(self, field: str, raw: int) -> int:
         """Return a raw value's bits at their places in the word."""
         return sum(run.place(raw) for run in self.runs[field])
+
+
+def _raws(width: int, is_signed: bool) -> range:
+    count = 1 << width
+    return range(-count // 2, count // 2) if is_signed else range(count)
 
 
 def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:

@@ -57,7 +57,7 @@ def filled(draw: st.DrawFn) -> tuple[Layout, dict[str, int]]:
 
 
 def _raws(layout: Layout, field: str) -> st.SearchStrategy[int]:
-    raws = layout.raws(field)
+    raws = layout.raws[field]
     return st.integers(raws[0], raws[-1])
 
 
@@ -100,7 +100,7 @@ def test_packs_again_what_was_unpacked_but_the_padding(layout: Layout, draws: st
 def column(layout: Layout, field: str) -> Column:
     """A column of plain numbers, about half of which mean themselves and the others are asked for."""
     bits = layout.widths[field]
-    own = range(bits, layout.raws(field).stop // 2)
+    own = range(bits, layout.raws[field].stop // 2)
     return Column(field, lambda raw: raw, lambda value: value, numbers=own, sendable=own)
 
 
