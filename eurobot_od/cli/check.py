@@ -89,10 +89,15 @@ def _networks(arguments: argparse.Namespace, refused: OnRefused) -> Networks:
     if not files:
         return known
     named = Path(arguments.network or files[0].file)
-    return known._replace(
-        find=lambda dialect: known.find(dialect) if dialect else named,
-        load=lambda path: network.load(files, Outline) if path == named else known.load(path),
-    )
+
+    def load(path: Path) -> tuple[Outline, ...]:
+        if path != named:
+            return known.load(path)
+        loaded = network.load(files, Outline)
+        shared.tell_repairs(loaded)
+        return loaded
+
+    return known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
 
 
 def _chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -91,15 +91,16 @@ def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
     Raises LocalError, DictionaryError, UnknownName.
     """
     files = named_files(arguments)
-    if not files:
-        return dialects.outlines(arguments.dialect)
-    loaded = network.load(files, Outline)
-    for file, repairs in {each.file: each.repairs for each in loaded}.items():
+    return network.load(files, Outline) if files else dialects.outlines(arguments.dialect)
+
+
+def tell_repairs(outlines: Iterable[Outline]) -> None:
+    """Say in one line for each file what had to be looked over in it."""
+    for file, repairs in {each.file: each.repairs for each in outlines}.items():
         if repairs:
             what = f"line {repairs[0].line}: {repairs[0].what}"
             more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
             print(f"eurobot-od: {file}: read as it is meant: {what}{more}", file=sys.stderr)
-    return loaded
 
 
 def decoder(arguments: argparse.Namespace) -> Decoder:
@@ -108,7 +109,7 @@ def decoder(arguments: argparse.Namespace) -> Decoder:
     from eurobot_od.robot.messages import CATALOGUE
 
     with left_out() as refused:
-        return Decoder(devices(arguments), CATALOGUE, refused)
+        return Decoder(_told(arguments), CATALOGUE, refused)
 
 
 def protocol(arguments: argparse.Namespace) -> Protocol:
@@ -117,7 +118,15 @@ def protocol(arguments: argparse.Namespace) -> Protocol:
     from eurobot_od.robot.messages import CATALOGUE
 
     with left_out() as refused:
-        return Protocol.of_devices(devices(arguments), CATALOGUE, refused)
+        return Protocol.of_devices(_told(arguments), CATALOGUE, refused)
+
+
+def _told(arguments: argparse.Namespace) -> tuple[Outline, ...]:
+    """Load the devices, and say what had to be looked over in the files that are named."""
+    loaded = devices(arguments)
+    if named_files(arguments):  # the dialects' files are in order; to look again takes as long as to load them
+        tell_repairs(loaded)
+    return loaded
 
 
 @contextmanager

@@ -81,7 +81,9 @@ def description(arguments: argparse.Namespace, node: RemoteNode) -> Description 
     if mine is None and shared.named_files(arguments):
         mine = next((str(each.file) for each in shared.devices(arguments) if each.node_id == node.node_id), None)
     if mine is not None:
-        return found.from_file(mine, node.node_id)
+        described = found.from_file(mine, node.node_id)
+        shared.tell_repairs([described.dictionary])
+        return described
     names = [arguments.dialect] if arguments.dialect else dialects.names()
     known = (each for name in names for each in dialects.load_all(name))
     return found.fitting(node, known) or found.uploaded(node)

@@ -75,6 +75,9 @@ def table(bindings: Iterable[Binding]) -> Iterator[str]:
 
 # One message
 
+GREEK = "αβγδεζηθικλμ"  # letters after those of the alphabet
+"""Letters for a PDO that maps more fields than the alphabet has letters, small and large."""
+
 
 def picture(binding: Binding) -> Iterator[str]:
     """Yield the lines that describe one message: who, which bits where, and what each field means."""
@@ -109,11 +112,11 @@ def _lengths(binding: Binding) -> str:
 
 
 def _symbols(fields: Iterable[str]) -> dict[str, str]:
-    """Give each field a letter of its own, if possible its first."""
+    """Give each field a letter of its own, if possible its first; a PDO has up to 64 fields."""
     taken: dict[str, str] = {}
     for field in fields:
         letters = [letter for letter in field if letter.isalpha()]
-        candidates = [letters[0].upper(), *letters, *ascii_letters]
+        candidates = [letters[0].upper(), *letters, *ascii_letters, *GREEK]
         taken[field] = next(letter for letter in candidates if letter not in taken.values())
     return taken
 
