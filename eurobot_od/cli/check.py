@@ -175,9 +175,9 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     if arguments.simulate:
         from eurobot_od.check.simulated import run_simulated
         from eurobot_od.robot.check.partners import nodes_under_test
-        from eurobot_od.robot.faults import faulty_roles
+        from eurobot_od.robot.faults import faulty_kinds
 
-        make_nodes = partial(nodes_under_test, roles=faulty_roles(arguments.fault))
+        make_nodes = partial(nodes_under_test, kinds=faulty_kinds(arguments.fault))
         return run_simulated(suite, options, make_nodes, seed)
     from eurobot_od.check.live import run_live
 

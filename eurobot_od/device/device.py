@@ -134,9 +134,7 @@ class Device:
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
-        self.emergencies = Emergencies(
-            lambda: self._cob_id(EMCY_COB_ID, EMCY_BASE), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
-        )
+        self.emergencies = Emergencies(lambda: self.emcy_cob_id, lambda: self.objects.raw(EMCY_INHIBIT) / 10_000)
         readers: dict[int, OnRead] = {}
         writers: dict[int, OnWrite] = {}
         given, told = self._application.given, self._application.told
@@ -222,6 +220,11 @@ class Device:
     def always_sent(self) -> set[int]:
         """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
         return self._pdos.always_sent
+
+    @property
+    def emcy_cob_id(self) -> int | None:
+        """The COB-ID of its emergency messages, None if it sends none."""
+        return self._cob_id(EMCY_COB_ID, EMCY_BASE)
 
     # Values
 

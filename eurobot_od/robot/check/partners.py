@@ -1,4 +1,4 @@
-"""The robot's nodes as a simulated check needs them: in their world, and a core that has something to do."""
+"""Devices as a simulated check needs them: the robot's nodes in their world, the core with something to do; others."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping
 from functools import partial
 
 from eurobot_od.check.simulated import NodeUnderTest
-from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.check.drill import drill
-from eurobot_od.robot.nodes import ROLES, Core, Node
+from eurobot_od.robot.nodes import KINDS, Core, Node, role_of
 from eurobot_od.robot.options import MatchOptions
 
 
@@ -18,15 +17,9 @@ def nodes_under_test(
     dictionaries: Mapping[str, Dictionary],
     seed: int,
     clock: Callable[[], float],
-    roles: Mapping[str, type[Node]] = ROLES,
+    kinds: Mapping[str, type[Node]] = KINDS,
 ) -> list[NodeUnderTest]:
-    """Make the nodes of the robot that have these dictionaries; `roles` are their classes, with or without faults.
-
-    Raises UnknownName for a name that no node of the robot has.
-    """
-    for name in dictionaries:
-        if name not in roles:
-            raise UnknownName("simulated node", name, roles)
-    nodes = [roles[name](dictionary) for name, dictionary in dictionaries.items()]
+    """Make the nodes that have these dictionaries; `kinds` are their classes by role, with or without faults."""
+    nodes = [kinds[role_of(dictionary)](dictionary) for dictionary in dictionaries.values()]
     assemble(nodes, MatchOptions(seed=seed), clock)
     return [NodeUnderTest(node, partial(drill, node) if isinstance(node, Core) else None) for node in nodes]
