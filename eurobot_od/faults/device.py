@@ -37,9 +37,9 @@ class WritesForgotten(Node):
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         is_request = frame.cob_id == hooks.sdo_request(self) and len(frame.data) == LENGTH
-        answer = hooks.sdo_answer(self)
-        if answer is not None and is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
-            return [Frame(answer, initiate(ServerCommand.DOWNLOAD << 5, Initiate.of(frame.data).address))]
+        if is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
+            address = Initiate.of(frame.data).address
+            return [Frame(hooks.sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, address))]
         return super().receive(frame, now)
 
 

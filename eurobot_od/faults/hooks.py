@@ -45,12 +45,12 @@ def emcy(node: Node) -> int | None:
     return node.device.emcy_cob_id
 
 
-def sdo_answer(node: Node) -> int | None:
+def sdo_answer(node: Node) -> int:
     """Answers of the SDO server."""
     return node.device.sdo_answers
 
 
-def sdo_request(node: Node) -> int | None:
+def sdo_request(node: Node) -> int:
     """Requests to the SDO server."""
     return node.device.sdo_requests
 
