@@ -14,7 +14,7 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT, Device
+from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
@@ -367,13 +367,14 @@ class RandomClient:
 
 # A run
 
+ANY_NODE_ID = 5
 
-def run(node: str, dialect: str | None, requests: int, seed: int) -> int:
-    """Send so many requests to a node; return how many it answered with an abort. Raises Fault."""
+
+def run(dictionary: Dictionary, requests: int, seed: int) -> int:
+    """Send so many requests to a device; return how many it answered with an abort. Raises Fault."""
     chance = random.Random(seed)
-    dictionary = dialects.load(node, dialect)
     device, judge, client = Device(dictionary), Judge(dictionary), RandomClient(dictionary, chance)
-    rx, tx = device.number(SDO_RECEIVE), device.number(SDO_TRANSMIT)
+    rx, tx = device.sdo_requests, device.sdo_answers
     device.start(0.0)
     aborts = 0
     for number in range(requests):
@@ -391,18 +392,21 @@ def main() -> int:
     """Run from the command line; exit status 1 at the first wrong answer."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("node", nargs="?", default="core", help="the node (default core)")
+    parser.add_argument("--eds", metavar="FILE", help="anybody's device instead, with node-ID 5")
     parser.add_argument("--dialect", help=f"its dialect (default {dialects.DEFAULT})")
     parser.add_argument("--requests", type=int, default=10_000, help="how many (default 10000)")
     parser.add_argument("--seed", type=int, default=1, help="which ones (default 1)")
     arguments = parser.parse_args()
     started = time.perf_counter()
+    eds, node = arguments.eds, arguments.node
+    dictionary = Dictionary.load(eds, ANY_NODE_ID) if eds else dialects.load(node, arguments.dialect)
     try:
-        aborts = run(arguments.node, arguments.dialect, arguments.requests, arguments.seed)
+        aborts = run(dictionary, arguments.requests, arguments.seed)
     except Fault as fault:
         print(f"wrong: {fault}")
         return 1
     took = time.perf_counter() - started
-    print(f"{arguments.requests} requests to {arguments.node}, {aborts} aborts, no wrong answer, {took:.1f} s")
+    print(f"{arguments.requests} requests to {dictionary.name}, {aborts} aborts, no wrong answer, {took:.1f} s")
     return 0
 
 

@@ -20,6 +20,7 @@ from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_s
 from eurobot_od.device.objects import EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
+from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, predefined
 from eurobot_od.device.storage import Store
 from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, TimeOfDay
@@ -28,11 +29,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
-    EMCY_BASE,
     ERROR_CONTROL_BASE,
     NMT_COB_ID,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
     Address,
     Value,
 )
@@ -52,8 +50,6 @@ EMCY_INHIBIT: Address = (0x1015, 0)
 CONSUMED_HEARTBEATS = 0x1016
 HEARTBEAT_TIME: Address = (0x1017, 0)
 COMMUNICATION_ERROR: Address = (0x1029, 1)
-SDO_RECEIVE: Address = (0x1200, 1)
-SDO_TRANSMIT: Address = (0x1200, 2)
 SDO_CLIENTS = range(0x1280, 0x1300)
 NMT_STARTUP: Address = (0x1F80, 0)
 
@@ -134,11 +130,13 @@ class Device:
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
-        self.emergencies = Emergencies(lambda: self.emcy_cob_id, lambda: self.objects.raw(EMCY_INHIBIT) / 10_000)
+        self.emergencies = Emergencies(
+            lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
+        )
         readers: dict[int, OnRead] = {}
         writers: dict[int, OnWrite] = {}
-        given, told = self._application.given, self._application.told
-        self.objects = Objects(self.dictionary, readers, writers, given, told)
+        given = {**predefined(self.dictionary), **self._application.given}
+        self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
         self.objects.values = values
         self._pdos = Pdos(self.objects, self._catalogue)
         bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
@@ -173,8 +171,8 @@ class Device:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
         self._guarding.configure(self._life_time())
-        self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE, SDO_REQUEST_BASE)
-        self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT, SDO_RESPONSE_BASE)
+        self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE)
+        self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT)
         time = self.objects.raw(TIME)
         answers = {self.objects.cob_id((index, 2)) for index in SDO_CLIENTS}
         # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
@@ -221,12 +219,6 @@ class Device:
         """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
         return self._pdos.always_sent
 
-    @property
-    def emcy_cob_id(self) -> int | None:
-        """The COB-ID of its emergency messages, the predefined one if the file names none; None if it sends none."""
-        unsaid = EMCY_COB_ID[0] in self.dictionary.members and self.objects.value(EMCY_COB_ID) is None
-        return EMCY_BASE + self.node_id if unsaid else self.objects.cob_id(EMCY_COB_ID)
-
     # Values
 
     def number(self, address: Address) -> int:
@@ -240,10 +232,10 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
-    def _sdo_cob_id(self, address: Address, base: int) -> int:
+    def _sdo_cob_id(self, address: Address) -> int:
         """Return an identifier of the SDO server; the predefined one is there whatever 0x1200 says of its validity."""
         cob_id = self.objects.cob_id(address)
-        return base + self.node_id if cob_id is None else cob_id
+        return BASES[address] + self.node_id if cob_id is None else cob_id
 
     # Objects that do more than keep a value
 
