@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address
+from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.sdo.wire import AbortCode
 
@@ -221,17 +221,19 @@ class Judge:
 def _cause_not_to_write(variable: ODVariable, request: bytes, kind: Initiate) -> AbortCode | None:
     if not variable.writable:
         return AbortCode.READ_ONLY
-    size, value = kind.size(request), int.from_bytes(request[4:], "little")
+    size = kind.size(request)
     if size is None or not variable.fixed_size:
         return None
     if size != len(variable) // 8:
         return AbortCode.TOO_LONG if size > len(variable) // 8 else AbortCode.TOO_SHORT
     if kind.phase is Phase.DOWNLOAD and request[0] & 2:
-        return _cause_in_value(variable, value & (1 << 8 * size) - 1)
+        return _cause_in_value(variable, data_type(variable).read(request[4 : 4 + size]))
     return None
 
 
-def _cause_in_value(variable: ODVariable, value: int) -> AbortCode | None:
+def _cause_in_value(variable: ODVariable, value: Value) -> AbortCode | None:
+    if not isinstance(value, (int, float)):
+        return None
     if variable.max is not None and value > variable.max:
         return AbortCode.TOO_HIGH
     return AbortCode.TOO_LOW if variable.min is not None and value < variable.min else None
