@@ -13,7 +13,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     remote.add_node(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="left out: standard output")
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
     parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
     parser.add_argument("--plain", action="store_true", help="lines as decode writes them, and the table at the end")
-    options.add_dialect(parser)
+    options.add_network(parser)
     options.add_bus(parser)
 
 
@@ -59,9 +59,8 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.monitor.cells import plain_table
     from eurobot_od.monitor.controls import Controls
     from eurobot_od.monitor.traffic import Traffic, selected
-    from eurobot_od.robot.protocol import decoder
 
-    traffic = Traffic(decoder(arguments.dialect), arguments.bitrate or runtime.BITRATE)
+    traffic = Traffic(options.decoder(arguments), arguments.bitrate or runtime.BITRATE)
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:

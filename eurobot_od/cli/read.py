@@ -14,7 +14,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "objects", nargs="+", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'"
     )
     parser.add_argument("--json", action="store_true", help="print as JSON")
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

@@ -34,16 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="such as x=1500 barriers=fire-1:forced")
     parser.add_argument("--expect", metavar="MESSAGE", help="wait for this message and print it")
     parser.add_argument("--within", default="1 s", metavar="TIME", help="how long to wait for it (default: 1 s)")
-    shared.add_dialect(parser)
+    shared.add_network(parser)
     shared.add_bus(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message; 1 if the expected answer does not come in time."""
-    from eurobot_od.robot.protocol import EurobotProtocol
-
     within = durations.seconds(arguments.within)
-    protocol = EurobotProtocol.load(arguments.dialect)
+    protocol = shared.protocol(arguments)
     message = parse(protocol.binding(arguments.message), arguments.fields)
     frame = protocol.encode(message)
     expected = protocol.binding(arguments.expect) if arguments.expect else None

@@ -15,7 +15,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     remote.add_node(parser)
     parser.add_argument("object", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1016:1, 'Motion.Maximum speed'")
     parser.add_argument("value", help="decimal or 0x.. number, text, or hexadecimal digits of bytes, by the type")
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

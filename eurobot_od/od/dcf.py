@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.description import COMMISSIONING as COMMISSIONING
-from eurobot_od.od.description import OBJECT_LISTS, DescribedDevice
+from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import Document, parse
+from eurobot_od.od.keys import OBJECT_LISTS
 from eurobot_od.od.values import Address, Value, label, parse_number
 from eurobot_od.od.writing import Rewriting
 
