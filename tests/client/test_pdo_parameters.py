@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from eurobot_od.client.pdo_parameters import pdo_parameters
 from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.catalogue import NOTHING
 from eurobot_od.pdo.protocol import Protocol
 from tests.client.peers import DRIVE, master_on, robot
 
@@ -27,7 +28,10 @@ def test_a_pdo_that_a_master_has_moved() -> None:
         present = outline.configured(pdo_parameters(node, outline))
     [pdo] = [each for each in present.pdos if each.index == STATE_TPDO]
     assert (pdo.cob_id, [(each.index, each.subindex, each.bits) for each in pdo.mapping]) == (MOVED, [(0x2002, 1, 24)])
-    assert Protocol.of_devices([present]).unpack(MOVED, b"\xdc\x05\0") == ("Goto State Response", {"time": 1500})
+    assert Protocol.of_devices([present], NOTHING).unpack(MOVED, b"\xdc\x05\0") == (
+        "Goto State Response",
+        {"time": 1500},
+    )
     assert {each.cob_id for each in outline.pdos} - {each.cob_id for each in present.pdos} == {0x014}
 
 
