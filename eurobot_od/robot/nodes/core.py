@@ -35,7 +35,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
-from eurobot_od.robot.field import is_near
+from eurobot_od.robot.field import Place, is_near
 from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
 from eurobot_od.robot.nodes.identity import Channel
@@ -93,14 +93,15 @@ class Core(RobotNode):
         self._keeping_on: Flow[None] | None = None
         self._stopped: messages.StopMessage | None = None
         self._lost = ""
+        self._place: Place | None = None
+        self._astray = False
         self._match: Timer | None = None
         self._polling = 0
 
     def reset(self) -> None:
         """Give up what is going on and forget everything, as after power-on; a goto under way is stopped."""
         driving = self.is_commanding
-        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
-            flow.fail(StateError("the core was reset"), self.now)
+        self._end_all("the core was reset")
         super().reset()
         self._forget()
         if driving:
@@ -144,13 +145,15 @@ class Core(RobotNode):
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
             if wrong := configuration.contradiction():
                 raise wrong
+            # The older one first: as it fails, it goes back to stopping.
+            self._end(self._configuring, StateError("replaced by a newer start configuration"))
             if self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
+            watched = self._standing is not None
             self._end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
             self._end(self._keeping_on, StateError("a new start configuration"))
-            self._end(self._configuring, StateError("replaced by a newer start configuration"))
             self.positions.clear()
-            self._configuring = self._begin(self._configure_start(configuration))
+            self._configuring = self._begin(self._configure_start(configuration, watched))
             return self._configuring.call
 
     def goto(
@@ -182,7 +185,8 @@ class Core(RobotNode):
                 raise StateError("no goto after an emergency shutdown: configure the start first")
             if self.match_over:
                 raise StateError("no goto after the match")
-            self._end(self._standing, StateError("a new goto came before the robot was seen to stand"))
+            if self._has_to_recover and self.is_commanding:
+                self._stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
             self._end(self._driving, _Ended(Outcome.REPLACED))
             self._driving, self._stopped = self._begin(self._goto(goto, timeout)), messages.StopDrive()
             return self._driving.call
@@ -259,6 +263,10 @@ class Core(RobotNode):
         if flow is not None:
             flow.fail(error, self.now)
 
+    def _end_all(self, why: str) -> None:
+        while self._flows:  # one that ends may begin another, such as the watch over a goto that is given up
+            self._end(self._flows[-1], StateError(why))
+
     # Stops
 
     def _stop(self, stop: messages.StopMessage, outcome: Outcome = Outcome.STOPPED, why: str = "") -> Call[Standstill]:
@@ -280,7 +288,7 @@ class Core(RobotNode):
             return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
 
     def _latest_stop(self) -> messages.StopMessage:
-        return self._stopped or messages.StopDrive()
+        return messages.StopDrive() if self._stopped is None else self._stopped  # a message without data is false
 
     def _see_standing(self) -> Script[Standstill]:
         patience = self.seconds("Standstill.Standstill wait")
@@ -291,6 +299,7 @@ class Core(RobotNode):
             self.raise_error(RobotError.NOT_STANDING, Standstill)
             self.shut_down = True
             self._keep_stopping()
+            self._end(self._driving, error)  # one that waits for lost nodes
             raise error
         self.clear_error(Standstill)
         return standstill
@@ -307,19 +316,29 @@ class Core(RobotNode):
 
     # Flows
 
-    def _configure_start(self, configuration: messages.StartConfigurationSet) -> Script[float]:
+    def _configure_start(self, configuration: messages.StartConfigurationSet, watched: bool) -> Script[float]:
+        """Configure the start; a stop that was `watched` until then is watched again if that fails."""
         try:
             seconds = yield from self._configure(configuration)
         except BaseException:  # nothing has changed: what had to be stopped still has to be
             if self.shut_down:
                 self._keep_stopping()
+            elif watched:
+                self._halt(messages.StopDrive())
             raise
+        self._place, self._astray = None, False
         return seconds
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
-        confirmed = yield from startup.configure(self, configuration)
-        self.configuration, self.shut_down, self._lost = configuration, False, ""
+        before, self._lost = self._lost, ""  # who is lost from here on may not have heard of it
+        try:
+            confirmed = yield from startup.configure(self, configuration)
+        except BaseException:
+            self._lost = self._lost or before
+            raise
+        self.configuration, self.shut_down = configuration, False
+        self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
         self._start_polling(configuration, confirmed + self.seconds("Position polling.Start delay"))
         return confirmed - asked
@@ -327,13 +346,14 @@ class Core(RobotNode):
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
         try:
             yield START
-            if self._lost and self.configuration is not None:
+            if self._has_to_recover and self.configuration is not None:
                 yield from self._recover(self.configuration)
         except _Ended as ended:
             return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
         return (yield from self._drive(goto, self.setting("Goto handshake.Time-out") if timeout is None else timeout))
 
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
+        self._end(self._standing, StateError("a new goto came before the robot was seen to stand"))
         started, confirmed = self.now, None
         limit = self.at(started + timeout, self._run_out_of_time)
         try:
@@ -356,21 +376,27 @@ class Core(RobotNode):
     def _run_out_of_time(self, _: float) -> None:
         self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
 
+    @property
+    def _has_to_recover(self) -> bool:
+        """Whether the nodes have to be checked and configured anew before the next goto."""
+        return bool(self._lost) and self.configuration is not None
+
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         """Check and configure the nodes anew after one was lost, and see that the drive knows where it is.
 
         A drive that has booted believes in its team's start place, until the navigation says otherwise.
         """
-        seen, displacement = self.positions.get(messages.KalmanPositionResponse), self.setting("Recovery.Displacement")
+        self._astray = True
         yield from startup.check_nodes(self)
         yield from self._configure(configuration)
         self.offer(messages.NaviPositionRequest())
         yield Pause(self.seconds("Goto handshake.State request period"))
-        place = yield from drive_position(self)
-        if seen and seen.position.x is not None and not is_near(seen.position[:3], place[:3], displacement, ANY_ANGLE):
+        here, there = (yield from drive_position(self))[:3], self._place
+        if there is not None and not is_near(there, here, self.setting("Recovery.Displacement"), ANY_ANGLE):
             self._lost = "the drive has lost its place"
-            there, here = seen.position[:2], place[:2]
-            raise StateError(f"{self._lost}: it was last seen at {there}, and is at {here} now; configure the start")
+            text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"
+            raise StateError(f"{self._lost}: {text}")
+        self._astray = False
 
     def _position(self) -> Script[messages.KalmanPositionResponse]:
         yield START
@@ -452,6 +478,8 @@ class Core(RobotNode):
 
     def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
+        if isinstance(position, messages.KalmanPositionResponse) and position.x is not None and not self._astray:
+            self._place = position[:3]
 
     OBJECTS: ClassVar[Objects] = {
         "Goto state": BoundObject(write=messages.GotoStateResponse),
