@@ -365,9 +365,10 @@ class Device:
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
-        if self._consumer.heard(node_id, self._now):
+        boot_up = frame == error_control(node_id, NmtState.INITIALISING)
+        if self._consumer.heard(node_id, self._now, boot_up=boot_up):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
-        return Reaction([], booted=node_id if frame == error_control(node_id, NmtState.INITIALISING) else None)
+        return Reaction([], booted=node_id if boot_up else None)
 
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if not self._serves:

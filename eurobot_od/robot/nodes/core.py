@@ -56,6 +56,9 @@ ANY_ANGLE = 180.0
 """Two headings are never further apart, degrees."""
 
 
+LEAVING = "the core is being switched off"
+
+
 class Sighting(NamedTuple):
     """A position as it was received, and when, in seconds of the node's time."""
 
@@ -94,7 +97,7 @@ class Core(RobotNode):
         self._stopped: messages.StopMessage | None = None
         self._lost = ""
         self._place: Place | None = None
-        self._astray = False
+        self._astray = self._leaving = self._gone = False
         self._match: Timer | None = None
         self._polling = 0
 
@@ -142,6 +145,7 @@ class Core(RobotNode):
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
         )
         with self.guard:
+            self._check_present()
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
             if wrong := configuration.contradiction():
                 raise wrong
@@ -180,6 +184,7 @@ class Core(RobotNode):
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
+            self._check_present()
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
                 raise StateError("no goto after an emergency shutdown: configure the start first")
@@ -226,16 +231,34 @@ class Core(RobotNode):
             self.soon(lambda now: self._end_match_at(now + seconds))
 
     def leave(self) -> Call[Standstill] | None:
-        """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`."""
-        return None if self._stopped is None else self.stop()
+        """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`.
+
+        From now on there is no goto and no start configuration: they would end the watch over the stop.
+        """
+        with self.guard:
+            self._leaving = True
+            self._end(self._configuring, StateError(LEAVING))
+            return None if self._stopped is None else self.stop()
+
+    def left(self) -> None:
+        """End all calls: nobody else would."""
+        with self.guard:
+            self._leaving = self._gone = True
+            self._end_all(LEAVING)
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
         flow = Flow(script, self._timers, self._put, self._ended)
         with self.guard:
             self._flows.append(flow)
             self.soon(flow.start)
+            if self._gone:
+                self._end(flow, StateError(LEAVING))
         flow.call.add_done_callback(lambda call: self._drop(flow) if call.cancelled() else None)
         return flow
+
+    def _check_present(self) -> None:
+        if self._leaving:
+            raise StateError(LEAVING)
 
     def _drop(self, flow: Flow[Any]) -> None:
         """End a flow whose caller has gone, on the node's thread."""
@@ -260,7 +283,7 @@ class Core(RobotNode):
             self._keeping_on = None
 
     def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
-        if flow is not None:
+        if flow is not None and flow in self._flows:
             flow.fail(error, self.now)
 
     def _end_all(self, why: str) -> None:

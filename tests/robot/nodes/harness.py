@@ -171,6 +171,10 @@ class Bench:
     def replace(self, name: str, node: Node) -> None:
         """Put another node in the place of one, switched on now; a drive that boots anew, for example."""
         self.network.detach(self.stations[name])
+        self.attach(name, node)
+
+    def attach(self, name: str, node: Node) -> None:
+        """Switch on a node that takes the place of one that is gone."""
         self.nodes[name] = node
         self.stations[name] = self.network.attach(node, start=self.now)
 
