@@ -168,7 +168,7 @@ class Node:
         """
         return None
 
-    def left(self) -> None:
+    def switched_off(self) -> None:
         """Give up whatever somebody may still wait for: nobody will call `receive` and `tick` any more."""
 
     def answered(self, frame: Frame) -> None:

@@ -136,7 +136,7 @@ class Live:
                 if thread is not threading.current_thread():
                     thread.join(PATIENCE)
             if self.station is not None:
-                self.station.node.left()
+                self.station.node.switched_off()
         finally:
             try:
                 self.bus.shutdown()

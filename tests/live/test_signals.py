@@ -23,29 +23,43 @@ def test_sigterm_raises_system_exit_and_the_handler_is_gone_afterwards() -> None
 
 def test_a_second_sigterm_does_not_cut_the_end_short() -> None:
     done = []
-    with pytest.raises(SystemExit), EndedBySigterm():
-        try:
-            tell()
-        finally:
-            tell()
-            done.append(True)
+
+    def end_slowly() -> None:
+        with EndedBySigterm():
+            try:
+                tell()
+            finally:
+                tell()
+                done.append(True)
+
+    with pytest.raises(SystemExit):
+        end_slowly()
     assert done
 
 
 def test_one_that_comes_at_the_end_waits_for_it() -> None:
     done = []
-    with pytest.raises(SystemExit) as ended, EndedBySigterm() as sigterm:
-        sigterm.hold()
-        tell()
-        done.append(True)
+
+    def end() -> None:
+        with EndedBySigterm() as sigterm:
+            sigterm.hold()
+            tell()
+            done.append(True)
+
+    with pytest.raises(SystemExit) as ended:
+        end()
     assert (done, ended.value.code) == ([True], TOLD_TO_END)
 
 
 def test_an_error_of_the_end_is_not_hidden_by_it() -> None:
-    with pytest.raises(ZeroDivisionError), EndedBySigterm() as sigterm:
-        sigterm.hold()
-        tell()
-        raise ZeroDivisionError
+    def fail() -> None:
+        with EndedBySigterm() as sigterm:
+            sigterm.hold()
+            tell()
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fail()
 
 
 def test_a_handler_of_the_programs_own_stays() -> None:

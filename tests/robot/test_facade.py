@@ -1,11 +1,14 @@
-"""`with Robot`: however the block is left, the robot stands, and who waited is told; on an in-process bus, in real time."""
+"""`with Robot` on an in-process bus, in real time: however the block is left, the robot stands."""
 
 from __future__ import annotations
 
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager
+from typing import Any
 
 import pytest
 
@@ -22,6 +25,7 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.standstill import NotStanding
 from eurobot_od.robot.values import Outcome, TeamColour
 from tests.client.peers import new_channel, open_bus
@@ -131,21 +135,26 @@ def test_however_the_block_is_left_the_robot_stands(
     assert set(partners.commands[1:]) == {StopDrive()}
 
 
+def press_ctrl_c() -> None:
+    ident = threading.main_thread().ident
+    assert ident is not None
+    signal.pthread_kill(ident, signal.SIGINT)
+
+
 def test_ctrl_c_while_a_goto_is_waited_for(partners: Partners) -> None:
-    with pytest.raises(KeyboardInterrupt), robot_on(partners) as robot:
-        robot.configure_start(TeamColour.RED)
-        interrupt = threading.Timer(1.0, lambda: signal_main())
-        interrupt.start()
-        robot.goto(*FAR)
+    reports: list[GotoReport] = []
+
+    def play() -> None:
+        with robot_on(partners) as robot:
+            robot.configure_start(TeamColour.RED)
+            threading.Timer(0.5, press_ctrl_c).start()
+            reports.append(robot.goto(*FAR))
+
+    with pytest.raises(KeyboardInterrupt):
+        play()
+    assert not reports
     assert not partners.drive.moving
     assert partners.commands[-1] == StopDrive()
-
-
-def signal_main() -> None:
-    """Have Python raise KeyboardInterrupt in the main thread, as Ctrl-C does."""
-    import _thread
-
-    _thread.interrupt_main()
 
 
 def test_a_robot_that_was_never_sent_anywhere_is_not_stopped(partners: Partners) -> None:
@@ -158,20 +167,28 @@ def test_a_robot_that_was_never_sent_anywhere_is_not_stopped(partners: Partners)
 
 def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
     robot = robot_on(nobody)
-    with pytest.raises(NotStanding, match="was not seen to stand within 2.0 s"), robot:
-        robot.core.goto(*FAR)
-        until(lambda: FAR in nobody.commands)
+
+    def play() -> None:
+        with robot:
+            robot.core.goto(*FAR)
+            until(lambda: FAR in nobody.commands)
+
+    with pytest.raises(NotStanding, match=r"was not seen to stand within 2\.0 s"):
+        play()
     until(lambda: nobody.commands[-1] == EmergencyShutdown())
-    threads = {
-        thread.name for thread in threading.enumerate() if thread.name.startswith(str(robot.live.bus.channel_info))
-    }
-    assert {name for name in threads if not name.endswith("watch")} == set()
+    ours = str(robot.live.bus.channel_info)
+    left = {thread.name.removeprefix(ours) for thread in threading.enumerate() if thread.name.startswith(ours)}
+    assert left == {" watch"}  # the test's own
 
 
 def test_the_error_that_has_ended_the_block_is_in_the_context_of_a_robot_that_does_not_stand(nobody: Partners) -> None:
-    with pytest.raises(NotStanding) as not_standing, robot_on(nobody) as robot:
-        robot.core.goto(*FAR)
-        raise ZeroDivisionError
+    def play() -> None:
+        with robot_on(nobody) as robot:
+            robot.core.goto(*FAR)
+            raise ZeroDivisionError
+
+    with pytest.raises(NotStanding) as not_standing:
+        play()
     assert isinstance(not_standing.value.__context__, ZeroDivisionError)
 
 
@@ -198,11 +215,14 @@ def test_a_thread_that_goes_on_driving_cannot_move_a_robot_that_is_left(partners
 
 def test_calls_that_are_pending_when_the_robot_is_left_end(nobody: Partners) -> None:
     with robot_on(nobody) as robot:
-        pending = [robot.core.check_nodes(), robot.core.position(), robot.core.configure_start(TeamColour.RED)]
+        pending: list[Future[Any]] = [
+            robot.core.check_nodes(),
+            robot.core.position(),
+            robot.core.configure_start(TeamColour.RED),
+        ]
+    pending += [robot.core.position(), robot.core.stop(), robot.core.check_nodes()]  # too late
     for call in pending:
         assert isinstance(call.exception(LONG), StateError)
-    for begin in (robot.core.position, robot.core.stop, robot.core.check_nodes):
-        assert isinstance(begin().exception(LONG), StateError)
     with pytest.raises(StateError):
         robot.core.goto(*FAR)
 

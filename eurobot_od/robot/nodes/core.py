@@ -240,7 +240,7 @@ class Core(RobotNode):
             self._end(self._configuring, StateError(LEAVING))
             return None if self._stopped is None else self.stop()
 
-    def left(self) -> None:
+    def switched_off(self) -> None:
         """End all calls: nobody else would."""
         with self.guard:
             self._leaving = self._gone = True

@@ -7,8 +7,12 @@ wheels.
 from __future__ import annotations
 
 import asyncio
+import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import ExitStack, suppress
+from random import Random
 from typing import Any, ClassVar
 
 import pytest
@@ -16,6 +20,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.live import Live
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.field import Pose
@@ -37,13 +42,14 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
 from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
+from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
 
 FAR = GotoXY(2700, 1700, 0, 50)
@@ -327,6 +333,10 @@ def cancelled(_: Bench, call: Future[GotoReport]) -> None:
     assert call.cancel()
 
 
+def configured(bench: Bench, _: Future[GotoReport]) -> None:
+    bench.core.configure_start(*RED)
+
+
 def asleep(bench: Bench, _: Future[GotoReport]) -> None:
     """Nobody hears what the drive says of its goto."""
     bench.lose(GotoStateResponse)
@@ -346,7 +356,7 @@ ENDS: list[tuple[str, Callable[[Bench, Future[GotoReport]], None], Outcome | typ
     ("a master makes the core pre-operational", command(NmtCommand.ENTER_PRE_OPERATIONAL), Outcome.STOPPED),
     ("a master resets the core", command(NmtCommand.RESET_NODE), StateError),
     ("a master resets the core's communication", command(NmtCommand.RESET_COMMUNICATION), StateError),
-    ("a new start configuration", lambda bench, _: bench.core.configure_start(*RED) and None, Outcome.STOPPED),
+    ("a new start configuration", configured, Outcome.STOPPED),
 ]
 
 
@@ -400,7 +410,8 @@ def test_14_a_goto_without_time_is_timed_out(bench: Bench) -> None:
     assert not call.done()
     bench.run(0.2)
     report = call.result(0)
-    assert (report.outcome, report.ended) == (Outcome.TIMED_OUT, pytest.approx(1.5, abs=0.001))
+    assert report.outcome is Outcome.TIMED_OUT
+    assert report.ended == pytest.approx(1.5, abs=0.001)
     bench.run(BRAKED)
     assert not bench.drive.moving
 
@@ -423,7 +434,7 @@ def test_14_the_time_out_is_a_setting(bench: Bench) -> None:
 
 async def waits_for_too_short(core: Core) -> None:
     with pytest.raises(asyncio.TimeoutError):
-        await asyncio.wait_for(core.goto(*FAR), 1.0)  # type: ignore[arg-type]  # a Call is awaitable
+        await asyncio.wait_for(core.goto(*FAR), 1.0)
     await asyncio.sleep(BRAKED)
 
 
@@ -644,8 +655,8 @@ def test_16_answers_without_a_goto_count_in_a_row_only(half: Bench) -> None:
     half.run(0.002)
     half.say("drive", GotoConfirm(), within=0.25)
     for _ in range(3):
-        for time in (None, None, None, None, 500):
-            half.say("drive", GotoStateResponse(time), within=0.11)
+        for left in (None, None, None, None, 500):
+            half.say("drive", GotoStateResponse(left), within=0.11)
     assert not call.done()
 
 
@@ -1021,3 +1032,91 @@ def test_19_a_goto_that_waits_for_lost_nodes_does_not_outlive_the_match(bench: B
     bench.run(2.0)
     assert call.result(0).outcome is Outcome.STOPPED
     assert commands(bench)[-1] == StopDrive() or NEAR not in commands(bench)
+
+
+# Calls from several threads at once, in real time
+
+ROUNDS = 300
+"""How often the calls meet, a millisecond or less apart."""
+
+
+def test_a_shutdown_that_races_gotos_always_wins_and_every_call_ends() -> None:
+    channel, calls = new_channel(), list[Future[Any]]()
+    core, drive, navigation = (role(DICTIONARIES[name]) for name, role in ROLES.items())
+    assert isinstance(core, Core)
+    assert isinstance(drive, Drive)
+    with ExitStack() as stack:
+        for node in (navigation, drive, core):
+            stack.enter_context(Live.node(open_bus(channel), node))
+        core.device.objects.put(core.device.dictionary.address("Standstill.Stop period"), 5)
+        core.configure_start(*RED).result(10)
+        end = time.monotonic() + 8.0
+        for round_ in range(ROUNDS):
+            if time.monotonic() > end:
+                break
+            _race(core, calls, round_)
+            assert core.shut_down
+            assert calls[-1].result(5).seconds < 5.0
+            assert not drive.moving
+            assert drive.safe
+            core.configure_start(*RED).result(10)
+        assert round_ > 100
+        last = core.emergency_shutdown()
+        last.result(5)
+        assert not drive.moving
+    assert [call for call in calls if not call.done()] == []
+
+
+def _race(core: Core, calls: list[Future[Any]], round_: int) -> None:
+    """Have one thread send gotos while this one shuts down; the last of `calls` is the shutdown's."""
+    begin = threading.Barrier(2)
+
+    def drive_on() -> None:
+        begin.wait()
+        with suppress(StateError):
+            for x in (500, 600, 700):
+                calls.append(core.goto(x, 1700, 0, 100))
+
+    thread = threading.Thread(target=drive_on)
+    thread.start()
+    begin.wait()
+    for _ in range(round_ % 50 * 20):  # a moment that is a little longer each time
+        pass
+    shutdown = core.emergency_shutdown()
+    thread.join()
+    calls.append(shutdown)
+
+
+def test_stops_gotos_and_cancels_of_many_threads_end_with_a_robot_that_stands() -> None:
+    channel, calls = new_channel(), list[Future[Any]]()
+    core, drive, navigation = (role(DICTIONARIES[name]) for name, role in ROLES.items())
+    assert isinstance(core, Core)
+    assert isinstance(drive, Drive)
+    end = time.monotonic() + 2.0
+
+    def play(seed: int) -> None:
+        chance = Random(seed)
+        while time.monotonic() < end:
+            begin: list[Callable[[], Future[Any]]] = [
+                lambda: core.goto(chance.randrange(300, 2700), 1700, 0, 100),
+                core.stop,
+                core.position,
+                lambda: core.emergency_stop(Obstacle.ENEMY),
+            ]
+            call = chance.choice(begin)()
+            calls.append(call)
+            if chance.random() < 0.3:
+                call.cancel()
+
+    with ExitStack() as stack:
+        for node in (navigation, drive, core):
+            stack.enter_context(Live.node(open_bus(channel), node))
+        core.configure_start(*RED).result(10)
+        threads = [threading.Thread(target=play, args=(seed,)) for seed in range(3)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert not drive.moving
+    assert len(calls) > 100
+    assert [call for call in calls if not call.done()] == []
