@@ -377,6 +377,8 @@ class Core(RobotNode):
 
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
         self._end(self._standing, StateError("a new goto came before the robot was seen to stand"))
+        for frame in self.device.first_heartbeat():  # from now on the drive has to miss us
+            self.put(frame)
         started, confirmed = self.now, None
         limit = self.at(started + timeout, self._run_out_of_time)
         try:

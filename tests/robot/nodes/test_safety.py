@@ -577,6 +577,19 @@ def test_15_a_core_without_heartbeats_is_not_watched() -> None:
     assert call.result(0).outcome is Outcome.ARRIVED
 
 
+def test_15_a_core_that_is_gone_right_after_its_first_goto_is_missed() -> None:
+    """Its next heartbeat would have come 250 ms after its boot-up."""
+    bench = Bench()
+    bench.configure()
+    bench.core.goto(*FAR)
+    bench.run(0.1)
+    bench.network.detach(bench.stations["core"])
+    bench.run(CORE_WATCHED)
+    assert bench.emergencies("drive") == [HEARTBEAT_LOST]
+    bench.run(0.5)
+    assert not bench.drive.moving
+
+
 def test_15_a_core_that_boots_brakes_the_drive(bench: Bench) -> None:
     drive_off(bench)
     bench.replace("core", Core(DICTIONARIES["core"]))
