@@ -9,7 +9,12 @@ and one stop that is watched at a time, though; a newer one ends the older by an
 The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or if the drive
 itself gave it up. Whatever else ends it, an answer that never came, a caller who has gone, a node that was lost, sends
 Stop Drive. A stop leaves at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand
-(see `standstill`); if it is not, Emergency Shutdown is sent until it is.
+(see `standstill`); if it is not, Emergency Shutdown is sent until it is. Nothing but a goto or a start configuration
+ends that watch: a goto when it is really sent, and a configuration that fails gives it back.
+
+A node that was lost may have forgotten everything. So the next goto begins with its recovery: checks, configuration,
+and a look whether the drive is where it was seen last. `_place` is that place. It is kept apart from the sightings, as
+a drive that has booted says "unknown", and after its configuration the start place; `_astray` tells that it does.
 
 A stop's lower identifier lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and
 the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm, or
@@ -139,7 +144,7 @@ class Core(RobotNode):
         identifier: one of them is enough, and both nodes are checked once more. The drive starts anew from the team's
         start place, so a goto under way is stopped. Position polling starts after the `Start delay` setting. Raises
         FieldError, NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the
-        confirm.
+        confirm, and when the core is being switched off.
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
@@ -177,10 +182,11 @@ class Core(RobotNode):
         `Time-out`. A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
         replaced, or was given up by the drive; also when the call is cancelled.
 
-        If a node has been lost since the last goto, both are checked and configured anew first; that takes as long as
-        their answers, at most all attempts of the checks and the configuration. Raises FieldError before anything is
-        sent, StateError after an Emergency Shutdown, after the match, and if the drive has lost its place, NoAnswer if
-        the drive does not confirm or does not say its state.
+        If a node has been lost since the last goto, the drive is stopped, and both are checked and configured anew
+        first; that takes as long as their answers, at most all attempts of the checks and the configuration. Raises
+        FieldError before anything is sent; StateError after an Emergency Shutdown, after the match, when the core is
+        being switched off, and if the drive has lost its place; NoAnswer if the drive does not confirm or does not say
+        its state, or a lost node its check; NotStanding if the robot does not stand before lost nodes are configured.
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:

@@ -381,6 +381,22 @@ def test_14_however_a_goto_ends_the_robot_stands(
     assert not bench.drive.moving
 
 
+def test_14_a_core_that_may_not_ask_does_not_believe_that_the_robot_stands(bench: Bench) -> None:
+    """A master has stopped it in the midst of a goto: it sends what it may, and that is stops."""
+    drive_off(bench)
+    nmt(bench, NmtCommand.STOP, CORE_ID)
+    bench.run(3.0)
+    assert commands(bench)[-2:] == [EmergencyShutdown(), StopDrive()]
+    assert bench.core.shut_down
+    nmt(bench, NmtCommand.START, CORE_ID)
+    bench.run(1.0)
+    sent = len(commands(bench))
+    bench.run(2.0)
+    assert len(commands(bench)) == sent
+    bench.configure()
+    drive_off(bench, NEAR, 0.5)
+
+
 @pytest.mark.parametrize("lost", [1, 2])
 @pytest.mark.parametrize(("why", "end", "said"), ENDS[:6], ids=[why for why, _, _ in ENDS[:6]])
 def test_14_also_if_the_first_stops_are_lost(
@@ -808,6 +824,36 @@ def test_16_a_node_that_boots_while_it_is_configured_is_configured_again(half: B
     half.core.goto(*FAR)
     half.run(0.01)
     assert half.messages()[-1] == CheckDriveRequest()
+
+
+def test_16_a_goto_that_is_cancelled_while_it_waits_for_lost_nodes_is_never_sent(bench: Bench) -> None:
+    bench.lose(CheckDriveRequest)
+    bench.core.heartbeat_lost(NAVIGATION_ID)
+    call = bench.core.goto(*FAR)
+    bench.run(1.5)
+    assert call.cancel()
+    bench.lose()
+    bench.run(5.0)
+    assert FAR not in bench.messages()
+    assert not bench.drive.moving
+
+
+def test_16_a_goto_that_waits_for_lost_nodes_ends_when_the_robot_does_not_stand() -> None:
+    bench = Bench()
+    drive = Runaway(DICTIONARIES["drive"])
+    bench.replace("drive", drive)
+    bench.run(0.1)
+    bench.configure()
+    drive_off(bench, FAR._replace(speed=10), 0.5)
+    bench.lose(CheckDriveRequest)
+    bench.core.heartbeat_lost(NAVIGATION_ID)
+    call = bench.core.goto(*NEAR)
+    bench.run(3.0)
+    assert isinstance(call.exception(0), NotStanding)
+    assert bench.core.shut_down
+    drive.tamed = True
+    bench.run(BRAKED)
+    assert not drive.moving
 
 
 # 17: who has said it
