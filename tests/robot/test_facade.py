@@ -89,7 +89,7 @@ def drive_off(robot: Robot, partners: Partners) -> None:
     """Begin with a goto, and go on when the drive carries it out."""
     robot.configure_start(TeamColour.RED)
     robot.core.goto(*FAR)
-    until(lambda: partners.drive.moving)
+    until(lambda: partners.drive.goto is not None)  # a drive that is configured brakes, and so moves as well
 
 
 def by_its_end(_: Robot) -> None:
@@ -206,7 +206,7 @@ def test_a_thread_that_goes_on_driving_cannot_move_a_robot_that_is_left(partners
         robot.configure_start(TeamColour.RED)
         thread = threading.Thread(target=drive_on, args=(robot,))
         thread.start()
-        until(lambda: partners.drive.moving)
+        until(lambda: partners.drive.goto is not None)
     thread.join(LONG)
     assert [str(each) for each in refused] == ["the core is being switched off"]
     assert not partners.drive.moving
