@@ -21,6 +21,7 @@ from eurobot_od.robot.messages import StopDrive
 from eurobot_od.robot.nodes import Drive, Navigation
 from eurobot_od.robot.values import TeamColour
 from tests.cli.console import run
+from tests.device import io_module
 
 PATIENCE = 60.0
 """Seconds after which a process that hangs is killed."""
@@ -223,3 +224,62 @@ def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str], compl
     said = run(capsys, "node", *words)
     assert said.status == 2
     assert said.complaint.startswith(complaint)
+
+
+# Anybody's device
+
+
+@pytest.fixture
+def eds(tmp_path: Path) -> str:
+    file = tmp_path / "module.eds"
+    file.write_text(f"[FileInfo]\nFileName=module.eds\n{io_module.TEXT}", encoding="ascii")
+    return str(file)
+
+
+def test_a_device_from_its_file_has_the_values_that_it_is_given(
+    capsys: pytest.CaptureFixture[str], shared_bus: str, eds: str, tmp_path: Path
+) -> None:
+    bus, values = ("-i", "remote", "-c", shared_bus), tmp_path / "values.yaml"
+    values.write_text("Channel.Entry 1: 17\n", encoding="ascii")
+    given = ("--set", "Channel.Entry 4=a=b", "--set", "0x2100=-3", "--values", str(values))
+    with node("--eds", eds, "--node-id", "7", *given, *bus) as device:
+        line(device, "module (node-ID 7) on ")
+        for name, said in (("Channel.Entry 1", " 17"), ("Channel.Entry 4", " a=b"), ("Set point", " -3")):
+            assert run(capsys, "read", "7", name, "--eds", f"7={eds}", *bus).out.rstrip().endswith(said)
+        device.send_signal(signal.SIGTERM)
+        assert device.wait(PATIENCE) == 130
+
+
+@pytest.mark.usefixtures("eds")
+def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
+    said = run(capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling")
+    assert (said.status, said.out.partition(" on ")[0]) == (0, "gate (node-ID 6)")
+    assert run(capsys, "node", "--network", str(file)).complaint == "eurobot-od: which node? Name one of io, gate"
+
+
+def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(dialects.folder("canopen"))
+    assert run(capsys, "node", "drive", "--network", folder, "--duration", "1 ms").out.startswith("drive (node-ID 2)")
+    said = run(capsys, "node", "drive", "--network", folder, "--set", "0x1017=5")
+    assert said.complaint == "eurobot-od: --set is for devices that are none of the robot's, not for the drive"
+
+
+WRONG_DEVICES = [
+    (["--set", "Colour=1"], "unknown object 'Colour'"),
+    (["--set", "Set point"], "--set Set point: write OBJECT=VALUE"),
+    (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
+    (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
+    (["--team", "red"], "--team is for the core, not for devices that are none of the robot's"),
+    (["--fault", "goto-not-confirmed"], "the fault goto-not-confirmed is one of the drive, not of other devices"),
+    (["motor"], "unknown node 'motor'; known: module"),
+]
+
+
+@pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
+def test_a_device_that_cannot_run_says_why_in_one_line(
+    capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
+) -> None:
+    said = run(capsys, "node", "--eds", f"5={eds}", *words)
+    assert (said.status, said.complaint.partition(complaint)[:2]) == (2, ("eurobot-od: ", complaint))
