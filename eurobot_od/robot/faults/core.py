@@ -106,7 +106,12 @@ FAULTS = {
         ("goto-sent-reversed", REVERSED, GotoXY, GOTO),
         ("state-not-asked", NOT_SENT, GotoStateRequest, "2.1 State Request: the drive's state is asked for"),
         ("obstacle-not-told", NOT_SENT, EmergencyStop, "4.2.2 Obstacle: Emergency Stop for a thing, in one bit"),
-        ("stop-under-wrong-identifier", MOVED, StopDrive, "2.1 Stop: Stop Drive"),
+        (
+            "stop-under-wrong-identifier",
+            MOVED,
+            StopDrive,
+            "2.1 Goto ACK: and then stopped, as the drive may have heard it",
+        ),
         ("mushroom-not-told", NOT_SENT, EmergencyShutdown, "4.2.2 Emergency mushroom: Emergency Shutdown"),
         ("mushroom-late", sent_late(3.0), EmergencyShutdown, "4.2.2 Emergency mushroom: Emergency Shutdown"),
     ),
@@ -238,7 +243,7 @@ FAULTS = {
     ).fault("never says that the robot does not stop", hooks.preset("Standstill.Standstill wait", 60_000)),
     "unconfirmed-goto-left": Caught("core", "2.1 Goto ACK: and then stopped, as the drive may have heard it").fault(
         "gives up a goto that is not confirmed without stopping the drive",
-        hooks.numbered(StopDrive, lambda number: hooks.lost if number == 1 else hooks.kept),
+        hooks.numbered(StopDrive, lambda number: hooks.lost if number <= 5 else hooks.kept),
     ),
     "late-confirm-ignored": Caught("core", "2.1 Stop: a goto that is confirmed after its end is stopped again").fault(
         "does not stop a goto that is confirmed after its end", hooks.handling(GotoConfirm, _only_under_way)

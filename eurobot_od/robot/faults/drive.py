@@ -344,10 +344,8 @@ FAULTS = {
         "drives on when the core has booted and forgotten the goto", CoreBootIgnored
     ),
     "speed-0-accepted": Caught("bytes", "Table 1 Goto: at a speed of 0 no place is ever reached").fault(
-        "takes a goto at no speed for one that takes for ever",
-        hooks.leaving(
-            GotoStateResponse, hooks.meaning(lambda s: s._replace(time=None) if s.time is GotoFault.NOT_POSSIBLE else s)
-        ),
+        "takes a goto at no speed for one that takes very long",
+        hooks.arriving(GotoXY, hooks.field("speed", lambda speed: speed or 1)),
     ),
     # State (document 2.1, Table 1)
     "state-unasked": Caught("drive", "2.1 State Request: no answer without a request").fault(
