@@ -41,14 +41,16 @@ BOOT_WAIT = 5.0
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
-    `answer_wait` is how many seconds a node has for an answer. `states` has the last NMT state heard of each node,
-    `listeners` what is called with the data of a frame, by COB-ID.
+    `answer_wait` is how many seconds a node has for an answer, by `clock`. `states` has the last NMT state heard of
+    each node, `listeners` what is called with the data of a frame, by COB-ID.
     """
 
-    def __init__(self, bus: can.BusABC, answer_wait: float = ANSWER_WAIT) -> None:
+    def __init__(
+        self, bus: can.BusABC, answer_wait: float = ANSWER_WAIT, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         import can
 
-        self.bus, self.answer_wait = bus, answer_wait
+        self.bus, self.answer_wait, self.clock = bus, answer_wait, clock
         self.states: dict[int, NmtState] = {}
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self._message = can.Message
@@ -78,8 +80,8 @@ class Master:
 
     def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
         """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
-        end = time.monotonic() + wait
-        while not done() and (left := end - time.monotonic()) > 0:
+        end = self.clock() + wait
+        while not done() and (left := end - self.clock()) > 0:
             self._receive(left)
         return done()
 
@@ -165,11 +167,12 @@ class RemoteNode:
             for request in requests:
                 self.master.send(SDO_REQUEST_BASE + self.node_id, request)
 
+        clock = self.master.clock
         # An answer that came too late for the request before would be taken for the answer to this one.
         self.master.drain()
         cob_id = SDO_RESPONSE_BASE + self.node_id
-        self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, time.monotonic()))
-        send(transfer.start(time.monotonic()))
+        self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, clock()))
+        send(transfer.start(clock()))
         while not transfer.done:
-            self.master.pump(transfer.deadline - time.monotonic(), lambda: transfer.done)
-            send(transfer.tick(time.monotonic()))
+            self.master.pump(transfer.deadline - clock(), lambda: transfer.done)
+            send(transfer.tick(clock()))

@@ -197,6 +197,30 @@ def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
     assert run(drive, "configure", "2", str(file), "--dry-run")[0] == 0
 
 
+FILES = """\
+[200E]
+ParameterName=Script
+ObjectType=2
+DataType=0x000F
+AccessType=rw
+"""
+
+
+def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
+    eds, file = tmp_path / "drive.eds", tmp_path / "live.dcf"
+    eds.write_text(DRIVE.read_text() + FILES)
+    with stock_drive(eds) as (channel, node):
+        node.set_data(0x200E, 0, b"a\nb")
+        words = (channel, "export-dcf", "2", "--eds", str(eds))
+        assert run(*words, "-o", str(file))[0] == 0
+        assert (tmp_path / "live-200E-0.bin").read_bytes() == b"a\nb"
+        said = "eurobot-od: the DCF needs files beside it (drive-200E-0.bin): write it by -o FILE\n"
+        assert run(*words) == (2, "", said)
+        node.set_data(0x200E, 0, b"c")
+        change = "node 2 differs from live.dcf in 1 objects:\n0x200E:0 Script  63 -> 61 0A 62\n"
+        assert run(channel, "configure", "2", str(file), "--dry-run") == (1, change, "")
+
+
 def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, drive: str) -> None:
     assert run(drive, "store", "2") == (0, "node 2 has stored all parameters\n", "")
     assert run(drive, "nmt", "2", "reset")[0] == 0
