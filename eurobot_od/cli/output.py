@@ -56,9 +56,7 @@ def write_dcf(output: Path | None, dcf: Dcf) -> None:
             write_bytes(output.with_name(name), content)
         write_bytes(output, dcf.content)
     elif dcf.files:
-        raise LocalError(
-            f"the DCF needs files beside it ({', '.join(dcf.files)}): write it by -o FILE"
-        )
+        raise LocalError(f"the DCF needs files beside it ({', '.join(dcf.files)}): write it by -o FILE")
     else:
         sys.stdout.flush()
         sys.stdout.buffer.write(dcf.content)

@@ -22,7 +22,18 @@ from eurobot_od.od.values import (
     Address,
     label,
 )
-from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, block_upload, download, upload
+from eurobot_od.sdo.client import (
+    OddAnswer,
+    Progress,
+    Refused,
+    Silence,
+    Transfer,
+    block_download,
+    block_upload,
+    download,
+    unwatched,
+    upload,
+)
 from eurobot_od.sdo.wire import reason
 
 if TYPE_CHECKING:
@@ -30,6 +41,9 @@ if TYPE_CHECKING:
 
 ANSWER_WAIT = 0.5
 """Seconds that a node has for the answer to an SDO request, where nothing else is said."""
+
+BLOCK_FROM = 128
+"""Longer contents are written by block transfer; a few segments are as quick, and every node takes them."""
 
 STORE_WAIT = 5.0
 """Seconds that a node has to store its parameters: it may have to erase a flash memory."""
@@ -107,20 +121,45 @@ class RemoteNode:
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
 
-    def upload(self, address: Address, name: str = "") -> bytes:
+    def upload(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read an object's bytes. Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError."""
-        return self._transfer("read", address, name, upload(address, self.master.answer_wait))
+        return self._transfer("read", address, name, upload(address, self.master.answer_wait, progress))
 
-    def upload_block(self, address: Address, name: str = "") -> bytes:
+    def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
+        by_blocks = block_upload(address, self.master.answer_wait, progress=progress)
         try:
-            return self._transfer("read", address, name, block_upload(address, self.master.answer_wait))
+            return self._transfer("read", address, name, by_blocks)
         except RemoteError:
-            return self.upload(address, name)
+            return self.upload(address, name, progress)
 
-    def download(self, address: Address, data: bytes, name: str = "", wait: float | None = None) -> None:
-        """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does."""
-        self._transfer("write", address, name, download(address, data, wait or self.master.answer_wait))
+    def download(
+        self,
+        address: Address,
+        data: bytes,
+        name: str = "",
+        wait: float | None = None,
+        progress: Progress = unwatched,
+    ) -> None:
+        """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does.
+
+        Many bytes go by block transfer, but by segments if the node does not take the first block, however it says so.
+        """
+        answer_wait, taken = wait or self.master.answer_wait, [0]
+        if len(data) > BLOCK_FROM:
+
+            def noted(done: int, size: int | None) -> None:
+                taken.append(done)
+                progress(done, size)
+
+            try:
+                self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
+            except RemoteError:
+                if taken[-1]:
+                    raise
+            else:
+                return
+        self._transfer("write", address, name, download(address, data, answer_wait, progress))
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node; it is not confirmed, and heartbeats from before it count no more."""
