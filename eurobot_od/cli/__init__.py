@@ -41,6 +41,8 @@ COMMANDS = {
     "export-dcf": "write the DCF of a live CANopen node",
     "store": "have a CANopen node store its parameters",
     "restore": "have a CANopen node take the defaults of its parameters",
+    "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
+    "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "nmt": "start, stop or reset a CANopen node",
 }
