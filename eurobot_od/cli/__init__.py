@@ -45,6 +45,9 @@ COMMANDS = {
     "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "nmt": "start, stop or reset a CANopen node",
+    "watch": "tell when CANopen nodes boot, are lost and are back",
+    "sync": "send SYNC messages at a fixed period",
+    "time": "send the time as CANopen's TIME message",
 }
 
 

@@ -7,13 +7,14 @@ taken back. Nothing is stored before everything reads back as it should, so a re
 from __future__ import annotations
 
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import NamedTuple
 
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
 from eurobot_od.client.objects import NamedObject, all_objects, at, encode, shown
 from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
+from eurobot_od.client.time_of_day import TimeOfDay
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import VERIFY_CONFIGURATION
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
@@ -28,9 +29,6 @@ SAVE = b"save"
 RESTORE: Address = (0x1011, 1)
 LOAD = b"load"
 """Where which signature stores all parameters, or restores their defaults (CiA 301, 7.5.2.13 and 7.5.2.14)."""
-
-EPOCH = datetime(1984, 1, 1)
-"""Verify configuration counts days since this day, and milliseconds since midnight (CiA 301, 7.5.2.21)."""
 
 NOT_CONFIGURATION = frozenset({0x1003, 0x1010, 0x1011, 0x1020, 0x1023, 0x1024, 0x1F50, 0x1F51})
 """Objects that can be written and mean a history, a command or our own mark, no parameter."""
@@ -259,11 +257,10 @@ def restore(node: RemoteNode) -> None:
 
 
 def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
-    """Return the writes of verify configuration, none if the device does not have it."""
+    """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.21)."""
     if any(dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
         return []
-    date_and_time = divmod((now - EPOCH) // timedelta(milliseconds=1), 24 * 60 * 60 * 1000)
-    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, date_and_time)]
+    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
 
 
 def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:

@@ -81,7 +81,13 @@ class Master:
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; raises BusError."""
-        message = self._message(arbitration_id=cob_id, data=data, is_extended_id=False)
+        self._send(self._message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def request(self, cob_id: int) -> None:
+        """Ask for a frame by a remote frame, as node guarding does; raises BusError."""
+        self._send(self._message(arbitration_id=cob_id, is_remote_frame=True, dlc=1, is_extended_id=False))
+
+    def _send(self, message: can.Message) -> None:
         try:
             self.bus.send(message)
         except Exception as error:  # drivers raise OSError, CanError, ValueError and whatever else their makers liked

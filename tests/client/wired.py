@@ -69,6 +69,10 @@ class WiredBus(can.BusABC):
         self._waiting: deque[Frame] = deque()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        if msg.is_remote_frame:
+            for station in self.stations:
+                self._waiting += getattr(station, "asked", lambda *_: [])(msg.arbitration_id, self.now)
+            return
         frame = Frame(msg.arbitration_id, bytes(msg.data))
         self.sent.append(frame)
         for station in self.stations:
