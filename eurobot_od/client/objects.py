@@ -9,14 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
-from typing import NamedTuple, cast
+from typing import TYPE_CHECKING, NamedTuple, cast
 from zlib import crc32
-
-from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value, label
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 NUMBER = re.compile(r"(0x)?(?P<index>[0-9a-f]{4})h?(:(?P<sub>0x[0-9a-f]{1,2}|[0-9]{1,3}))?", re.IGNORECASE)
 """`1017`, `0x1017` or `1017h`, an index being always hexadecimal; the sub-index after a colon is decimal or `0x..`."""

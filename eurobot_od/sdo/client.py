@@ -50,7 +50,7 @@ class Refused(TransferError):
 
     def __init__(self, code: int) -> None:
         self.code = code
-        super().__init__(f"the node aborts with 0x{code:08X}")
+        super().__init__(f"the node aborts: {wire.reason(code)} (0x{code:08X})")
 
 
 class OddAnswer(TransferError):

@@ -97,7 +97,7 @@ def test_segments_of_a_block_download_that_are_lost_are_sent_again(lost: set[int
 def test_a_server_that_refuses_says_why(transfer: Transfer) -> None:
     shelf = Shelf()
     shelf.admit = lambda address, _: len(shelf.read(address))  # type: ignore[method-assign, assignment]
-    with pytest.raises(Refused, match=r"^the node aborts with 0x06020000$") as refused:
+    with pytest.raises(Refused, match=r"^the node aborts: Object does not exist \(0x06020000\)$") as refused:
         Line(SdoServer(shelf)).run(transfer)
     assert refused.value.code == AbortCode.NO_OBJECT
 
