@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+import canopen
 import pytest
 
 from eurobot_od.client import lss
@@ -103,3 +105,33 @@ def test_other_frames_under_the_identifier_are_no_answer() -> None:
     with wired(Answerer(lambda _: noise), LssSlave(ONE, node_id=9)) as master:
         perform(master, lss.switch(LssState.CONFIGURATION))
         assert perform(master, lss.inquire_node_id()) == 9
+
+
+class StockWire:
+    """What canopen's LssMaster takes for a network: requests go to a slave, its answers back at once."""
+
+    def __init__(self, slave: LssSlave) -> None:
+        make: Any = canopen.lss.LssMaster
+        self.master = make()
+        self.master.network, self.master.RESPONSE_TIMEOUT = self, 0
+        self._slave = slave
+
+    def send_message(self, can_id: int, data: bytes) -> None:
+        for answer in self._slave.receive(Frame(can_id, bytes(data)), 0.0):
+            self.master.on_message_received(answer.cob_id, answer.data, 0.0)
+
+
+def test_stock_canopen_finds_and_sets_the_same_in_a_slave(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("canopen.lss.time.sleep", lambda _: None)
+    ours, theirs = LssSlave(ONE), LssSlave(ONE)
+    with wired(ours) as master:
+        found = perform(master, lss.fastscan())
+        perform(master, lss.configure_node_id(5))
+        perform(master, lss.configure_bit_rate(250))
+        perform(master, lss.store())
+    stock = StockWire(theirs).master
+    assert stock.fast_scan() == (True, list(found or ()))
+    stock.configure_node_id(5)
+    stock.configure_bit_timing(3)
+    stock.store_configuration()
+    assert ours.stored == theirs.stored == (5, 3)
