@@ -16,7 +16,6 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Dictionaries, Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.od.outline import Outline
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
 
@@ -91,8 +90,9 @@ class SuiteReader:
         except UnknownName:
             folder = self._networks.find(self._dialect)
         if folder not in self._loaded:
-            found = Outline.load_folder(folder)
-            self._loaded[folder] = Decoder(found, self._networks.catalogue), Dictionaries(found)
+            found = self._networks.load(folder)
+            decoder = Decoder(found, self._networks.catalogue, self._networks.refused)
+            self._loaded[folder] = decoder, Dictionaries(found)
         return self._loaded[folder]
 
     def schema(self) -> Schema:

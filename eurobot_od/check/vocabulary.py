@@ -13,8 +13,10 @@ import yaml
 
 from eurobot_od.check.values import Scale
 from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
+from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.kinds import Kind
@@ -30,7 +32,8 @@ class Dictionaries(Mapping[str, Dictionary]):
 
     def __getitem__(self, node: str) -> Dictionary:
         if node not in self._loaded:
-            self._loaded[node] = Dictionary.load(self._outlines[node].file)
+            said = self._outlines[node]
+            self._loaded[node] = Dictionary(said.file, said.device, said.node_id, said.name)
         return self._loaded[node]
 
     def __iter__(self) -> Iterator[str]:
@@ -40,15 +43,21 @@ class Dictionaries(Mapping[str, Dictionary]):
         return len(self._outlines)
 
 
-class Networks(NamedTuple):
-    """The networks that suites may be for, each a folder of EDS files, and the catalogue of their message types.
+def _load(path: Path) -> tuple[Outline, ...]:
+    return network.load(network.read_network(path).nodes, Outline)
 
-    `find` returns the folder for what a suite has as its `dialect`, or that of the default network for None; it raises
-    UnknownName.
+
+class Networks(NamedTuple):
+    """The networks that suites may be for, and the catalogue of their message types.
+
+    `find` returns the path for what a suite has as its `dialect`, or that of the default network for None; it raises
+    UnknownName. `load` returns the devices of such a path; `refused` gets their PDOs that do not hold.
     """
 
     find: Callable[[str | None], Path]
     catalogue: Catalogue = NOTHING
+    load: Callable[[Path], tuple[Outline, ...]] = _load
+    refused: OnRefused = fatal
 
 
 class Vocabulary(NamedTuple):

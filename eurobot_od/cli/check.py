@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from eurobot_od.check.results import StepResult, SuiteResult
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
+    from eurobot_od.check.vocabulary import Networks
+    from eurobot_od.od.pdos import OnRefused
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
-    shared.add_dialect(parser)
+    shared.add_network(parser)
     shared.add_bus(parser)
 
 
@@ -54,18 +56,19 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.check.reader import SuiteError, SuiteReader
     from eurobot_od.robot.check import shipped
 
-    reader = SuiteReader(shipped.NETWORKS, arguments.dialect)
-    if arguments.schema:
-        print(json.dumps(reader.schema(), indent=1))
-        return ExitStatus.FINE
-    files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
-    try:
-        suites = _chosen(reader.read_files(files), arguments.tag, arguments.step)
-    except SuiteError as error:
-        print(error, file=sys.stderr)
-        return ExitStatus.WRONG_INPUT
+    with shared.left_out() as refused:
+        reader = SuiteReader(_networks(arguments, refused), arguments.dialect)
+        if arguments.schema:
+            print(json.dumps(reader.schema(), indent=1))
+            return ExitStatus.FINE
+        files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
+        try:
+            suites = _chosen(reader.read_files(files), arguments.tag, arguments.step)
+        except SuiteError as error:
+            print(error, file=sys.stderr)
+            return ExitStatus.WRONG_INPUT
     if arguments.list:
         for suite in suites:
             where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
@@ -73,6 +76,28 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             print(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
         return ExitStatus.FINE
     return _check(arguments, suites)
+
+
+def _networks(arguments: argparse.Namespace, refused: OnRefused) -> Networks:
+    """Return the dialects, and the devices that the command line names for suites that name no dialect."""
+    from eurobot_od.od import network
+    from eurobot_od.od.outline import Outline
+    from eurobot_od.robot.check import shipped
+
+    known = shipped.NETWORKS._replace(refused=refused)
+    files = shared.named_files(arguments)
+    if not files:
+        return known
+    named = Path(arguments.network or files[0].file)
+
+    def load(path: Path) -> tuple[Outline, ...]:
+        if path != named:
+            return known.load(path)
+        loaded = network.load(files, Outline)
+        shared.tell_repairs(loaded)
+        return loaded
+
+    return known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
 
 
 def _chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:

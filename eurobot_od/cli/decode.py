@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--until", type=float, default=float("inf"), metavar="S", help="up to this time, in s")
     parser.add_argument("--relative", action="store_true", help="count the time from a log's first entry")
     parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
-    options.add_dialect(parser)
+    options.add_network(parser)
 
 
 def add_filters(parser: argparse.ArgumentParser) -> None:
@@ -60,9 +60,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     """Decode all logs; report what is wrong in them."""
     from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
-    from eurobot_od.robot.protocol import decoder as robot_decoder
 
-    decoder = robot_decoder(arguments.dialect)
+    decoder = options.decoder(arguments)
     output = _output(arguments, decoder)
     window = Window(arguments.since, arguments.until, arguments.relative)
     decoding = Decoding(decoder, output, filters(arguments, decoder), window)

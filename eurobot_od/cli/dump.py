@@ -11,7 +11,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     remote.add_node(parser)
     parser.add_argument("--json", action="store_true", help="print as JSON")
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

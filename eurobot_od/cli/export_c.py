@@ -11,12 +11,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     output.add_output(parser)
     output.add_name(parser)
-    options.add_dialect(parser)
+    options.add_network(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the file."""
     from eurobot_od.export.c import c_header
-    from eurobot_od.robot.protocol import EurobotProtocol
 
-    output.write(arguments.output, c_header(EurobotProtocol.load(arguments.dialect), output.name(arguments)))
+    output.write(arguments.output, c_header(options.protocol(arguments), output.name(arguments)))

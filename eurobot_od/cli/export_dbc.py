@@ -10,12 +10,11 @@ from eurobot_od.cli import options, output
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     output.add_output(parser)
-    options.add_dialect(parser)
+    options.add_network(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the file."""
     from eurobot_od.export.dbc import dbc_text
-    from eurobot_od.robot.protocol import EurobotProtocol
 
-    output.write(arguments.output, dbc_text(EurobotProtocol.load(arguments.dialect)))
+    output.write(arguments.output, dbc_text(options.protocol(arguments)))

@@ -15,7 +15,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     remote.add_node(parser)
     output.add_output(parser)
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

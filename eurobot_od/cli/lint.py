@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
@@ -24,12 +24,19 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of `eurobot-od lint`."""
-    parser.add_argument("files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also one network YAML")
+    parser.add_argument(
+        "files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also a network file, or a folder"
+    )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
     parser.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
     parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
     parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
+    parser.add_argument("-v", "--verbose", action="store_true", help="every finding, also those that repeat in a file")
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
+    parser.add_argument(
+        "--fix", action="store_true", help="write the files as they are meant, and list what is changed"
+    )
+    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: where to; left out: into the file itself")
     parser.add_argument("--explain", metavar="CODE", help="say what a rule demands, and where that is written")
 
 
@@ -44,6 +51,8 @@ def run(arguments: Namespace) -> ExitStatus:
         return ExitStatus.FINE
     if not arguments.files:
         raise LocalError("no files to check")
+    if arguments.fix:
+        return _fix(arguments.files, arguments.output)
     gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
     try:
         if not arguments.network:
@@ -54,6 +63,23 @@ def run(arguments: Namespace) -> ExitStatus:
         return _report(arguments, lint_network(network), overview(network))
     finally:
         gc.enable()
+
+
+def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
+    """Write files as they are meant, without a guess at what they do not say; what is right already stays as it is."""
+    from pathlib import Path
+
+    from eurobot_od.od.repairs import repaired
+
+    if output and len(files) > 1:
+        raise LocalError("-o is for one file")
+    for file in files:
+        data, repairs = repaired(read_bytes(file), file)
+        for line, what, _ in repairs:
+            print(f"{file}:{line}: {what}")
+        if repairs or output:
+            Path(output or file).write_bytes(data)
+    return ExitStatus.FINE
 
 
 def _run_files(arguments: Namespace) -> ExitStatus:
@@ -71,18 +97,18 @@ def _run_files(arguments: Namespace) -> ExitStatus:
 
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
-    """Read a network: one YAML file that names the nodes, or their EDS and DCF files; raises DictionaryError."""
+    """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
     from eurobot_od.lint.network import LintedNetwork, Member, nodes_of
-    from eurobot_od.od.network import read_network_file
+    from eurobot_od.od.network import SUFFIXES, read_network
+    from eurobot_od.od.network_file import NetworkFile, NodeFile
 
-    if len(files) == 1 and files[0].lower().endswith((".yaml", ".yml")):
-        said = read_network_file(read_bytes(files[0]).decode("utf-8", "replace"), files[0])
-        members = [
-            Member(name, file, load(read_bytes(file), file), node_id) for name, (file, node_id) in said.nodes.items()
-        ]
-        return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
-    devices = [(file, load(read_bytes(file), file)) for file in files]
-    return LintedNetwork(nodes_of([Member(each.name.rpartition(".")[0], file, each) for file, each in devices]))
+    is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
+    said = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
+    devices = [(each, load(read_bytes(each.file), each.file)) for each in said.nodes]
+    members = [
+        Member(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id) for each, device in devices
+    ]
+    return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
 
 
 def explanation(code: str) -> str:
@@ -103,7 +129,7 @@ def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequ
     else:
         for identifier, name, producers, consumers in identifiers:
             print(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
-        sys.stdout.writelines(f"{each}\n" for each in wanted)
+        sys.stdout.writelines(f"{each}\n" for each in (wanted if arguments.verbose else summed_up(wanted)))
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
 

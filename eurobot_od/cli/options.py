@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from eurobot_od.errors import LocalError, MappingError, RemoteError
+from eurobot_od.od import network
+from eurobot_od.od.network_file import NodeFile
+from eurobot_od.od.outline import Outline
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     import can
+
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.od.pdos import OnRefused
+    from eurobot_od.pdo.protocol import Protocol
 
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
@@ -26,7 +38,7 @@ def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
 
 
-def add_dialect(parser: argparse.ArgumentParser) -> None:
+def add_dialect(parser: argparse._ActionsContainer) -> None:
     """Add --dialect: a folder of EDS files."""
     parser.add_argument(
         "--dialect",
@@ -34,3 +46,118 @@ def add_dialect(parser: argparse.ArgumentParser) -> None:
         help=f"EDS files to load: {', '.join(dialects.names())}, or a folder; "
         f"left out: the variable {dialects.DIALECT_VARIABLE}, else {dialects.DEFAULT}",
     )
+
+
+# Devices
+
+
+def add_network(parser: argparse.ArgumentParser) -> None:
+    """Add --eds, --network and --dialect: whose EDS and DCF files are loaded."""
+    group = parser.add_argument_group(
+        "devices", f"left out: {network.DEFAULT} of this folder, else the robot's dialect"
+    )
+    group.add_argument(
+        "--eds",
+        action="append",
+        default=[],
+        metavar="[NODE-ID=]FILE",
+        help="EDS or DCF of a device; node-ID where the file says none; repeatable",
+    )
+    group.add_argument(
+        "--network",
+        metavar="PATH",
+        help="network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files",
+    )
+    add_dialect(group)
+
+
+def named_files(arguments: argparse.Namespace) -> list[NodeFile]:
+    """Return the devices that the options, or the network file of this folder, name; none for a dialect.
+
+    Raises LocalError, DictionaryError.
+    """
+    if arguments.dialect and (arguments.eds or arguments.network):
+        raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
+    files = [network.node_file(text) for text in arguments.eds]
+    path = arguments.network
+    if not arguments.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
+        path = network.DEFAULT
+    return [*files, *network.read_network(path).nodes] if path else files
+
+
+def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
+    """Load the devices that the options name, or else the dialect's.
+
+    Raises LocalError, DictionaryError, UnknownName.
+    """
+    files = named_files(arguments)
+    return network.load(files, Outline) if files else dialects.outlines(arguments.dialect)
+
+
+def tell_repairs(outlines: Iterable[Outline]) -> None:
+    """Say in one line for each file what had to be looked over in it."""
+    for file, repairs in {each.file: each.repairs for each in outlines}.items():
+        if repairs:
+            what = f"line {repairs[0].line}: {repairs[0].what}"
+            more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
+            print(f"eurobot-od: {file}: read as it is meant: {what}{more}", file=sys.stderr)
+
+
+def decoder(arguments: argparse.Namespace) -> Decoder:
+    """Return what tells the meaning of these devices' frames; says which PDOs are left out. Raises as `devices`."""
+    return decoder_of(_told(arguments))
+
+
+def asking_decoder(arguments: argparse.Namespace) -> Decoder:
+    """Return what `decoder` does, but for PDOs as the devices on the bus have them now; says who does not answer.
+
+    Raises as `devices`, BusError.
+    """
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.pdo_parameters import pdo_parameters
+
+    asked = []
+    with Master(open_bus(arguments)) as master:
+        for outline in _told(arguments):
+            try:
+                asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
+            except RemoteError as error:
+                print(f"eurobot-od: {outline.name}: PDOs as in {outline.file}: {error}", file=sys.stderr)
+                asked.append(outline)
+    return decoder_of(asked)
+
+
+def decoder_of(outlines: Iterable[Outline]) -> Decoder:
+    """Return what tells the meaning of some devices' frames; says which PDOs are left out."""
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.robot.messages import CATALOGUE
+
+    with left_out() as refused:
+        return Decoder(outlines, CATALOGUE, refused)
+
+
+def protocol(arguments: argparse.Namespace) -> Protocol:
+    """Return the messages of these devices; says which PDOs are left out. Raises as `devices`."""
+    from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.messages import CATALOGUE
+
+    with left_out() as refused:
+        return Protocol.of_devices(_told(arguments), CATALOGUE, refused)
+
+
+def _told(arguments: argparse.Namespace) -> tuple[Outline, ...]:
+    """Load the devices, and say what had to be looked over in the files that are named."""
+    loaded = devices(arguments)
+    if named_files(arguments):  # the dialects' files are in order; to look again takes as long as to load them
+        tell_repairs(loaded)
+    return loaded
+
+
+@contextmanager
+def left_out() -> Iterator[OnRefused]:
+    """Collect PDOs that do not hold, and say in one line for each file what is wrong with the first of them."""
+    errors: dict[str, list[MappingError]] = {}
+    yield lambda error: errors.setdefault(error.file, []).append(error)
+    for first, *others in errors.values():
+        more = f" (and {len(others)} more)" if others else ""
+        print(f"eurobot-od: PDO left out{more}: {first}", file=sys.stderr)

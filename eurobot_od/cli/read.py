@@ -24,7 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print as JSON")
     parser.add_argument("--file", type=Path, help="write the bytes of one object to this file; by block transfer")
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

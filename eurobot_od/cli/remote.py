@@ -1,6 +1,6 @@
 """What the commands for any CANopen node share: the node, its EDS, the bus, and how objects are listed.
 
-A node is named by its node-ID, or by its name in the dialect.
+A node is named by its node-ID, or by its name among the devices whose files are named.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.od import network
 from eurobot_od.od.values import NODE_IDS, label
 from eurobot_od.robot import dialects
 
@@ -26,31 +27,27 @@ if TYPE_CHECKING:
 def add_node(parser: argparse.ArgumentParser) -> None:
     """Add the node, and what every command needs to talk to it."""
     names = ", ".join(each.stem for each in sorted(dialects.folder().glob("*.eds")))
-    parser.add_argument("node", metavar="NODE", help=f"node-ID 1..127, or a name of the dialect: {names}")
+    parser.add_argument("node", metavar="NODE", help=f"node-ID 1..127, or a device's name; the dialect's: {names}")
     add_bus(parser)
 
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
-    """Add the bus and how long an answer may take."""
-    shared.add_dialect(parser)
+    """Add the devices' files, the bus, and how long an answer may take."""
+    shared.add_network(parser)
     parser.add_argument(
         "--timeout", type=durations.seconds, default=0.5, metavar="TIME", help="longest wait for an answer (500 ms)"
     )
     shared.add_bus(parser)
 
 
-def add_eds(parser: argparse.ArgumentParser) -> None:
-    """Add --eds."""
-    parser.add_argument(
-        "--eds", metavar="FILE", help="EDS or DCF of the node; left out: the dialect's, or the one that the node keeps"
-    )
-
-
 def node_id(arguments: argparse.Namespace) -> int:
     """Return the node-ID that is meant; raises LocalError, UnknownName."""
     text: str = arguments.node
     if not text.isdecimal():
-        return dialects.load(text, arguments.dialect).node_id
+        named = {each.name: each.node_id for each in shared.devices(arguments)}
+        if text not in named:
+            raise UnknownName("node", text, named)
+        return named[text]
     if int(text) not in NODE_IDS:
         raise LocalError(f"node-ID {text} is not in 1..127")
     return int(text)
@@ -74,12 +71,19 @@ def node(arguments: argparse.Namespace) -> Iterator[RemoteNode]:
 def description(arguments: argparse.Namespace, node: RemoteNode) -> Description | None:
     """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
 
-    Its own comes last because it has to be transferred, tens of thousands of bytes.
+    A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
+    transferred, tens of thousands of bytes.
     """
     from eurobot_od.client import description as found
 
-    if arguments.eds:
-        return found.from_file(arguments.eds, node.node_id)
+    files = [network.node_file(text) for text in arguments.eds]
+    mine = next((each.file for each in files if each.node_id in (None, node.node_id)), None)
+    if mine is None and shared.named_files(arguments):
+        mine = next((str(each.file) for each in shared.devices(arguments) if each.node_id == node.node_id), None)
+    if mine is not None:
+        described = found.from_file(mine, node.node_id)
+        shared.tell_repairs([described.dictionary])
+        return described
     names = [arguments.dialect] if arguments.dialect else dialects.names()
     known = (each for name in names for each in dialects.load_all(name))
     return found.fitting(node, known) or found.uploaded(node)

@@ -39,16 +39,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--expect", metavar="MESSAGE", help="wait for this message and print it; 185#01: whose data begin so, 185#: any"
     )
     parser.add_argument("--within", default="1 s", metavar="TIME", help="how long to wait for it (default: 1 s)")
-    shared.add_dialect(parser)
+    shared.add_network(parser)
     shared.add_bus(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message or frame; 1 if the expected answer does not come in time."""
-    from eurobot_od.robot.protocol import EurobotProtocol
-
     within = durations.seconds(arguments.within)
-    protocol = EurobotProtocol.load(arguments.dialect)
+    protocol = shared.protocol(arguments)
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
     bus = shared.open_bus(arguments)

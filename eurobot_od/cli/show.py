@@ -22,14 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("message", nargs="?", help="a message by its name, such as 'Goto XY'; left out: all")
     parser.add_argument("--json", action="store_true", help="print as JSON")
-    shared.add_dialect(parser)
+    shared.add_network(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
-    from eurobot_od.robot.protocol import EurobotProtocol
-
-    protocol = EurobotProtocol.load(arguments.dialect)
+    protocol = shared.protocol(arguments)
     chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
     if arguments.json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))
@@ -77,6 +75,9 @@ def table(bindings: Iterable[Binding]) -> Iterator[str]:
 
 # One message
 
+GREEK = "αβγδεζηθικλμ"  # letters after those of the alphabet
+"""Letters for a PDO that maps more fields than the alphabet has letters, small and large."""
+
 
 def picture(binding: Binding) -> Iterator[str]:
     """Yield the lines that describe one message: who, which bits where, and what each field means."""
@@ -111,11 +112,11 @@ def _lengths(binding: Binding) -> str:
 
 
 def _symbols(fields: Iterable[str]) -> dict[str, str]:
-    """Give each field a letter of its own, if possible its first."""
+    """Give each field a letter of its own, if possible its first; a PDO has up to 64 fields."""
     taken: dict[str, str] = {}
     for field in fields:
         letters = [letter for letter in field if letter.isalpha()]
-        candidates = [letters[0].upper(), *letters, *ascii_letters]
+        candidates = [letters[0].upper(), *letters, *ascii_letters, *GREEK]
         taken[field] = next(letter for letter in candidates if letter not in taken.values())
     return taken
 

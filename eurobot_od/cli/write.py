@@ -27,7 +27,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "value", nargs="?", help="decimal or 0x.. number, text, or hexadecimal digits of bytes, by the type"
     )
     parser.add_argument("--file", type=Path, help="write what this file holds, byte by byte; by block transfer")
-    remote.add_eds(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:

@@ -154,6 +154,7 @@ class Device:
         self._server = SdoServer(self.objects)
         self._consumer = HeartbeatConsumer()
         self._next_heartbeat = inf
+        self._beating = False
         self._configure()
 
     def _configure(self) -> None:
@@ -276,6 +277,7 @@ class Device:
     def start(self, now: float) -> list[Frame]:
         """Boot: send the boot-up message and enter the state that NMT startup 0x1F80 says (CiA 301, 7.3.2.2)."""
         self._now = now
+        self._beating = False
         self._plan_heartbeat(now)
         self._enter(boot_state(self.objects.value(NMT_STARTUP)))
         return [error_control(self.node_id, NmtState.INITIALISING)]
@@ -289,6 +291,16 @@ class Device:
     def _plan_heartbeat(self, now: float) -> None:
         period = self.objects.raw(HEARTBEAT_TIME)
         self._next_heartbeat = now + period / 1000 if period else inf
+
+    def first_heartbeat(self) -> list[Frame]:
+        """Return a heartbeat to send now if there has been none since the boot-up, and if there will be any.
+
+        For a node that others have to miss from now on: they watch it from its first heartbeat.
+        """
+        if self._beating or self._next_heartbeat == inf:
+            return []
+        self._beating = True
+        return [error_control(self.node_id, self.state)]
 
     def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
@@ -317,6 +329,7 @@ class Device:
         if now >= self._next_heartbeat:
             # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
             self._plan_heartbeat(self._next_heartbeat)
+            self._beating = True
             frames.append(error_control(self.node_id, self.state))
         if self.operational:
             frames += self._pacing.released(now)
@@ -365,9 +378,10 @@ class Device:
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
-        if self._consumer.heard(node_id, self._now):
+        boot_up = frame == error_control(node_id, NmtState.INITIALISING)
+        if self._consumer.heard(node_id, self._now, boot_up=boot_up):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
-        return Reaction([], booted=node_id if frame == error_control(node_id, NmtState.INITIALISING) else None)
+        return Reaction([], booted=node_id if boot_up else None)
 
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if not self._serves:

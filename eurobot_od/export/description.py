@@ -14,6 +14,7 @@ from typing import NamedTuple
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.kinds import Real
 from eurobot_od.pdo.protocol import Protocol
 
 
@@ -141,4 +142,6 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
 
 def numeral(binding: Binding, field: str) -> Numeral:
     """Return what a field's bits are as a number; the one place that asks for it."""
-    return Numeral.SIGNED if binding.limits[field].low < 0 else Numeral.UNSIGNED
+    if isinstance(binding.kinds[field], Real):
+        return Numeral.REAL
+    return Numeral.SIGNED if field in binding.layout.signed else Numeral.UNSIGNED

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from eurobot_od.lint.file_rules import BIT_RATES, bit_rates, form_of, up_to
+from eurobot_od.lint.file_rules import bit_rates, form_of, up_to
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import concise
+from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.values import UNSIGNED32
 
 RULES = Rules()

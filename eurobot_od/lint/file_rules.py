@@ -13,8 +13,25 @@ from itertools import pairwise
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import values
-from eurobot_od.od.description import OBJECT_LISTS
+from eurobot_od.od.description import COMMISSIONING
 from eurobot_od.od.document import Entry, Odd, Section
+from eurobot_od.od.keys import (
+    BIT_RATE_KEYS,
+    BIT_RATES,
+    DATES,
+    DEVICE_INFO,
+    FILE_INFO,
+    FLAGS,
+    IDENTITY,
+    OBJECT_LISTS,
+    ORIGIN,
+    SECTION_KEYS,
+    TIMES,
+)
+from eurobot_od.od.keys import (
+    OBJECT_KEYS as ALL_OBJECT_KEYS,
+)
+from eurobot_od.od.repairs import renamed
 from eurobot_od.od.values import Number, PdoDirection, parse_number
 
 RULES = Rules()
@@ -66,38 +83,14 @@ RULES += (
 
 # Sections and their keys
 
-BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
-"""Bit rates in kbit/s that have a key in [DeviceInfo] (CiA 306) and a bit timing (CiA 301, Table 1)."""
-
-BIT_RATE_KEYS = tuple(f"BaudRate_{rate}" for rate in BIT_RATES)
-FLAGS = ("SimpleBootUpMaster", "SimpleBootUpSlave", "GroupMessaging", "LSS_Supported")
-IDENTITY = ("VendorNumber", "ProductNumber", "RevisionNumber")
-"""Keys of [DeviceInfo] that say the same as 0x1018 sub 1, 2 and 3."""
-
-FILE_INFO = ("FileName", "FileVersion", "FileRevision")
-TIMES, DATES = ("CreationTime", "ModificationTime"), ("CreationDate", "ModificationDate")
-ORIGIN = ("Description", *TIMES, *DATES, "CreatedBy", "ModifiedBy")
-DEVICE_INFO = ("ProductNumber", "RevisionNumber", "OrderCode", *BIT_RATE_KEYS, *FLAGS, "DynamicChannelsSupported",
-               "NrOfRXPDO", "NrOfTXPDO", "Granularity")  # fmt: skip
-
 
 def _lower(*keys: str) -> frozenset[str]:
     return frozenset(each.lower() for each in keys)
 
 
-COMMISSIONING = _lower("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
-                       "CANopenManager", "LSS_SerialNumber")  # fmt: skip
-OBJECT_KEYS = _lower("SubNumber", "ParameterName", "ObjectType", "DataType", "AccessType", "LowLimit", "HighLimit",
-                     "DefaultValue", "PDOMapping", "ObjFlags", "CompactSubObj", "ParameterValue", "UploadFile",
-                     "DownloadFile", "Denotation", "ParamRefd")  # fmt: skip
-KNOWN_KEYS: Mapping[str, frozenset[str]] = {
-    "fileinfo": _lower(*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),
-    "deviceinfo": _lower(*DEVICE_INFO, *IDENTITY, "VendorName", "ProductName", "CompactPDO", "ExtendedBootUpMaster",
-                         "ExtendedBootUpSlave"),
-    "devicecomissioning": COMMISSIONING,
-    "devicecommissioning": COMMISSIONING,
-    "dummyusage": frozenset(f"dummy{code:04x}" for code in range(1, 0x20)),
-}  # fmt: skip
+OBJECT_KEYS = _lower(*ALL_OBJECT_KEYS)
+KNOWN_KEYS: Mapping[str, frozenset[str]] = {name.lower(): _lower(*said) for name, said in SECTION_KEYS.items()}
+KNOWN_KEYS = {**KNOWN_KEYS, "devicecommissioning": KNOWN_KEYS[COMMISSIONING.lower()]}
 """The keys of each section with a fixed set of them, in lower case."""
 
 LISTS = tuple(each.lower() for each in OBJECT_LISTS)
@@ -163,6 +156,15 @@ def unknown_numbers(device: LintedDevice) -> Violations:
 def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
     section = device.section(name)
     return section.entries if section else {}
+
+
+@RULES.rule("W121", "public: canopen, dcf-tools and others look sections and keys up letter by letter")
+def other_spelling(device: LintedDevice) -> Violations:
+    """Sections and keys are spelled as CiA 306 spells them."""
+    found = [each for each in renamed(device) if "comissioning" not in each.what.lower()]
+    if found:
+        more = f", and {len(found) - 1} more" if len(found) > 1 else ""
+        yield Entry("", "", found[0].line, 1), f"{found[0].what} is how CiA 306 has it{more}"
 
 
 @RULES.rule("E120", "CiA 306, all sections")
@@ -240,8 +242,8 @@ FORMS = (
     ("E204", "FileVersion is a number from 0 to 255.", "FileInfo", ("FileVersion",), BYTE),
     ("E205", "FileRevision is a number from 0 to 255.", "FileInfo", ("FileRevision",), BYTE),
     ("E206", "EDSVersion is two numbers with a point.", "FileInfo", ("EDSVersion",), (is_version, "like 4.0")),
-    ("E208", "Times are hh:mm and AM or PM.", "FileInfo", TIMES, (is_time, "like 09:30AM")),
-    ("E209", "Dates are mm-dd-yyyy.", "FileInfo", DATES, (is_date, "like 05-28-2014")),
+    ("W208", "Times are hh:mm and AM or PM.", "FileInfo", TIMES, (is_time, "like 09:30AM")),
+    ("W209", "Dates are mm-dd-yyyy.", "FileInfo", DATES, (is_date, "like 05-28-2014")),
     ("E214", "BaudRate_... are 0 or 1.", "DeviceInfo", BIT_RATE_KEYS, FLAG),
     ("E216", "SimpleBootUpMaster, SimpleBootUpSlave, GroupMessaging and LSS_Supported are 0 or 1.", "DeviceInfo",
      FLAGS, FLAG),
@@ -325,7 +327,7 @@ def granularity(device: LintedDevice) -> int | None:
     return number.value if number and 0 <= number.value <= 64 else None
 
 
-@RULES.rule("E225", "CiA 306, [DeviceInfo]")
+@RULES.rule("W225", "CiA 306, [DeviceInfo]")
 def granularity_zero(device: LintedDevice) -> Violations:
     """Granularity is above 0 if a mapping can be changed."""
     if granularity(device) == 0 and any(pdo.mapping and pdo.mapping.is_writable for pdo in device.pdos):

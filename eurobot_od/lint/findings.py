@@ -95,6 +95,17 @@ def chosen(findings: Iterable[Finding], select: Sequence[str], ignore: Sequence[
     return [each for each in findings if each.code.startswith(wanted) and not each.code.startswith(unwanted)]
 
 
+def summed_up(findings: Iterable[Finding]) -> list[Finding]:
+    """Keep the first finding of each code in a file, with the number of the others."""
+    groups: dict[tuple[str, str], list[Finding]] = {}
+    for each in findings:
+        groups.setdefault((each.file, each.code), []).append(each)
+    return [
+        first._replace(message=f"{first.message} (and {len(others)} more; -v lists them)") if others else first
+        for first, *others in groups.values()
+    ]
+
+
 def count(findings: Iterable[Finding], severity: Severity) -> int:
     """Count the findings of one severity."""
     return sum(each.severity is severity for each in findings)

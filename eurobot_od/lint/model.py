@@ -176,7 +176,7 @@ class LintedDevice(DescribedDevice):
                 variable = DescribedVariable(name.object_index, 1, head)
                 found += [(variable, VALUES[1], each) for key, each in section.entries.items() if key != "nrofentries"]
         return [
-            GivenValue(variable, variable.type, key, entry, parse_number(entry.value))
+            GivenValue(variable, variable.type, key, entry, variable.read(entry.value))
             for variable, key, entry in found
             if variable.type and entry and entry.value
         ]

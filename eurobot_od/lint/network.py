@@ -11,12 +11,13 @@ from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.lint.file_rules import BIT_RATES, bit_rates
+from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.findings import Finding, Located, Rule, Rules
 from eurobot_od.lint.model import TOP, LintedDevice, LintedPdo
 from eurobot_od.lint.object_rules import heartbeats
 from eurobot_od.lint.pdo_rules import SYNCHRONOUS
 from eurobot_od.od import values
+from eurobot_od.od.keys import BIT_RATES
 from eurobot_od.od.values import Number, PdoDirection, owner
 
 RULES = Rules()

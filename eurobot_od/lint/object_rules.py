@@ -5,8 +5,7 @@ What CiA 301 says of an object's type, access or value is data in a table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
 
 from eurobot_od.lint.file_rules import Check, granularity
 from eurobot_od.lint.findings import Rule, Rules, Violations
@@ -21,7 +20,8 @@ from eurobot_od.od.description import (
     parse_section_name,
 )
 from eurobot_od.od.document import Entry, Section
-from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, UNSIGNED32, VISIBLE_STRING, DataType, Number, parse_number
+from eurobot_od.od.standard import DATA_SUBS, KNOWN, Known
+from eurobot_od.od.values import UNSIGNED8, UNSIGNED32, Number, is_standard_number, parse_number
 
 RULES = Rules()
 
@@ -71,6 +71,15 @@ def unknown_type(device: LintedDevice) -> Violations:
         known = number and (number.value in values.DATA_TYPES or any(number.value in each for each in COMPLEX_TYPES))
         if entry.value and not known:
             yield entry, f"DataType {entry.value[:20]} of [{section.name}] is none that CiA 301 has"
+
+
+@RULES.rule("W453", "CiA 301, DEFTYPE and DEFSTRUCT")
+def undefined_type(device: LintedDevice) -> Violations:
+    """A manufacturer's or a profile's DataType of a variable is defined in the file."""
+    for section, entry in device.entries["datatype"]:
+        number = parse_number(entry.value)
+        if number and number.value in COMPLEX_TYPES[1] and number.value not in device.objects:
+            yield entry, f"DataType {entry.value[:20]} of [{section.name}] is defined nowhere; it is taken as bytes"
 
 
 @RULES.rule("E405", "CiA 306, object description")
@@ -263,8 +272,8 @@ NUMERIC_KEYS = ("subnumber", "objflags", "pdomapping", "objecttype", "datatype",
 def no_number(device: LintedDevice) -> Violations:
     """A number is decimal, 0x hexadecimal or 0 octal."""
     numeric = (entry for key in NUMERIC_KEYS[:3] for _, entry in device.entries[key] if entry.value)
-    malformed = [e for e in numeric if parse_number(e.value) is None]
-    malformed += [each.entry for each in device.integers if each.number is None]
+    malformed = [e for e in numeric if not is_standard_number(e.value)]
+    malformed += [each.entry for each in device.integers if not is_standard_number(each.entry.value)]
     for entry in malformed:
         if not is_wrong_octal(entry.value) and values.NODE_ID not in entry.value.upper():
             yield entry, f"{entry.key} {entry.value[:40]} is no number"
@@ -310,6 +319,14 @@ def misplaced_node_id(device: LintedDevice) -> Violations:
             yield each.entry, text
 
 
+@RULES.rule("W451", "CiA 306, $NODEID; public: canopen, objectdictionary/eds.py, gives such a value None in silence")
+def other_node_id(device: LintedDevice) -> Violations:
+    """$NODEID is in capitals and stands first."""
+    for each in device.integers:
+        if each.number and each.has_node_id and not is_standard_number(each.entry.value):
+            yield each.entry, f"{each.entry.value[:40]} is not written $NODEID+number, which some tools cannot read"
+
+
 @RULES.rule("E434", "CiA 306, $NODEID")
 def node_id_in_text(device: LintedDevice) -> Violations:
     """$NODEID is in integers only."""
@@ -335,11 +352,11 @@ def outside_type_of(keys: tuple[str, ...]) -> Check:
 @RULES.rule("E437", "CiA 306, object description")
 def crossed_limits(device: LintedDevice) -> Violations:
     """LowLimit is not above HighLimit."""
-    for section, entry in device.entries["lowlimit"]:
-        low, high = parse_number(entry.value), parse_number(section.text("highlimit"))
+    for each in device.variables:
+        section, low, high = each.section, each.number("lowlimit"), each.number("highlimit")
         if low and high and low.at(device.node_ids[0]) > high.at(device.node_ids[0]):
-            text = f"LowLimit {entry.value[:20]} of [{section.name}] is above HighLimit"
-            yield entry, f"{text} {section.text('highlimit')[:20]}"
+            text = f"LowLimit {section.text('lowlimit')[:20]} of [{section.name}] is above HighLimit"
+            yield section.at("lowlimit"), f"{text} {section.text('highlimit')[:20]}"
 
 
 def outside_limits_of(key: str) -> Check:
@@ -399,6 +416,14 @@ def odd_octets(device: LintedDevice) -> Violations:
         text = each.entry.value.replace(" ", "")
         if each.type is values.OCTET_STRING and (len(text) % 2 or text.strip("0123456789abcdefABCDEF")):
             yield each.entry, f"{each.entry.value[:40]} is no OCTET_STRING, bytes as two hexadecimal digits each"
+
+
+@RULES.rule("W452", "CiA 306, UploadFile and DownloadFile; public: canopen, objectdictionary/eds.py, drops it")
+def value_of_domain(device: LintedDevice) -> Violations:
+    """A DOMAIN has its content in a file, not as a value."""
+    for each in device.others:
+        if each.type is values.DOMAIN and each.key in VALUES:
+            yield each.entry, f"{each.entry.key} of {each.variable.where}, a DOMAIN: tools drop it"
 
 
 @RULES.rule("E444", "CiA 306, object description")
@@ -473,40 +498,6 @@ RULES += (
 )  # fmt: skip
 
 # What CiA 301 and 302 say of single objects
-
-READ_ONLY = ("ro", "const")
-DATA_SUBS = range(1, 255)
-
-
-class Known(NamedTuple):
-    """What the standard says of the variables at some indices and sub-indices; without `access` any is allowed."""
-
-    indices: Container[int]
-    subs: Container[int]
-    type: DataType
-    access: tuple[str, ...] = ()
-
-
-KNOWN = (
-    Known((0x1000, 0x1002), (0,), UNSIGNED32, READ_ONLY),
-    Known((0x1001,), (0,), UNSIGNED8, READ_ONLY),
-    Known((0x1003,), DATA_SUBS, UNSIGNED32, READ_ONLY),
-    Known((0x1005, 0x1006, 0x1007, 0x1012, 0x1014, 0x1F80), (0,), UNSIGNED32),
-    Known((0x1008, 0x1009, 0x100A), (0,), VISIBLE_STRING, READ_ONLY),
-    Known((0x100C, 0x1015, 0x1017), (0,), UNSIGNED16),
-    Known((0x100D, 0x1019), (0,), UNSIGNED8),
-    Known((0x1010, 0x1011, 0x1016), DATA_SUBS, UNSIGNED32),
-    Known((0x1018,), range(1, 5), UNSIGNED32, READ_ONLY),
-    Known((0x1020, *range(0x1200, 0x1300)), (1, 2), UNSIGNED32),
-    Known((0x1021,), (0,), values.DOMAIN, READ_ONLY),
-    Known((0x1029,), DATA_SUBS, UNSIGNED8),
-    *(
-        Known(indices, (sub,), type_)
-        for indices in values.COMMUNICATION_RECORDS.values()
-        for sub, type_ in enumerate((UNSIGNED32, UNSIGNED8, UNSIGNED16, UNSIGNED8, UNSIGNED16, UNSIGNED8), start=1)
-    ),
-    *(Known(indices, DATA_SUBS, UNSIGNED32) for indices in values.MAPPING_RECORDS.values()),
-)
 
 
 def _known(device: LintedDevice) -> Iterator[tuple[DescribedVariable, Known]]:

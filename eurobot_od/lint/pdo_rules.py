@@ -120,11 +120,14 @@ def on_default_base(device: LintedDevice) -> Violations:
 
 @RULES.rule("E610", "CiA 301, PDO")
 def one_identifier(device: LintedDevice) -> Violations:
-    """The valid PDOs of a device have different identifiers."""
-    first: dict[int, LintedPdo] = {}
+    """The valid PDOs of a device have different identifiers, at one node-ID at least."""
+    first: dict[tuple[int | None, ...], LintedPdo] = {}
     for pdo, at, identifier in _identifiers(device):
-        if first.setdefault(identifier, pdo) is not pdo:
-            yield at, f"{pdo.name} has identifier 0x{identifier:03X}, as {first[identifier].name} has"
+        everywhere = tuple(
+            map(pdo.identifier, device.node_ids)
+        )  # a clash at one node-ID only is no mistake of the file
+        if first.setdefault(everywhere, pdo) is not pdo:
+            yield at, f"{pdo.name} has identifier 0x{identifier:03X}, as {first[everywhere].name} has"
 
 
 @RULES.rule("E611", "CiA 301, objects 0x1400 and 0x1800")
@@ -274,7 +277,7 @@ def no_data(device: LintedDevice) -> Violations:
             yield variable.place, f"{pdo.name} has no data; some devices take 0 objects as a disabled mapping"
 
 
-@RULES.rule("I634", "CiA 301, objects 0x1600 and 0x1A00")
+@RULES.rule("W634", "CiA 301, objects 0x1600 and 0x1A00")
 def left_over(device: LintedDevice) -> Violations:
     """Entries after the mapped ones are empty."""
     for pdo, _, count in _counts(device):

@@ -31,7 +31,7 @@ OPERATORS: Mapping[str, Callable[[Any, Any], bool]] = {
     ">=": operator.ge,
 }
 CONDITION = re.compile(
-    r"\s*(?:(?P<message>[^.<>=!]+)\.)?(?P<field>\w+)\s*(?P<operator>[<>!]?=|[<>])\s*(?P<value>.+?)\s*"
+    r"\s*(?:(?P<message>[^<>=!]+)\.)?(?P<field>\w+)\s*(?P<operator>[<>!]?=|[<>])\s*(?P<value>.+?)\s*"
 )
 
 

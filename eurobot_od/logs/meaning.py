@@ -13,6 +13,7 @@ from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
 from eurobot_od.od.outline import Outline
+from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.codec import compiled
@@ -58,9 +59,9 @@ def with_defects(meaning: Meaning) -> str:
 class Decoder:
     """Tells what frames mean, by the EDS files of the nodes on the bus and the catalogue of their messages."""
 
-    def __init__(self, outlines: Iterable[Outline], catalogue: Catalogue = NOTHING) -> None:
+    def __init__(self, outlines: Iterable[Outline], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal) -> None:
         self.outlines = tuple(outlines)
-        self.protocol = Protocol(((each, each.pdos) for each in self.outlines), catalogue)
+        self.protocol = Protocol.of_devices(self.outlines, catalogue, refused)
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 

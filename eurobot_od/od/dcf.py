@@ -12,8 +12,9 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od.description import COMMISSIONING as COMMISSIONING
-from eurobot_od.od.description import OBJECT_LISTS, DescribedDevice, DescribedObject, DescribedVariable
+from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
 from eurobot_od.od.document import Document, Odd, parse, read_bytes
+from eurobot_od.od.keys import OBJECT_LISTS
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import (
     DOMAIN,

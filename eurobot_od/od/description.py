@@ -18,9 +18,6 @@ from eurobot_od.od.values import Number, parse_number
 COMMISSIONING = "DeviceComissioning"
 """The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
 
-OBJECT_LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
-"""The sections that list the objects of a file (CiA 306-1, 4.6.1)."""
-
 
 class ObjectCode(Enum):
     """What an object is (CiA 301, object codes)."""
@@ -70,6 +67,10 @@ def parse_section_name(name: str) -> SectionName | None:
     return SectionName(int(head, 16), int(sub, 16))
 
 
+VALUE_KEYS = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
+"""The keys, in lower case, whose values are of the variable's type."""
+
+
 class DescribedVariable:
     """A place for a value: a VAR (sub-index 0) or a sub-index, and the section that describes it.
 
@@ -92,7 +93,7 @@ class DescribedVariable:
     @cached_property
     def value(self) -> Number | None:
         """Return its value, if that is a number."""
-        return parse_number(self.value_entry.value) if self.value_entry else None
+        return self.read(self.value_entry.value) if self.value_entry else None
 
     @property
     def is_mappable(self) -> bool:
@@ -111,7 +112,14 @@ class DescribedVariable:
 
     def number(self, key: str) -> Number | None:
         """Return the number a key (in lower case) has; None without one."""
-        return parse_number(self.section.text(key))
+        return self.read(self.section.text(key)) if key in VALUE_KEYS else parse_number(self.section.text(key))
+
+    def read(self, text: str) -> Number | None:
+        """Return the number of a value or limit as its type means it: 0xFF is -1 in an INTEGER8, 255 is too large."""
+        number = parse_number(text)
+        if number is None or self.type is None or number.relative or "0X" not in text.upper():
+            return number
+        return Number(self.type.meant(number.value))
 
     @property
     def where(self) -> str:

@@ -30,13 +30,13 @@ ENTRIES = {"lowlimit": "min", "highlimit": "max", "defaultvalue": "default", "pa
 class Dictionary(Outline):
     """A loaded EDS or DCF: an outline, and canopen's `objects`."""
 
-    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None) -> None:
-        super().__init__(file, device, node_id)
+    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None, name: str = "") -> None:
+        super().__init__(file, device, node_id, name)
         self.objects = self._objects()
 
     def renumbered(self, node_id: int) -> Dictionary:
         """Return the same file's dictionary for another node-ID."""
-        return Dictionary(self.file, self.device, node_id)
+        return Dictionary(self.file, self.device, node_id, self.name)
 
     @cached_property
     def content(self) -> bytes:

@@ -43,6 +43,10 @@ class Odd(Enum):
     INDENTED = "an indented line"
 
 
+HIDING = (Odd.BINARY, Odd.NOT_AN_ENTRY, Odd.HEADER, Odd.NO_SECTION, Odd.NO_KEY)
+"""Oddities after which nobody knows what the file was to say: it is cut off, or not an EDS at all."""
+
+
 class Oddity(NamedTuple):
     """One odd thing: its kind, its line and column (both from 1) and the words about it for a message."""
 

@@ -1,76 +1,85 @@
-"""Which nodes there are, by a network file: a YAML with their files and node-IDs, and what is declared of them.
+"""Which devices there are: files with node-IDs, a folder of files, a network file; and their outlines or dictionaries.
 
-Rule of this file: names and numbers are read as they are written, and numbers as in an EDS (decimal, 0x or octal):
-a node may be called `off`, and what YAML 1.1 makes of it does not count.
-
-    nodes:
-      core: {file: core.eds, node_id: 1}      # files are relative to this file; node_id where the file does not say it
-      drive: {file: drive.dcf}
-    shared: [Start Configuration Confirm]     # messages that several nodes may send
-    order: [Emergency Shutdown, Emergency Stop]   # the most urgent first
-    bit_rate: 500                             # kbit/s
+Rule of this file: every device gets a node-ID and a name of its own here, or the load ends with one line that says
+which file is in the way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import PurePath
-from typing import NamedTuple
-
-import yaml
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import TypeVar
 
 from eurobot_od.errors import DictionaryError
+from eurobot_od.od.document import read_bytes
+from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
+from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import NODE_IDS, parse_number
-from eurobot_od.yaml_places import NodeReader, Problems, ReadError, listing, mapping, read_yaml, record, refuse, scalar
+
+OutlineT = TypeVar("OutlineT", bound=Outline)
+
+SUFFIXES = (".eds", ".dcf")
+"""Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
+
+DEFAULT = "eurobot-od.yaml"
+"""The network file of a working folder."""
 
 
-class NodeFile(NamedTuple):
-    """A node of a network file: its EDS or DCF, and its node-ID if that is said."""
-
-    file: str
-    node_id: int | None = None
-
-
-class NetworkFile(NamedTuple):
-    """What a network file says: its nodes by name, shared messages, messages by urgency, kbit/s."""
-
-    nodes: Mapping[str, NodeFile]
-    shared: Sequence[str] = ()
-    order: Sequence[str] = ()
-    bit_rate: int | None = None
+def node_file(text: str) -> NodeFile:
+    """Read `FILE` or `NODE-ID=FILE`; raises DictionaryError for a node-ID that cannot be."""
+    head, equals, file = text.partition("=")
+    number = parse_number(head) if equals else None
+    if number is None:
+        return NodeFile(text)
+    if number.value not in NODE_IDS:
+        raise DictionaryError(file, None, f"node-ID {head} is not in {NODE_IDS[0]}..{NODE_IDS[-1]}")
+    return NodeFile(file, number.value)
 
 
-def number_of(numbers: range) -> NodeReader[int]:
-    """Make a reader of a number as an EDS has it."""
-
-    def read(node: yaml.Node, problems: Problems) -> int:
-        text = scalar(node, problems)
-        number = parse_number(text)
-        if number is None or number.relative or number.value not in numbers:
-            refuse(node, problems, f"expected a number from {numbers[0]} to {numbers[-1]}, found {str(text)!r}")
-        return number.value
-
-    return read
+def read_network(path: str | Path) -> NetworkFile:
+    """Read a network: a folder of EDS and DCF files, `nodelist.cpj`, or a YAML file; raises DictionaryError."""
+    if Path(path).is_dir():
+        return _read_folder(Path(path))
+    read = READERS.get(Path(path).suffix.lower())
+    if read is None:
+        raise DictionaryError(path, None, f"not a network: neither a folder nor one of {', '.join(READERS)}")
+    return read(read_bytes(path).decode("utf-8", "replace"), str(path))
 
 
-NODE = record(NodeFile, {"file": scalar}, {"node_id": number_of(NODE_IDS)})
-NETWORK = record(
-    NetworkFile,
-    {"nodes": mapping(NODE, key=scalar)},
-    {"shared": listing(scalar), "order": listing(scalar), "bit_rate": number_of(range(1, 1001))},
-)
+def _read_folder(folder: Path) -> NetworkFile:
+    files = [each for suffix in SUFFIXES for each in sorted(folder.iterdir()) if each.suffix.lower() == suffix]
+    if not files:
+        raise DictionaryError(folder, None, "no EDS or DCF in this folder")
+    return NetworkFile([NodeFile(str(each)) for each in {each.stem: each for each in files}.values()])
 
 
-def read_network_file(text: str, file: str) -> NetworkFile:
-    """Read the text of a network file, its own path `file`; raises DictionaryError with the line of the first fault."""
-    problems: Problems = []
-    try:
-        network = read_yaml(text, NETWORK, problems)
-    except ReadError as error:
-        place, what = problems[0]
-        raise DictionaryError(file, None, f"line {place.line}: {what}") from error
-    if not network.nodes:
-        raise DictionaryError(file, None, "line 1: it names no nodes")
-    folder = PurePath(file).parent
-    nodes = {name: each._replace(file=str(folder / each.file)) for name, each in network.nodes.items()}
-    return network._replace(nodes=nodes)
+def _read_yaml(text: str, file: str) -> NetworkFile:
+    from eurobot_od.od.network_yaml import read_network_file  # most commands start without YAML
+
+    return read_network_file(text, file)
+
+
+READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {
+    ".yaml": _read_yaml,
+    ".yml": _read_yaml,
+    ".cpj": read_nodelist,
+}
+"""Readers of a network file's text by its suffix."""
+
+
+def load(nodes: Iterable[NodeFile], kind: type[OutlineT]) -> tuple[OutlineT, ...]:
+    """Load the devices' files, ordered by node-ID; two of one name get their node-IDs after it.
+
+    Raises DictionaryError as `Outline.load`, and if two have one node-ID.
+    """
+    loaded = sorted((kind.load(*each) for each in nodes), key=lambda each: each.node_id)
+    for one, other in pairwise(loaded):
+        if one.node_id == other.node_id:
+            raise DictionaryError(other.file, None, f"node-ID {other.node_id} is taken by {one.file.name}")
+    counts = Counter(each.name for each in loaded)
+    for each in loaded:
+        if counts[each.name] > 1:
+            each.name = f"{each.name}_{each.node_id}"
+    return tuple(loaded)

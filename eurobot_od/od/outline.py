@@ -9,30 +9,31 @@ meant (a byte order mark, comments after values, sections twice, numbers in any 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od import values
+from eurobot_od.od.completion import completed
 from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
-from eurobot_od.od.document import Odd, read, read_bytes
+from eurobot_od.od.document import HIDING, read, read_bytes
 from eurobot_od.od.pdos import PADDING, MappedObject, OnRefused, Part, Pdo, fatal
-from eurobot_od.od.values import Address, DataType, Limits, Number, PdoDirection, Value, parse_number
+from eurobot_od.od.standard import known_type
+from eurobot_od.od.values import Address, DataType, Limits, PdoDirection, Value, parse_number
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+    from eurobot_od.od.repairs import Repair
 
 SLICES = " slices"
 """End of the ParameterName of a record that holds another record's values in parts."""
 
 MOST_BITS = 64
 """Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
-
-HIDING = (Odd.BINARY, Odd.NOT_AN_ENTRY, Odd.HEADER, Odd.NO_SECTION, Odd.NO_KEY)
-"""Oddities after which nobody knows what the file was to say: it is cut off, or not an EDS at all."""
 
 NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
 """Objects that hold nothing: a placeholder, and a type that is only named."""
@@ -46,13 +47,13 @@ class Described(NamedTuple):
 
 
 class Outline:
-    """The outline of one file: its `file`, `name` (the file's stem), `node_id`, and the `device` it describes.
+    """The outline of one file: its `file`, `name` (the file's stem or another), `node_id`, the `device` it describes.
 
     `members` are the variables that can be used, by index and sub-index; a VAR is its own member 0.
     """
 
-    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None) -> None:
-        self.file, self.name, self.device = file, file.stem, device
+    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None, name: str = "") -> None:
+        self.file, self.name, self.device = file, name or file.stem, device
         self._defaults: dict[Address, Value] = {}  # as they are asked for
         self._refuse_what_hides_objects()
         self.members = {index: self._members(each) for index, each in self._usable_objects()}
@@ -61,30 +62,25 @@ class Outline:
         self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
 
     @classmethod
-    def load(cls, file: str | Path, node_id: int | None = None) -> Self:
+    def load(cls, file: str | Path, node_id: int | None = None, name: str = "") -> Self:
         """Read an EDS or DCF for a node-ID.
 
         Without one it is the NodeID of a DCF's commissioning, or else the value of the object that holds the device's
         own node-ID. Raises DictionaryError if there is none, or if the file cannot be read as an EDS.
         """
-        return cls.read(read_bytes(file), Path(file), node_id)
+        return cls.read(read_bytes(file), Path(file), node_id, name)
 
     @classmethod
-    def read(cls, data: bytes, file: Path, node_id: int | None = None) -> Self:
+    def read(cls, data: bytes, file: Path, node_id: int | None = None, name: str = "") -> Self:
         """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
-        return cls(file, DescribedDevice(read(data)), node_id)
+        return cls(file, DescribedDevice(completed(read(data))), node_id, name)
 
-    @classmethod
-    def load_folder(cls, folder: Path) -> tuple[Self, ...]:
-        """Read all EDS files of a folder, one for each node of a network, ordered by node-ID.
+    @cached_property
+    def repairs(self) -> tuple[Repair, ...]:
+        """What the file writes otherwise than CiA 306 asks for, and was read as it is meant."""
+        from eurobot_od.od.repairs import repairs  # only where somebody asks
 
-        Raises DictionaryError as `load`, and if two have one node-ID.
-        """
-        loaded = sorted(map(cls.load, sorted(folder.glob("*.eds"))), key=lambda each: each.node_id)
-        for one, other in pairwise(loaded):
-            if one.node_id == other.node_id:
-                raise other._error(None, f"node-ID {other.node_id} is taken by {one.file.name}")
-        return tuple(loaded)
+        return repairs(self.device.document)
 
     # What must hold
 
@@ -115,16 +111,13 @@ class Outline:
         return {variable.sub: self._checked_variable(variable) for variable in variables}
 
     def _checked_variable(self, variable: DescribedVariable) -> DescribedVariable:
-        """Refuse a variable that lacks what it needs to be used; a DOMAIN needs no data type."""
-        if variable.type and variable.access and variable.name:  # nearly all: this decides how fast a file is read
+        """Refuse a variable that lacks what it needs to be used."""
+        if variable.type and variable.access:  # nearly all: this decides how fast a file is read
             return variable
-        section, code = variable.section, variable.number("objecttype")
-        is_domain = code == Number(ObjectCode.DOMAIN.value) and not section.text("datatype")
-        keys = ("ParameterName", "AccessType") if is_domain else ("ParameterName", "DataType", "AccessType")
-        missing = next((key for key in keys if not section.text(key.lower())), None)
-        if missing:
-            raise self._error(variable.index, f"sub {variable.sub} has no {missing}")
-        if variable.type is None and not is_domain and not variable.number("datatype"):
+        section = variable.section
+        if not variable.access:
+            raise self._error(variable.index, f"sub {variable.sub} has no AccessType")
+        if section.text("datatype") and not variable.number("datatype"):
             what = f"DataType {section.text('datatype')!r} is not a number"
             raise self._error(variable.index, f"sub {variable.sub}: {what}")
         return variable
@@ -141,7 +134,7 @@ class Outline:
 
     def _checked_node_id(self, node_id: int | None) -> int:
         if node_id is None:
-            raise self._error(None, "the file names no node-ID; give one")
+            raise self._error(None, f"the file names no node-ID; give one, as in 5={self.file.name}")
         if node_id not in values.NODE_IDS:
             raise self._error(None, f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}")
         return node_id
@@ -158,13 +151,23 @@ class Outline:
         """Return a variable's data type.
 
         CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
-        type. Any other type is taken as DOMAIN: bytes.
+        type. One that is left out is the standard's, or that of the array. Any other type is taken as DOMAIN: bytes.
         """
         if variable.type:
             return variable.type
+        if not variable.section.text("datatype"):
+            return self._type_left_out(variable)
         code = variable.number("datatype")
         basic = parse_number(self.device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
         return values.DATA_TYPES.get(basic.value, values.DOMAIN) if basic else values.DOMAIN
+
+    def _type_left_out(self, variable: DescribedVariable) -> DataType:
+        whole = self.device.objects[variable.index]
+        if variable.sub == 0 and whole.code not in SIMPLE:
+            return values.UNSIGNED8  # CiA 301: sub-index 0 always is
+        first = whole.subs.get(1) if whole.code is ObjectCode.ARRAY else None
+        said = known_type(variable.index, variable.sub) or (first.type if first else None)
+        return said or values.DOMAIN
 
     def described(self, address: Address) -> Described | None:
         """Return what an object is called and its type, None if there is none."""
@@ -194,6 +197,13 @@ class Outline:
             self._defaults[address] = next((each for each in said if each is not None), None)
         return self._defaults[address]
 
+    def configured(self, present: Mapping[Address, Value]) -> Self:
+        """Return the same device with values that it has at `present` in place of the file's."""
+        other = copy(self)
+        other._defaults = {**self._defaults, **present}
+        other.__dict__.pop("pdos", None)  # made of the values, and kept
+        return other
+
     def number(self, address: Address) -> int | None:
         """Return the number that an object has by default; None if it has none."""
         value = self.default(address)
@@ -213,21 +223,18 @@ class Outline:
             if type_ in (values.OCTET_STRING, values.DOMAIN):
                 return bytes.fromhex(entry.value)
             if type_ in values.REALS:
-                return float(entry.value)
-        except ValueError:
+                return _real(entry.value, type_)
+        except (ValueError, OverflowError):
             return None
         return self._integer(variable, entry.value, type_)
 
     def _integer(self, variable: DescribedVariable, text: str, type_: DataType) -> int | None:
-        first, plus, last = text.partition("+")
-        number = parse_number(text) or (parse_number(f"{last}+{first}") if plus else None)  # 0x80+$NODEID is common
+        number = parse_number(text)
         if number is None:
             if values.NODE_ID in text.upper():
                 raise self._error(variable.index, f"sub {variable.sub}: {text!r} is not a number with $NODEID")
             return None
-        value = number.at(self.node_id) if number.relative else number.value
-        # many editors write negative numbers as their bits
-        return value - (1 << type_.bits) if type_.is_signed and type_.high < value < 1 << type_.bits else value
+        return type_.meant(number.at(self.node_id))
 
     @cached_property
     def _by_name(self) -> dict[str, Address]:
@@ -273,7 +280,10 @@ class Outline:
         return tuple(pdos)
 
     def _pdo(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> Pdo:
-        entry, record = self._parameter((index, 1), value), index + values.MAPPING_OFFSET
+        entry, record = self._cob_id(direction, index, value), index + values.MAPPING_OFFSET
+        inhibit_time, event_timer = (
+            self._setting((index, sub), value, 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
+        )
         if entry & values.EXTENDED:
             raise MappingError(self.file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
         return Pdo(
@@ -282,12 +292,26 @@ class Outline:
             name=self.device.objects[index].name,
             cob_id=entry & values.BASE_IDENTIFIER,
             valid=not entry & values.NOT_VALID,
-            transmission_type=self._parameter((index, 2), value),
+            transmission_type=self._setting((index, values.TRANSMISSION_TYPE), value, values.EVENT_DRIVEN),
             mapping=tuple(
                 self.mapped_object(record, self._parameter((record, subindex), value))
                 for subindex in range(1, self._parameter((record, 0), value) + 1)
             ),
+            inhibit_time=inhibit_time,
+            event_timer=event_timer,
         )
+
+    def _cob_id(self, direction: PdoDirection, index: int, value: Callable[[Address], Value]) -> int:
+        """Return a COB-ID entry; the first four PDOs have one also where the file leaves it out (CiA 301, 7.3.3)."""
+        number = index - direction.value
+        base = values.DEFAULT_PDO_BASES[direction][number : number + 1]
+        address = index, values.COB_ID
+        return self._setting(address, value, base[0] + self.node_id) if base else self._parameter(address, value)
+
+    def _setting(self, address: Address, value: Callable[[Address], Value], default: int) -> int:
+        """Return a communication parameter that a file may leave out."""
+        number = value(address)
+        return number if isinstance(number, int) else default
 
     def _parameter(self, address: Address, value: Callable[[Address], Value]) -> int:
         number = value(address)
@@ -302,7 +326,7 @@ class Outline:
         """
         index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
         if index in values.DUMMIES:
-            return MappedObject(index, subindex, bits, PADDING, Limits(0, 0))
+            return MappedObject(index, subindex, bits, PADDING, Limits(0, 0), values.DATA_TYPES[index])
         variable = self._at((index, subindex))
         where = f"maps 0x{index:04X} sub {subindex}"
         if variable is None:
@@ -311,12 +335,14 @@ class Outline:
         if not 1 <= bits <= most:
             raise MappingError(self.file, mapping_index, f"{where} with {bits} bits, its type has {most}")
         part = self.part((index, subindex))
-        whole = self._at(part.whole) if part else None
-        return MappedObject(index, subindex, bits, variable.name, self._limits(whole or variable))
+        whole = (self._at(part.whole) if part else None) or variable
+        return MappedObject(index, subindex, bits, variable.name, self._limits(whole), self.type(whole))
 
     def _limits(self, variable: DescribedVariable) -> Limits:
+        """Return the limits of an integer, and for anything else those of its bits."""
+        type_ = self.type(variable) if self.type(variable).is_integer else values.UNSIGNED64
         low, high = self.typed(variable, "lowlimit"), self.typed(variable, "highlimit")
-        return Limits(low if isinstance(low, int) else 0, high if isinstance(high, int) else (1 << MOST_BITS) - 1)
+        return Limits(low if isinstance(low, int) else type_.low, high if isinstance(high, int) else type_.high)
 
     def part(self, address: Address) -> Part | None:
         """Return what a slice is a part of: the member so named of the record without ` slices`.
@@ -337,3 +363,9 @@ class Outline:
         """The members of records, by both names, of which slices may be parts."""
         found = [address for address in self.addresses() if address[0] >= values.MANUFACTURER[0]]
         return {entry.name: address for address in reversed(found) if (entry := self.described(address))}
+
+
+def _real(text: str, type_: DataType) -> Value:
+    """Read a REAL: a decimal number, or its bits in hexadecimal; raises ValueError."""
+    bits = parse_number(text) if text[:2].lower() == "0x" else None
+    return type_.read(bits.value.to_bytes(type_.size, "little")) if bits else float(text)

@@ -6,20 +6,33 @@ from collections.abc import Callable
 from typing import NamedTuple, NoReturn, TypeAlias
 
 from eurobot_od.errors import MappingError
-from eurobot_od.od.values import DUMMIES, MAPPING_OFFSET, Address, Limits, PdoDirection
+from eurobot_od.od.values import (
+    DUMMIES,
+    MAPPING_OFFSET,
+    SYNCHRONOUS,
+    UNSIGNED64,
+    Address,
+    DataType,
+    Limits,
+    PdoDirection,
+)
 
 PADDING = "Padding"
 """ParameterName, with or without a number after it, of a mapped object that fills bits nobody uses."""
 
 
 class MappedObject(NamedTuple):
-    """One entry of a mapping: the object, its mapped length in bits, its ParameterName and its limits."""
+    """One entry of a mapping: the object, its mapped length in bits, its ParameterName, limits and data type.
+
+    A slice has the limits and the type of the value that it is a part of.
+    """
 
     index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
     subindex: int
     bits: int
     name: str
     limits: Limits
+    type: DataType = UNSIGNED64
 
     @property
     def is_padding(self) -> bool:
@@ -28,7 +41,11 @@ class MappedObject(NamedTuple):
 
 
 class Pdo(NamedTuple):
-    """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping."""
+    """A PDO of a device: communication record `index`, its ParameterName, COB-ID and mapping.
+
+    `inhibit_time` is in 100 us, `event_timer` in ms: the longest time between two TPDOs, or the deadline of an RPDO; 0
+    for none (CiA 301, Tables 66 and 70).
+    """
 
     direction: PdoDirection
     index: int  # type: ignore[assignment]  # as above
@@ -37,6 +54,13 @@ class Pdo(NamedTuple):
     valid: bool
     transmission_type: int
     mapping: tuple[MappedObject, ...]
+    inhibit_time: int = 0
+    event_timer: int = 0
+
+    @property
+    def is_synchronous(self) -> bool:
+        """Whether it is sent, or takes effect, with a SYNC."""
+        return self.transmission_type in SYNCHRONOUS
 
     @property
     def mapping_index(self) -> int:

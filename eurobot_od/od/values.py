@@ -40,6 +40,10 @@ LONGEST_NUMBER = 100
 """More digits than any type has. What is longer is not a number, so that nobody has to convert a megabyte of digits."""
 
 
+REMEMBERED_NUMBERS = 4096
+"""Numbers that are kept: a file repeats few different ones in thousands of entries."""
+
+
 class Number(NamedTuple):
     """A number of a file: its value, and whether the node-ID is to be added."""
 
@@ -51,21 +55,52 @@ class Number(NamedTuple):
         return self.value + node_id if self.relative else self.value
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
 def label(address: Address, name: str = "") -> str:
     """Write an address for a person: `0x1017:0 Producer heartbeat time`."""
     return f"0x{address[0]:04X}:{address[1]} {name}".rstrip()
 
 
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
 def parse_number(text: str) -> Number | None:
-    """Read a number as CiA 306 writes it: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either."""
+    """Read a number: decimal, 0x hexadecimal, 0 octal, and `$NODEID+` in front of either.
+
+    What editors and compilers write besides is read as it is meant: `10h`, `0x10UL`, `$NodeID`, `0x80 + $NODEID`.
+    """
     upper = text.strip().upper()
-    if not upper.startswith(NODE_ID):
-        value = _integer(upper)
-        return None if value is None else Number(value)
-    plus, rest = upper[len(NODE_ID) :].strip()[:1], upper[len(NODE_ID) :].strip()[1:].strip()
-    offset = 0 if not plus else _integer(rest) if plus == "+" and rest[:1] != "-" else None
-    return None if offset is None else Number(offset, relative=True)
+    value = _integer(upper)
+    if value is not None:
+        return Number(value)
+    if NODE_ID in upper:
+        return _relative(upper)
+    match = _FOREIGN.fullmatch(upper)
+    value = _integer(match["sign"] + (match["number"] or f"0X{match['hex']}")) if match else None
+    return None if value is None else Number(value)
+
+
+def _relative(upper: str) -> Number | None:
+    """Read a sum of the node-ID and numbers, in any order."""
+    parts = [each.strip() for each in upper.strip("()").split("+")]
+    if parts.count(NODE_ID) != 1:
+        return None
+    parts.remove(NODE_ID)
+    numbers = [parse_number(each) for each in parts]
+    if any(each is None or each.relative or each.value < 0 for each in numbers):
+        return None
+    return Number(sum(each.value for each in numbers if each), relative=True)
+
+
+_FOREIGN = re.compile(r"(?P<sign>-?)(?:(?P<hex>[0-9][0-9A-F]*)H|(?P<number>(?:0X[0-9A-F]+|[0-9]+))[UL]{1,3})")
+"""Numbers of other languages: hexadecimal with an h, and C's suffixes."""
+
+
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
+def is_standard_number(text: str) -> bool:
+    """Whether a number is written as CiA 306 writes it: every tool can read it."""
+    first, plus, rest = (each.strip() for each in text.partition("+"))
+    if first == NODE_ID:
+        return not plus or (rest[:1] != "-" and _integer(rest.upper()) is not None)
+    return _integer(text.strip().upper()) is not None
 
 
 def _integer(text: str) -> int | None:
@@ -99,6 +134,10 @@ class DataType(NamedTuple):
     def is_signed(self) -> bool:
         """Whether values may be negative."""
         return self.low < 0
+
+    def meant(self, value: int) -> int:
+        """Return what a written number is in this type: many editors write negative numbers as their bits."""
+        return value - (1 << self.bits) if self.is_signed and self.high < value < 1 << self.bits else value
 
     @property
     def size(self) -> int:
@@ -169,7 +208,7 @@ DATA_TYPES: dict[int, DataType] = {
 }
 """The basic data types by code (CiA 301, Table 44)."""
 
-UNSIGNED8, UNSIGNED16, UNSIGNED32 = DATA_TYPES[0x05], DATA_TYPES[0x06], DATA_TYPES[0x07]
+UNSIGNED8, UNSIGNED16, UNSIGNED32, UNSIGNED64 = (DATA_TYPES[code] for code in (0x05, 0x06, 0x07, 0x1B))
 REALS = (REAL32, REAL64)
 
 ACCESS_TYPES = ("ro", "wo", "rw", "rwr", "rww", "const")
@@ -212,6 +251,12 @@ MAPPING_RECORDS = {
     for each, records in COMMUNICATION_RECORDS.items()
 }
 """Indices of the records of all PDOs there may be."""
+
+COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
+"""Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
+
+SYNCHRONOUS, EVENT_DRIVEN = range(241), 255
+"""Transmission types of PDOs that follow a SYNC, and of those that a device profile rules (CiA 301, Table 68)."""
 
 MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
 """Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""

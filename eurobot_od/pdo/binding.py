@@ -18,7 +18,7 @@ from eurobot_od.od.values import Limits
 from eurobot_od.pdo import codec
 from eurobot_od.pdo.catalogue import CatalogueEntry, field_name, first_free, made_type
 from eurobot_od.pdo.codec import Column, Unknown
-from eurobot_od.pdo.kinds import Kind, OutOfRange
+from eurobot_od.pdo.kinds import Kind, OutOfRange, kind_of
 from eurobot_od.pdo.layout import Layout, LayoutError, Slot, slot
 from eurobot_od.pdo.message import Message, kinds
 
@@ -35,15 +35,19 @@ class Binding:
         self.senders: list[str] = []
         self.receivers: list[str] = []
         try:
-            self._slots = _slots(pdo.mapping)
-            self.layout = Layout(self._slots)
+            self.layout = Layout(_slots(pdo.mapping))
         except LayoutError as error:
             raise MappingError(file, pdo.mapping_index, f"{name}: {error}") from None
-        self.type, self.group, self.always = entry or CatalogueEntry(made_type(name, self.layout.fields))
+        self.type, self.group, self.always = entry or CatalogueEntry(made_type(name, self._made_kinds()))
         self.kinds = kinds(self.type)
         self.defaults: Mapping[str, Any] = self.type._field_defaults
         self._check_fields()
         self.limits = dict(self._field_limits())
+
+    def _made_kinds(self) -> dict[str, Kind]:
+        """Return the kinds that the mapped objects' types give to the fields."""
+        types = {slot.field: entry.type for entry, slot in zip(self.pdo.mapping, self.layout.slots)}
+        return {field: kind_of(types[field], self.layout.widths[field]) for field in self.layout.fields}
 
     def _check_fields(self) -> None:
         mapped, known = set(self.layout.fields), set(self.kinds)
@@ -52,11 +56,12 @@ class Binding:
             raise MappingError(self.file, self.pdo.mapping_index, f"{self.name} maps {has}; its fields are {wants}")
 
     def _field_limits(self) -> Iterator[tuple[str, Limits]]:
-        for entry, (field, *_) in zip(self.pdo.mapping, self._slots):
+        for entry, (field, *_) in zip(self.pdo.mapping, self.layout.slots):
             if field is not None:
-                yield field, Limits(entry.limits.low, min(entry.limits.high, (1 << self.layout.widths[field]) - 1))
+                raws = self.layout.raws[field]
+                yield field, Limits(max(entry.limits.low, raws[0]), min(entry.limits.high, raws[-1]))
 
-    def message(self, **values: Any) -> Message:
+    def message(self, /, **values: Any) -> Message:
         """Return the message with these meanings of its fields, unchecked; raises TypeError for a field too many."""
         make: Callable[..., Message] = self.type
         return make(**values)
@@ -83,7 +88,7 @@ class Binding:
             raw = self.kinds[field].write(value, self.limits[field])
         except (ValueError, TypeError):
             raise FieldError(self.name, field, value, self.kinds[field].allowed(self.limits[field])) from None
-        if raw >> self.layout.widths[field]:
+        if raw not in self.layout.raws[field]:
             width = self.layout.widths[field]
             raise FieldError(self.name, field, value, f"what fits into the {width} bits that the loaded EDS maps")
         return raw
@@ -99,7 +104,7 @@ class Binding:
         return dict(zip(self.layout.fields, self._unpack(self.complete(data))))
 
     def pack(self, values: Mapping[str, int]) -> bytes:
-        """Return the data with these raw values; optional fields may be left out.
+        """Return the data with these raw values; optional fields may be left out, signed ones may be negative.
 
         Raises UnknownName for a field that is not mapped, FieldError for one that is missing or too wide.
         """
@@ -112,9 +117,9 @@ class Binding:
         value: Any = values.get(field)
         if value is None and field in self.defaults:
             value = self.raw(field, self.defaults[field])
-        width = self.layout.widths[field]
-        if not isinstance(value, int) or value >> width:
-            raise FieldError(self.name, field, value, f"0..{(1 << width) - 1}")
+        raws = self.layout.raws[field]
+        if not isinstance(value, int) or value not in raws:
+            raise FieldError(self.name, field, value, f"{raws[0]}..{raws[-1]}")
         return self.layout.place(field, value)
 
     def _to_bytes(self, word: int) -> bytes:
@@ -160,12 +165,13 @@ class Binding:
         write: Callable[[Any], int] = partial(self.raw, field)
         if field not in self.limits:
             return Column(field, None, write, self.defaults[field])
-        limits, width = self.limits[field], self.layout.widths[field]
+        limits, raws = self.limits[field], self.layout.raws[field]
         read = partial(kind.read, limits=limits)
-        if width <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values, and few are numbers
-            meanings = {read(raw): raw for raw in range(1 << width)}
+        if self.layout.widths[field] <= codec.TABLE_BITS:  # what is sent comes from a table, too: it has few values
+            meanings = {read(raw): raw for raw in raws}
             write = {m: raw for m, raw in meanings.items() if not isinstance(m, OutOfRange)}.__getitem__
-        numbers, sendable = (each(limits)[: 1 << width] for each in (kind.numbers, kind.sendable))
+        said = (kind.numbers(limits), kind.sendable(limits))
+        numbers, sendable = (range(max(each.start, raws.start), min(each.stop, raws.stop)) for each in said)
         return Column(field, read, write, numbers=numbers, sendable=sendable)
 
     @cached_property
@@ -200,7 +206,8 @@ def _slots(mapping: Iterable[MappedObject]) -> list[Slot]:
     slots: list[Slot] = []
     taken: set[str | None] = {None}
     for entry in mapping:
-        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, field_name)
+        signed = entry.type.is_signed
+        each = Slot(None, 0, entry.bits) if entry.is_padding else slot(entry.name, entry.bits, field_name, signed)
         if each.field == field_name(entry.name):
             each = each._replace(field=first_free(each.field, taken))
         slots.append(each)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping
 from itertools import count
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, TypeVar, cast
@@ -68,6 +68,9 @@ class Catalogue:
         return tuple(dict.fromkeys(entry.group for entry in self._entries.values() if entry.group))
 
 
+LONGEST_NAME = 60
+"""Most characters of a file's name that a line for a person has room for."""
+
 NOTHING = Catalogue()
 """The catalogue for devices of which nothing is known but their EDS; nobody enters anything here."""
 
@@ -77,13 +80,20 @@ def plain_name(name: str) -> str:
     return re.sub(r"[ _-]", "", name).casefold()
 
 
+def readable_name(name: str) -> str:
+    """Return a name that fits in a line: no control characters, not longer than `LONGEST_NAME`."""
+    words = "".join(each if each.isprintable() else " " for each in name).split()
+    return " ".join(words)[:LONGEST_NAME].rstrip()
+
+
 def field_name(parameter_name: str) -> str:
     """Return the field for an EDS ParameterName: `X position` is `x`, `Enemy 1 diameter` is `enemy_1_diameter`.
 
     What Python does not take as a name is changed until it does: `Status (raw)` is `status_raw`, `class` is `class_`,
     `2nd axis` is `field_2nd_axis`.
     """
-    name = re.sub(r"\W+", "_", parameter_name.lower().removesuffix(" position"), flags=re.ASCII).strip("_") or "field"
+    words = parameter_name.lower().removesuffix(" position")
+    name = re.sub(r"\W+", "_", words, flags=re.ASCII).strip("_")[:LONGEST_NAME].rstrip("_") or "field"
     if keyword.iskeyword(name):
         return f"{name}_"
     return f"field_{name}" if name[0].isdigit() else name
@@ -95,8 +105,14 @@ def first_free(name: str, taken: Container[object]) -> str:
     return next(each for each in names if each not in taken)
 
 
-def made_type(name: str, fields: Sequence[str]) -> type[Message]:
-    """Return a message type of plain numbers for a PDO that no catalogue has."""
-    annotated: Any = [(field, Annotated[int, Kind()]) for field in fields]
-    made: Any = NamedTuple(re.sub(r"\W", "_", name, flags=re.ASCII), annotated)  # type: ignore[misc]  # made at run time
+def made_type(name: str, kinds: Mapping[str, Kind]) -> type[Message]:
+    """Return a message type for a PDO that no catalogue has, by its fields' names and kinds.
+
+    Python generates code for a named tuple; of what a file says, only fields' names go into it, and those as
+    `field_name` makes them: letters, digits and underscores.
+    """
+    annotated: Any = [(field, Annotated[Any, kind]) for field, kind in kinds.items()]
+    made: Any = NamedTuple("Message", annotated)  # type: ignore[misc]  # made at run time
+    made.__name__ = made.__qualname__ = name
+    made.__doc__ = ""  # what Python writes there says no more than the fields
     return cast("type[Message]", told_apart(made))

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od.errors import FieldError
 from eurobot_od.frame import Data, Frame
-from eurobot_od.pdo.layout import Layout, Run
+from eurobot_od.pdo.layout import Layout
 
 TABLE_BITS = 6
 """The meanings of fields up to this wide that are not numbers, such as enums, are kept in a table."""
@@ -65,15 +65,21 @@ class Unknown(NamedTuple):
 # Source of expressions
 
 
-def _extract(runs: Iterable[Run]) -> str:
+def _extract(layout: Layout, field: str) -> str:
     """Write the expression that takes a raw value out of `word`; the lowest run needs no shift to its place."""
+    runs = layout.runs[field]
     parts = (f"(word >> {run.offset} & {run.mask:#x})" + (f" << {run.shift}" if run.shift else "") for run in runs)
-    return " | ".join(f"({part})" for part in parts)
+    bits = " | ".join(f"({part})" for part in parts)
+    if field not in layout.signed:
+        return bits
+    sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
+    return f"(({bits}) ^ {sign:#x}) - {sign:#x}"
 
 
-def _insert(runs: Sequence[Run], raw: str) -> str:
+def _insert(layout: Layout, field: str, raw: str) -> str:
     """Write the expression that puts a raw value, fitting its width, at its places in the word."""
-    if len(runs) == 1:
+    runs = layout.runs[field]
+    if len(runs) == 1 and field not in layout.signed:
         return f"{raw} << {runs[0].offset}"  # also by 0: a float, which cannot be shifted, must not get any further
     return " | ".join(f"({raw} >> {run.shift} & {run.mask:#x}) << {run.offset}" for run in runs)
 
@@ -86,7 +92,7 @@ def unpacker(layout: Layout) -> Callable[[bytes], tuple[int, ...]]:
     source = f"""
 def unpack(data):
     word = from_bytes(data, {layout.byte_order!r})
-    return ({"".join(f"{_extract(layout.runs[field])}, " for field in layout.fields)})
+    return ({"".join(f"{_extract(layout, field)}, " for field in layout.fields)})
 """
     return compiled("unpack", source, {"from_bytes": int.from_bytes})
 
@@ -125,12 +131,12 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
     name, numbers = f"read{number}", column.numbers
     if column.read is None:
         return name, name, column.default
-    raw = _extract(layout.runs[column.field])
+    raw = _extract(layout, column.field)
     if numbers:
         return f"r if {numbers.start} <= (r := {raw}) < {numbers.stop} else {name}(r)", name, column.read
-    width = layout.widths[column.field]
-    if width <= TABLE_BITS:
-        return f"{name}[{raw}]", name, tuple(map(column.read, range(1 << width)))
+    if layout.widths[column.field] <= TABLE_BITS:
+        raws = layout.raws[column.field]  # a table's item -1 is its last one
+        return f"{name}[{raw}]", name, tuple(map(column.read, (*range(raws.stop), *range(raws.start, 0))))
     return f"{name}({raw})", name, lru_cache(REMEMBERED)(column.read)
 
 
@@ -153,7 +159,7 @@ def writer(
     for number, column in enumerate(columns):
         names[f"write{number}"] = column.default if column.read is None else column.write
     mapped = [(number, column) for number, column in enumerate(columns) if column.read is not None]
-    parts = (f"({_insert(layout.runs[column.field], _raw(column, number))})" for number, column in mapped)
+    parts = (f"({_insert(layout, column.field, _raw(column, number))})" for number, column in mapped)
     odd = [f"f{number} is not write{number}" for number, column in enumerate(columns) if column.read is None]
     if unknown is not None:
         odd.append(f"word & {unknown.mask:#x} == {unknown.code:#x}")  # a place that would be read as "unknown"

@@ -7,11 +7,13 @@ which kind a field has. Widths and limits are the EDS's and come in as arguments
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
-from typing import Any, NamedTuple
+from math import isfinite
+from typing import Any, ClassVar, NamedTuple
 
-from eurobot_od.od.values import Limits
+from eurobot_od.od import values
+from eurobot_od.od.values import DataType, Limits
 
 
 class OutOfRange(int):
@@ -117,6 +119,145 @@ class Choice(Kind):
 
     def named_values(self) -> Mapping[int, str]:
         return {member.value: words_of(member) for member in self.enum}
+
+
+# What is known of an object by its data type alone
+
+
+class Boolean(Kind):
+    """A BOOLEAN; mapped with more than its one bit, any other number than 0 and 1 is out of range."""
+
+    WORDS: ClassVar = {"false": False, "true": True, "0": False, "1": True}
+
+    def read(self, raw: int, limits: Limits) -> Any:
+        return bool(raw) if raw in (0, 1) else OutOfRange(raw)
+
+    def numbers(self, limits: Limits) -> range:
+        return range(0)
+
+    def write(self, value: Any, limits: Limits) -> int:
+        return super().write(value, Limits(0, 1))
+
+    def parse(self, text: str) -> Any:
+        return self.WORDS[text.lower()]
+
+    def text(self, value: Any) -> str:
+        return super().text(value) if isinstance(value, OutOfRange) else str(bool(value)).lower()
+
+    def allowed(self, limits: Limits) -> str:
+        return "false, true"
+
+    def named_values(self) -> Mapping[int, str]:
+        return {0: "false", 1: "true"}
+
+
+class Real(Kind):
+    """A floating-point number: REAL32 or REAL64. An EDS's limits of one are not looked at."""
+
+    def __init__(self, type_: DataType) -> None:
+        super().__init__()
+        self.type = type_
+
+    def read(self, raw: int, limits: Limits) -> Any:
+        return self.type.read(raw.to_bytes(self.type.size, "little"))
+
+    def numbers(self, limits: Limits) -> range:
+        return range(0)
+
+    def write(self, value: Any, limits: Limits) -> int:
+        if not isinstance(value, (int, float)):
+            raise ValueError(value)
+        try:
+            return int.from_bytes(self.type.write(float(value)), "little")
+        except OverflowError as error:
+            raise ValueError(value) from error
+
+    def parse(self, text: str) -> Any:
+        """Read a number as the type holds it, so that what is written 0.1 equals what is received as 0.1."""
+        return self.read(self.write(float(text), NO_LIMITS), NO_LIMITS)
+
+    def text(self, value: Any) -> str:
+        return f"{value:.7g}" if self.type is values.REAL32 else repr(value)
+
+    def plain(self, value: Any) -> Any:
+        return value if isfinite(value) else self.text(value)  # JSON has neither NaN nor infinity
+
+    def allowed(self, limits: Limits) -> str:
+        return f"any {self.type.name}"
+
+
+class Text(Kind):
+    """A VISIBLE_STRING of whole bytes, without the zeros that fill it up; any byte is a character of Latin-1."""
+
+    def __init__(self, length: int) -> None:
+        super().__init__()
+        self.length = length
+
+    def read(self, raw: int, limits: Limits) -> Any:
+        return raw.to_bytes(self.length, "little").rstrip(b"\0").decode("latin-1")
+
+    def numbers(self, limits: Limits) -> range:
+        return range(0)
+
+    def write(self, value: Any, limits: Limits) -> int:
+        if not isinstance(value, str) or len(value) > self.length:
+            raise ValueError(value)
+        return int.from_bytes(value.encode("latin-1"), "little")
+
+    def parse(self, text: str) -> Any:
+        return text
+
+    def text(self, value: Any) -> str:
+        return repr(value)
+
+    def allowed(self, limits: Limits) -> str:
+        return f"up to {self.length} characters"
+
+
+class Octets(Text):
+    """An OCTET_STRING of whole bytes; a person writes two hexadecimal digits for each."""
+
+    def read(self, raw: int, limits: Limits) -> Any:
+        return raw.to_bytes(self.length, "little")
+
+    def write(self, value: Any, limits: Limits) -> int:
+        if not isinstance(value, bytes) or len(value) != self.length:
+            raise ValueError(value)
+        return int.from_bytes(value, "little")
+
+    def parse(self, text: str) -> Any:
+        return bytes.fromhex(text)
+
+    def text(self, value: Any) -> str:
+        return str(value.hex().upper())
+
+    def plain(self, value: Any) -> Any:
+        return self.text(value)
+
+    def allowed(self, limits: Limits) -> str:
+        return f"{self.length} bytes as hexadecimal digits"
+
+
+NO_LIMITS = Limits(0, 0)
+"""For a kind that looks at none."""
+
+_OF_TYPE: Mapping[DataType, Callable[[int], Kind]] = {
+    values.BOOLEAN: lambda _: Boolean(),
+    values.REAL32: lambda _: Real(values.REAL32),
+    values.REAL64: lambda _: Real(values.REAL64),
+    values.VISIBLE_STRING: lambda bits: Text(bits // 8),
+    values.OCTET_STRING: lambda bits: Octets(bits // 8),
+}
+
+
+def kind_of(type_: DataType, bits: int) -> Kind:
+    """Return the kind of a field of a data type that has `bits` bits.
+
+    Integers, and what is mapped in part only (16 bits of a REAL32, 12 bits of a text), are numbers.
+    """
+    whole = type_ is values.BOOLEAN or (bits == type_.bits if type_.bits else bits % 8 == 0)
+    make = _OF_TYPE.get(type_)
+    return make(bits) if make and whole else Kind()
 
 
 def whole_number(value: Any) -> int:

@@ -20,25 +20,29 @@ class LayoutError(ValueError):
 
 
 class Slot(NamedTuple):
-    """One mapping entry: `bits` bits of `field` (None: padding), the lowest being the value's bit `shift`."""
+    """One mapping entry: `bits` bits of `field` (None: padding), the lowest being the value's bit `shift`.
+
+    The highest bit of a `signed` field is its sign (two's complement, CiA 301, 7.1.4.4).
+    """
 
     field: str | None
     shift: int
     bits: int
+    signed: bool = False
 
 
-def slot(name: str, bits: int, to_field: Callable[[str], str]) -> Slot:
+def slot(name: str, bits: int, to_field: Callable[[str], str], signed: bool = False) -> Slot:
     """Return the slot of a mapping entry from its ParameterName and mapped length.
 
     Raises LayoutError if a slice's name and its mapped length contradict each other.
     """
     match = SLICE.match(name)
     if match is None:
-        return Slot(to_field(name), 0, bits)
+        return Slot(to_field(name), 0, bits, signed)
     high, low = int(match["high"]), int(match["low"])
     if high - low + 1 != bits:
         raise LayoutError(f"{name} is mapped with {bits} bits")
-    return Slot(to_field(match["name"]), low, bits)
+    return Slot(to_field(match["name"]), low, bits, signed)
 
 
 class Run(NamedTuple):
@@ -63,6 +67,8 @@ ByteOrder = Literal["little", "big"]
 class Layout:
     """Where each field's bits lie in a PDO: `fields` in wire order, `widths` in bits, `length` in bytes.
 
+    `raws` are the raw values that the bits of each field can hold.
+
     The frame is read as one integer, in the byte order that leaves the fewest runs: a value whose slices are stored
     most significant first is in one piece again when the frame is read as big-endian.
     Raises LayoutError for over 64 bits, and for parts of a field that overlap or leave a gap.
@@ -77,6 +83,8 @@ class Layout:
         self._places = {field: _whole(field, places) for field, places in self._collect().items()}
         self.fields = tuple(self._places)
         self.widths = {field: len(places) for field, places in self._places.items()}
+        self.signed = frozenset(slot.field for slot in self.slots if slot.signed)
+        self.raws = {field: _raws(width, field in self.signed) for field, width in self.widths.items()}
         runs: dict[ByteOrder, dict[str, tuple[Run, ...]]] = {"little": self._runs("little"), "big": self._runs("big")}
         # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
         self.byte_order: ByteOrder = min(runs, key=lambda order: sum(map(len, runs[order].values())))
@@ -86,7 +94,7 @@ class Layout:
         """Return for each field its pairs of value bit and frame bit."""
         found: dict[str, list[tuple[int, int]]] = {}
         offset = 0
-        for field, shift, bits in self.slots:
+        for field, shift, bits, _ in self.slots:
             if field is not None:
                 found.setdefault(field, []).extend((shift + bit, offset + bit) for bit in range(bits))
             offset += bits
@@ -110,6 +118,11 @@ class Layout:
     def place(self, field: str, raw: int) -> int:
         """Return a raw value's bits at their places in the word."""
         return sum(run.place(raw) for run in self.runs[field])
+
+
+def _raws(width: int, is_signed: bool) -> range:
+    count = 1 << width
+    return range(-count // 2, count // 2) if is_signed else range(count)
 
 
 def _whole(field: str, pairs: list[tuple[int, int]]) -> list[int]:

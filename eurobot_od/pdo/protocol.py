@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
@@ -16,10 +16,13 @@ from eurobot_od.od.outline import Outline
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
-from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, plain_name
+from eurobot_od.pdo.catalogue import NOTHING, Catalogue, CatalogueEntry, plain_name, readable_name
 from eurobot_od.pdo.message import Message
 
-NAMES_NOTHING = re.compile(r"PDO|parameter|^\s*$", re.IGNORECASE)
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
 
 
@@ -41,18 +44,23 @@ class Protocol:
         self.catalogue = catalogue
         self._bindings: dict[str, Binding] = {}
         self._by_cob_id: dict[int, Binding] = {}
-        for dictionary, pdos in sources:
-            for pdo in pdos:
-                if pdo.valid:
-                    try:
-                        self._bind(dictionary, pdo)
-                    except MappingError as error:
-                        refused(error)
+        valid = [(dictionary, pdo) for dictionary, pdos in sources for pdo in pdos if pdo.valid]
+        # senders first: a message has its sender's name and fields
+        for dictionary, pdo in sorted(valid, key=lambda each: each[1].direction is PdoDirection.RPDO):
+            try:
+                self._bind(dictionary, pdo)
+            except MappingError as error:
+                refused(error)
         self._by_type = {binding.type: binding for binding in self._bindings.values()}
         self._by_name = {plain_name(name): binding for name, binding in self._bindings.items()}
         # filled when a message is first read or written, as its function is generated then
         self._readers: dict[int, Callable[[bytes], Message]] = {}
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
+
+    @classmethod
+    def of_devices(cls, outlines: Iterable[Outline], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
+        """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks."""
+        return cls(((each, each.read_pdos(each.default, refused)) for each in outlines), catalogue, refused)
 
     def _bind(self, dictionary: Outline, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)
@@ -65,21 +73,28 @@ class Protocol:
             binding = Binding(dictionary.file, pdo, name, entry)
             self._bindings[name] = self._by_cob_id[pdo.cob_id] = binding
         else:
-            _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo, name, entry))
-        (binding.senders if pdo.direction is PdoDirection.TPDO else binding.receivers).append(dictionary.name)
+            _refuse_difference(binding, dictionary, Binding(dictionary.file, pdo, name, entry), entry is None)
+        nodes = binding.senders if pdo.direction is PdoDirection.TPDO else binding.receivers
+        if dictionary.name not in nodes:
+            nodes.append(dictionary.name)
 
     def _identify(self, dictionary: Outline, pdo: Pdo) -> tuple[str, CatalogueEntry | None]:
         """Return the name of a PDO's message, and its entry in the catalogue.
 
         Outside the catalogue a record's name need not say which PDO it is: half of the EDS files in the world repeat
-        "TPDO communication parameter". Such a PDO is the message that already has its COB-ID, from whose sender or
-        to whose receiver it is, or else it is named by device, direction and number.
+        "TPDO communication parameter", or one name for all. Such a PDO is the message that already has its COB-ID, from
+        whose sender or to whose receiver it is. Else it has its record's name, if that says something and is free, or
+        is named by device, direction and number.
         """
         entry = self.catalogue.find(pdo.name)
-        if entry is not None or not NAMES_NOTHING.search(pdo.name):
+        if entry is not None:
             return pdo.name, entry
-        same = self._by_cob_id.get(pdo.cob_id)
-        return same.name if same else f"{dictionary.name}.{pdo.direction.name}{pdo.number}", None
+        same, name = self._by_cob_id.get(pdo.cob_id), readable_name(pdo.name)
+        if same and self.catalogue.find(same.name) is None:
+            return same.name, None
+        if NAMES_NOTHING.search(name) or plain_name(name) in map(plain_name, self._bindings):
+            return f"{dictionary.name}.{pdo.direction.name}{pdo.number}", None
+        return name, None
 
     # Typed messages
 
@@ -151,15 +166,14 @@ class Protocol:
         return self.binding(message_type).name
 
 
-def _refuse_difference(known: Binding, dictionary: Outline, other: Binding) -> None:
-    """Two dictionaries that speak of one message must mean the same frame.
+def _refuse_difference(known: Binding, dictionary: Outline, other: Binding, renamed: bool) -> None:
+    """Two dictionaries that speak of one message must mean the same frame; with `renamed` its fields by any names.
 
-    Where only the COB-ID says that it is one message, the two may call its fields by different names.
+    Outside the catalogue only the COB-ID says that it is one message.
     """
     if known.cob_id != other.cob_id:
         what = f"COB-ID 0x{other.cob_id:03X}, but 0x{known.cob_id:03X} in {known.file.name}"
         raise MappingError(dictionary.file, other.pdo.index, f"{other.name}: {what}")
-    named_alike = known.name == known.pdo.name
-    if known.layout.slots != other.layout.slots if named_alike else known.layout.bits != other.layout.bits:
+    if known.layout.bits != other.layout.bits if renamed else known.layout.slots != other.layout.slots:
         what = f"mapping differs from that in {known.file.name} 0x{known.pdo.mapping_index:04X}"
         raise MappingError(dictionary.file, other.pdo.mapping_index, f"{other.name}: {what}")

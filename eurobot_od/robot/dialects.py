@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 
 from eurobot_od.errors import UnknownName
+from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.outline import Outline
 
@@ -59,9 +60,9 @@ def load_all(dialect: str | Path | None = None) -> tuple[Dictionary, ...]:
 
     Raises DictionaryError if two of them have one node-ID.
     """
-    return Dictionary.load_folder(folder(dialect))
+    return network.load(network.read_network(folder(dialect)).nodes, Dictionary)
 
 
 def outlines(dialect: str | Path | None = None) -> tuple[Outline, ...]:
     """Return the outlines of the EDS files of all nodes of a dialect, ordered by node-ID; errors as `load_all`."""
-    return Outline.load_folder(folder(dialect))
+    return network.load(network.read_network(folder(dialect)).nodes, Outline)

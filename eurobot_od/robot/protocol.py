@@ -20,12 +20,12 @@ class EurobotProtocol(Protocol):
     @classmethod
     def load(cls, dialect: str | Path | None = None) -> EurobotProtocol:
         """Load all EDS files of a dialect by its name or folder; raises UnknownName, DictionaryError."""
-        return cls(((each, each.pdos) for each in dialects.outlines(dialect)), CATALOGUE)
+        return cls.of_devices(dialects.outlines(dialect), CATALOGUE)
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> EurobotProtocol:
         """Return the messages of one device as its EDS or DCF maps them; raises MappingError."""
-        return cls([(dictionary, dictionary.pdos)], CATALOGUE)
+        return cls.of_devices([dictionary], CATALOGUE)
 
 
 def decoder(dialect: str | Path | None = None) -> Decoder:

@@ -52,8 +52,47 @@ def test_a_call(arguments: list[str], status: int, part: str, capsys: pytest.Cap
     assert part in capsys.readouterr().out
 
 
+def test_a_finding_that_repeats_is_one_line_with_a_count(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lint", OLD, "--select", "W203"]) == 0
+    assert capsys.readouterr().out.endswith("(and 2 more; -v lists them)\n")
+    main(["lint", OLD, "--select", "W203", "-v"])
+    assert capsys.readouterr().out.count("W203") == 3
+
+
+FIXED = [(["--fix"], "own.eds"), (["--fix", "-o", "new.eds"], "new.eds")]
+
+
+@pytest.mark.parametrize(("options", "written"), FIXED)
+def test_a_file_is_written_as_it_is_meant(
+    options: list[str],
+    written: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    commented = Path(CLEAN).read_text().replace("DefaultValue=-5", "; slow\nDefaultValue=-5")
+    odd = commented.replace("; slow\nDefaultValue=-5", "DefaultValue=-5 ; slow")
+    Path("own.eds").write_text(odd.replace("SubNumber=4\n", "SubNumber=\n", 1))
+    assert main(["lint", "own.eds", *options]) == 0
+    said = [each.partition(": ")[2] for each in capsys.readouterr().out.splitlines()]
+    assert said == ["SubNumber without a value written 4", "comment put on a line of its own"]
+    assert Path(written).read_text() == commented
+    assert main(["lint", written, "--fix"]) == 0
+    assert capsys.readouterr().out == ""
+
+
+WRONG_FIXES = [(["none.eds"], 2), ([CLEAN, OLD, "-o", "x.eds"], 2), ([str(SAMPLES / "broken_by_hand.eds")], 2)]
+
+
+@pytest.mark.parametrize(("words", "status"), WRONG_FIXES)
+def test_what_cannot_be_repaired_is_told(words: list[str], status: int, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lint", "--fix", *words]) == status
+    assert capsys.readouterr().err.count("\n") == 1
+
+
 def test_findings_come_in_the_order_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:
-    main(["lint", OLD])
+    main(["lint", OLD, "-v"])
     lines = [int(each.removeprefix(OLD).split(":")[1]) for each in capsys.readouterr().out.splitlines()]
     assert lines == sorted(lines)
 

@@ -6,13 +6,20 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 from can_remote.server import RemoteServer
 
+from eurobot_od.live import Live, open_bus
+from eurobot_od.robot import dialects
+from eurobot_od.robot.field import START_POSES
+from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.nodes import Drive, Navigation
+from eurobot_od.robot.values import TeamColour
 from tests.cli.console import run
 
 PATIENCE = 60.0
@@ -32,9 +39,7 @@ def shared_bus() -> Iterator[str]:
 
 
 @contextmanager
-def node(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a node in a process of its own, and kill it if it hangs."""
-    command = [sys.executable, "-m", "eurobot_od", "node", *words]
+def killed_if_it_hangs(command: list[str]) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         watchdog = threading.Timer(PATIENCE, process.kill)
         watchdog.start()
@@ -43,6 +48,13 @@ def node(*words: str) -> Iterator[subprocess.Popen[str]]:
         finally:
             watchdog.cancel()
             process.kill()
+
+
+@contextmanager
+def node(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Run a node in a process of its own, and kill it if it hangs."""
+    with killed_if_it_hangs([sys.executable, "-m", "eurobot_od", "node", *words]) as process:
+        yield process
 
 
 def line(process: subprocess.Popen[str], what: str) -> str:
@@ -86,6 +98,74 @@ def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
         assert navigation.wait(PATIENCE) == 130
         assert navigation.stderr is not None
         assert navigation.stderr.read() == ""
+
+
+# A core that is told to end while its goto is under way
+
+SCRIPT = """
+import sys
+from eurobot_od import Robot
+from eurobot_od.robot.values import TeamColour
+
+with Robot("remote", sys.argv[1]) as robot:
+    robot.check_nodes()
+    robot.configure_start(TeamColour.RED)
+    print(robot.goto(2700, 1700, 0, speed=30))
+"""
+
+
+@contextmanager
+def partners(channel: str) -> Iterator[Drive]:
+    """Run a drive and a navigation in this process; gives the drive."""
+    drive = Drive(dialects.load("drive"))
+    with ExitStack() as stack:
+        for node in (drive, Navigation(dialects.load("navigation"))):
+            stack.enter_context(Live.node(open_bus("remote", channel), node))
+        yield drive
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def is_on_its_way(drive: Drive) -> bool:
+    """Tell whether the drive has left its start place; it takes some 100 ms for that."""
+    pose = drive.estimate.pose
+    return drive.goto is not None and pose is not None and pose.distance(START_POSES[TeamColour.RED].point) > 10
+
+
+@pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
+def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
+    shared_bus: str, told: signal.Signals, status: int
+) -> None:
+    with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
+        wait_for(lambda: is_on_its_way(drive))
+        script.send_signal(told)
+        assert script.wait(PATIENCE) == status
+        assert not drive.moving
+        assert drive.stopped_by == StopDrive()
+        assert drive.device.emergencies.errors == {}  # it was stopped before anybody missed the core
+
+
+def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str) -> None:
+    with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
+        wait_for(lambda: is_on_its_way(drive))
+        script.kill()
+        wait_for(lambda: not drive.moving)
+        assert 0x8130 in drive.device.emergencies.errors.values()
+
+
+def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) -> None:
+    with partners(shared_bus) as drive, node("core", "--drill", "-i", "remote", "-c", shared_bus) as core:
+        wait_for(lambda: is_on_its_way(drive))
+        core.send_signal(signal.SIGTERM)
+        assert core.wait(PATIENCE) == 130
+        assert not drive.moving
+        assert drive.stopped_by == StopDrive()
+        assert drive.device.emergencies.errors == {}
 
 
 @pytest.mark.parametrize(

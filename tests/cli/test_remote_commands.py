@@ -11,9 +11,13 @@ import pytest
 
 from eurobot_od.cli import main
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.device.node import Node
+from eurobot_od.live import Live
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.repairs import repaired
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
+from tests.eds_text import DEVICE_TYPE, variable
 
 HEARTBEAT = "0x1017:0  Producer heartbeat time"
 NAMED = "0x1017:0: Producer heartbeat time"
@@ -95,6 +99,40 @@ def test_scan_of_an_empty_bus(run: Run) -> None:
 )
 def test_read(run: Run, drive: str, words: list[str], out: str) -> None:
     assert run(drive, "read", *words) == (0, out, "")
+
+
+# The same node by a file of anybody's, with and without its node-ID, and by its name in a network file.
+DEVICES = [
+    ("5", ["--eds", "thing.eds"]),
+    ("5", ["--eds", "5=thing.eds"]),
+    ("thing", ["--eds", "5=thing.eds"]),
+    ("thing", ["--network", "net.yaml"]),
+    ("5", ["--network", "net.yaml"]),
+]
+
+
+@pytest.mark.parametrize(("node", "options"), DEVICES)
+def test_any_device_is_read_by_the_names_of_its_file(
+    run: Run, node: str, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = repaired((DEVICE_TYPE + variable("2000", "Heat", "INTEGER16", "-5")).encode(), "thing.eds").data.decode()
+    Path("thing.eds").write_text(text.replace("PDOMapping=1", "PDOMAPPING=1"))
+    Path("net.yaml").write_text("nodes: {thing: {file: thing.eds, node_id: 5}}")
+    thing = Node(Dictionary.load("thing.eds", 5))
+    channel = new_channel()
+    with can.Bus(channel, interface="virtual") as bus, Live.node(bus, thing):
+        status, out, err = run(channel, "read", node, "Heat", *options)
+    assert (status, out) == (0, "0x2000:0  Heat  -5\n")
+    assert err.count("\n") == err.count("thing.eds: read as it is meant: ") == 1
+
+
+def test_a_name_that_no_device_has_is_told(run: Run) -> None:
+    assert run(new_channel(), "read", "thing", "0x1000") == (
+        2,
+        "",
+        "eurobot-od: unknown node 'thing'; known: core, drive, navigation\n",
+    )
 
 
 def test_read_as_json(run: Run, drive: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
+from tests.eds_text import DEVICE_TYPE, pdo, variable
 
 PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
 
@@ -26,6 +28,19 @@ def test_the_table_has_every_message_in_the_order_of_its_identifier(
     assert [int(row.split()[0], 16) for row in rows] == [binding.cob_id for binding in bindings]
     assert all(binding.name in row for binding, row in zip(bindings, rows))
     assert rows[7].split() == ["0x040", "Navi", "Position", "Request", "core", "navigation", "0"]
+
+
+def test_a_picture_has_room_for_64_fields(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    bits = "".join(variable(f"{0x2000 + n:04X}", "Input", "BOOLEAN") for n in range(64))
+    mapped = pdo(0x1800, *(f"0x{0x2000 + n:04X}0001" for n in range(64)))
+    Path("many.eds").write_text(DEVICE_TYPE + bits + mapped)
+    lines = run(capsys, "show", "many.TPDO1", "--eds", "5=many.eds").out.splitlines()
+    cells = [cell.strip() for line in lines if line.startswith("byte ") for cell in line.split("|")[1:-1]]
+    assert len(set(cells)) == 64
+    assert lines[-1].split()[1:] == ["input_64", "1", "bit", "false,", "true"]
 
 
 def test_a_picture_shows_each_bit_where_it_is(capsys: pytest.CaptureFixture[str]) -> None:

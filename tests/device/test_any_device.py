@@ -139,7 +139,7 @@ BAD_PDOS = [
     (pdo(0x1800, "0x181", "0x30000008"), "maps an object that is missing"),
     (pdo(0x1800, "0x181", *["0x10000020"] * 3), "over 64 bits"),
     (pdo(0x1800, "0x20000181", "0x10000020"), "29 bits"),
-    (pdo(0x1800, "", "0x10000020"), "no COB-ID"),
+    (pdo(0x1804, "", "0x10000020"), "no COB-ID, nor one by default, as the first four have"),
 ]
 
 

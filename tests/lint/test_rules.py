@@ -43,3 +43,20 @@ def test_a_code_is_a_rule_of_its_own() -> None:
 @pytest.mark.parametrize("file", OWN_FILES, ids=lambda file: "/".join(file.parts[-2:]))
 def test_our_own_files_have_nothing_above_info(file: Path) -> None:
     assert [each for each in lint(file.read_bytes(), str(file)) if each.severity is not Severity.INFO] == []
+
+
+# What is unusual and no mistake: section, old and new text, and the code that stays silent.
+NO_DEFECTS = [
+    ("2007", "DefaultValue=-5", "DefaultValue=0xFFFB", "E435"),  # an INTEGER16: its bits
+    ("2007", "LowLimit=-100", "LowLimit=0x8000", "E437"),
+    ("2007", "LowLimit=-100", "LowLimit=0xFF9C", "E438"),
+    ("1801sub1", "DefaultValue=$NODEID+0x280", "DefaultValue=0x181", "E610"),  # as TPDO 1 of node 1 and of no other
+]
+
+
+@pytest.mark.parametrize(("section", "old", "new", "code"), NO_DEFECTS)
+def test_what_is_right_in_another_way_is_not_flagged(section: str, old: str, new: str, code: str) -> None:
+    name, text = BASES["eds"]
+    head, found, tail = text.partition(f"[{section}]")
+    assert old in tail
+    assert code not in {each.code for each in lint((head + found + tail.replace(old, new, 1)).encode(), name)}

@@ -16,7 +16,7 @@ ABOVE_INFO: dict[str, list[tuple[int, str]]] = {
     # CR LF, lower-case hexadecimal, no blank lines: unusual, but right
     "crlf_io_module.eds": [],
     # keys in any case, blanks around =, an umlaut, dates without leading zeros, an octal heartbeat time
-    "sloppy_sensor.eds": [(6, "W103"), (7, "E208"), (8, "E209"), (103, "W432")],
+    "sloppy_sensor.eds": [(1, "W121"), (6, "W103"), (7, "W208"), (8, "W209"), (103, "W432"), (121, "W451")],
     # from before EDSVersion: no ObjectType keys (VAR is the default), keys that are gone today, no identity object
     "old.eds": [
         *[(1, "E202"), (1, "W203"), (1, "W203"), (1, "W203"), *[(10, "W213")] * 11],

@@ -14,7 +14,7 @@ import pytest
 from eurobot_od.errors import DictionaryError, MappingError
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import MappedObject, Pdo
-from eurobot_od.od.values import Limits, PdoDirection
+from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, Limits, PdoDirection
 from eurobot_od.robot.protocol import EurobotProtocol
 
 ROOT = Path(__file__).parents[2]
@@ -115,11 +115,11 @@ def test_reads_a_pdo_with_its_mapping() -> None:
     assert (goto.name, goto.direction, goto.cob_id, goto.valid) == ("Goto XY", PdoDirection.RPDO, 0x008, True)
     assert (goto.transmission_type, goto.mapping_index) == (254, 0x1603)
     assert goto.mapping == (
-        MappedObject(0x2000, 1, 12, "X position", Limits(0, 3000)),
-        MappedObject(0x2000, 2, 12, "Y position", Limits(0, 2000)),
-        MappedObject(0x2000, 3, 10, "Angle", Limits(0, 359)),
-        MappedObject(0x2000, 4, 8, "Speed", Limits(0, 100)),
-        MappedObject(0x2000, 5, 16, "Barriers", Limits(0, 0xFFFF)),
+        MappedObject(0x2000, 1, 12, "X position", Limits(0, 3000), UNSIGNED16),
+        MappedObject(0x2000, 2, 12, "Y position", Limits(0, 2000), UNSIGNED16),
+        MappedObject(0x2000, 3, 10, "Angle", Limits(0, 359), UNSIGNED16),
+        MappedObject(0x2000, 4, 8, "Speed", Limits(0, 100), UNSIGNED8),
+        MappedObject(0x2000, 5, 16, "Barriers", Limits(0, 0xFFFF), UNSIGNED16),
     )
 
 
@@ -150,8 +150,7 @@ UNMAPPED = [
     ("1603sub4", "speed", 0x1603, "sub 4 is missing or has no number as its value"),
     ("1603sub0", None, 0x1603, "sub 0 is missing or has no number as its value"),
     ("1603sub0", "6", 0x1603, "maps 0x0000 sub 0, which is missing"),
-    ("1403sub1", None, 0x1403, "sub 1 is missing or has no number as its value"),
-    ("1403sub2", None, 0x1403, "sub 2 is missing or has no number as its value"),
+    ("1404sub1", None, 0x1404, "sub 1 is missing or has no number as its value"),  # only the first four have a default
     ("1403sub1", "0x20000008", 0x1403, "COB-ID 0x20000008 asks for a 29-bit identifier"),
 ]
 
@@ -183,7 +182,7 @@ BROKEN = [
     ("text", b"hello\n", "not a readable EDS: line 1: neither section nor entry nor comment (hello)"),
     ("binary", bytes(range(256)), "not a readable EDS: line 1: a NUL byte"),
     ("cut in a line", GOOD[: GOOD.index(b"DefaultValue=0x2000010C") + 7], "not a readable EDS: line "),
-    ("cut in a section", GOOD[: GOOD.index(b"[1603sub1]") + 30], "0x1603: sub 1 has no DataType"),
+    ("cut in a section", GOOD[: GOOD.index(b"[1603sub1]") + 30], "0x1603: sub 1 has no AccessType"),
     ("cut before its data", GOOD[: GOOD.index(b"[1800]")], "the file names no node-ID; give one"),
     (
         "no number",

@@ -74,23 +74,6 @@ def test_data_is_found_by_its_name(name: str, index: int | None) -> None:
     assert Outline.load(DRIVE).data_index(name) == index
 
 
-@pytest.mark.parametrize("kind", [Outline, Dictionary])
-def test_all_files_are_loaded_by_node_id(kind: type[Outline]) -> None:
-    found = kind.load_folder(ROOT / "eds" / "canopen")
-    assert [(each.node_id, each.name, type(each)) for each in found] == [
-        (1, "core", kind),
-        (2, "drive", kind),
-        (3, "navigation", kind),
-    ]
-
-
-@pytest.mark.parametrize("kind", [Outline, Dictionary])
-def test_two_files_with_one_node_id_are_refused(kind: type[Outline], spoil_eds: Callable[..., Path]) -> None:
-    folder = spoil_eds(("navigation", "2100sub1", "DefaultValue", "2"))
-    with pytest.raises(DictionaryError, match="node-ID 2 is taken by drive"):
-        kind.load_folder(folder)
-
-
 def test_node_id_as_the_value_of_the_own_setting_names_none(tmp_path: Path) -> None:
     (tmp_path / "own.eds").write_bytes(variable(ParameterName="Node-ID", DefaultValue="$NODEID"))
     with pytest.raises(DictionaryError, match="names no node-ID; give one"):

@@ -15,6 +15,7 @@ from eurobot_od.od.values import (
     DataType,
     Number,
     Value,
+    is_standard_number,
     label,
     owner,
     parse_number,
@@ -32,18 +33,31 @@ NUMBERS = [
     ("$NODEID", Number(0, relative=True)),
     ("$NODEID+0x180", Number(0x180, relative=True)),
     ("$nodeid + 384", Number(384, relative=True)),
+    # as CiA 306 does not write them
+    ("0x10LL", Number(16)),
+    ("-10u", Number(-10)),
+    ("0FFh", Number(255)),
+    ("0x80 + $NodeID", Number(0x80, relative=True)),
+    ("(0x40+$NODEID+64)", Number(0x80, relative=True)),
 ]
 NO_NUMBERS = [
     *["", " ", "-", "0x", "x10", "1.5", "1e3", "five", "0b1", "0o7"],
     *["018", "09"],  # octal digits end at 7
-    *["1_000", "+5", "1 000", "--5"],  # what int() would take, or nearly
-    *["0x80+$NODEID", "$NODEID-1", "$NODEID+", "$NODEID+-1", "$NODEIDX", "$NODEID 5"],
+    *["1_000", "+5", "1 000", "--5", "FFh", "0x10LLLL", "L"],  # what int() would take, or nearly
+    *["0x80-$NODEID", "$NODEID+$NODEID", "$NODEID-1", "$NODEID+", "$NODEID+-1", "$NODEIDX", "$NODEID 5"],
 ]
 
 
 @pytest.mark.parametrize(("text", "number"), NUMBERS)
 def test_a_number_is_read(text: str, number: Number) -> None:
     assert parse_number(text) == number
+
+
+@pytest.mark.parametrize(("text", "number"), NUMBERS)
+def test_the_standard_has_one_way_to_write_a_number(text: str, number: Number) -> None:
+    is_standard = text.isalnum() or text[1:].isalnum() or text.startswith("$NODEID")
+    is_standard &= text[-1] not in "LuhH"
+    assert is_standard_number(text) is is_standard, number
 
 
 @pytest.mark.parametrize("text", NO_NUMBERS)

@@ -103,13 +103,15 @@ FIELDS = [
     ("Größe", "gr_e"),  # ASCII only: an identifier for any tool
     ('x"; import os', "x_import_os"),
     ("_private", "private"),
+    ("self", "self"),
+    ("x" * 1000, "x" * 60),
 ]
 
 
 @pytest.mark.parametrize(("parameter", "field"), FIELDS)
 def test_every_parameter_name_makes_a_field_name(parameter: str, field: str) -> None:
     assert field_name(parameter) == field
-    assert made_type("x", [field])._fields == (field,)
+    assert made_type("x", {field: Kind()})._fields == (field,)
 
 
 def test_objects_of_one_name_are_told_apart() -> None:
@@ -119,4 +121,4 @@ def test_objects_of_one_name_are_told_apart() -> None:
 
 
 def test_a_type_may_be_made_of_any_name() -> None:
-    assert made_type('drive.TPDO1"\n', ["a"]).__name__ == "drive_TPDO1__"
+    assert made_type('drive.TPDO1"\n', {"a": Kind()}).__name__ == 'drive.TPDO1"\n'

@@ -475,7 +475,7 @@ MISFITS: list[tuple[list[tuple[str, str, str, str | None]], str, int, str]] = [
         [("navigation", "1800sub1", "DefaultValue", "0x00000014")],
         "navigation",
         0x1800,
-        "Navi Position Response: COB-ID 0x014, but 0x080 in drive.eds",
+        "Navi Position Response: COB-ID 0x014 is already that of Goto State Response (drive.eds 0x1801)",
     ),
     (
         [("drive", "1403sub1", "DefaultValue", "0x00000009")],

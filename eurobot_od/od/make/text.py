@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from eurobot_od.od.description import OBJECT_LISTS, ObjectCode
+from eurobot_od.od.description import ObjectCode
+from eurobot_od.od.keys import OBJECT_LISTS
 from eurobot_od.od.make.objects import DictionaryObject, SubObject, object_dictionary
 from eurobot_od.od.make.table import BIT_RATES, NodeRow, Table
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, MANUFACTURER, UNSIGNED32, PdoDirection

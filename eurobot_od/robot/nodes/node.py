@@ -11,7 +11,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.errors import Cause, Refused
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
-from eurobot_od.robot.values import RobotError, Source
+from eurobot_od.robot.values import RobotError
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
 """What a node does with each message: a function of the node and the message; it returns the answer, or None."""
@@ -35,10 +35,10 @@ class RobotNode(Node):
 
     def doubt(self, message: Message) -> int | None:
         """Return the error code for a message that cannot be believed: a position of another robot is none of ours."""
-        source = messages.SOURCES.get(type(message))
-        if source is not None and getattr(message, "source", None) in set(Source) - {source}:
+        code, source = super().doubt(message), messages.SOURCES.get(type(message))
+        if code is None and source is not None and getattr(message, "source", None) is not source:
             return RobotError.WRONG_SOURCE
-        return super().doubt(message)
+        return code
 
     def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
         """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""

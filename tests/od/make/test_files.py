@@ -8,7 +8,8 @@ import pytest
 
 from eurobot_od.od.make.files import differences, make_files, write_files
 from eurobot_od.od.make.table import read_table
-from eurobot_od.od.network import read_network_file
+from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.network_yaml import read_network_file
 from tests.od.make.tables import TABLE
 
 EDS = Path(__file__).resolve().parents[3] / "eds"
@@ -39,8 +40,8 @@ def test_the_comment_is_the_tables() -> None:
 def test_the_network_is_that_of_the_first_dialect() -> None:
     two = TABLE.replace("identifier: 12, senders: [drive]", "identifier: 4, senders: [core, drive]")
     network = read_network_file(make_files(read_table(two, ""))["network.yaml"], "eds/network.yaml")
-    nodes = {"core": ("eds/plain/core.eds", 1), "drive": ("eds/plain/drive.eds", 2)}
-    assert network == (nodes, ("Confirm",), ("Confirm", "Goto"), 500)
+    nodes = [NodeFile("eds/plain/core.eds", 1, "core"), NodeFile("eds/plain/drive.eds", 2, "drive")]
+    assert network == NetworkFile(nodes, ("Confirm",), ("Confirm", "Goto"), 500)
 
 
 # The smallest tables: names that YAML takes for something else, no message, one node.

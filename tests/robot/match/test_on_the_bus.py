@@ -26,7 +26,7 @@ from eurobot_od.robot.nodes import Node
 from tests.client.peers import master_on, new_channel, open_bus
 
 NOW = datetime(2014, 5, 28, 12, 0)
-SHORT = MatchOptions(duration=6.0)
+SHORT = MatchOptions(duration=9.0)
 MOVED = 0x018
 WIDE_X = 0x20000110
 

@@ -1,0 +1,99 @@
+"""What a file says in other words than most: its sections under their usual names, PDOs written out.
+
+Rule of this file: the file itself is never changed, and nothing is added that it does not say.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from eurobot_od.od import values
+from eurobot_od.od.description import parse_section_name
+from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.values import DataType, PdoDirection, parse_number
+
+COUNTS = {PdoDirection.RPDO: "nrofrxpdo", PdoDirection.TPDO: "nroftxpdo"}
+
+PARAMETERS: tuple[tuple[str, DataType], ...] = (
+    ("COB-ID", values.UNSIGNED32),
+    ("Transmission type", values.UNSIGNED8),
+    ("Inhibit time", values.UNSIGNED16),
+    ("Compatibility entry", values.UNSIGNED8),
+    ("Event timer", values.UNSIGNED16),
+    ("SYNC start value", values.UNSIGNED8),
+)
+"""Communication parameters from sub-index 1 on; the device has those whose bit in CompactPDO is set."""
+
+
+USUAL_NAME = re.compile(r"[0-9a-f]{4}(?:sub(?:0|[1-9a-f][0-9a-f]?)|name|value|denotation)?")
+"""Names of objects' sections, in lower case; `parse_section_name` says what they mean."""
+
+
+def completed(document: Document) -> Document:
+    """Return a document with all objects that it describes under the names that they have in CiA 306."""
+    renamed = {name: usual_name(name) for name in document.sections if not name.isalnum() or looks_odd(name)}
+    sections = dict(document.sections)
+    for name, usual in renamed.items():
+        if usual is not None and usual not in sections:
+            sections[usual] = sections[name]._replace(name=usual)
+    whole = document._replace(sections=sections)
+    return whole._replace(sections={**sections, **{each.name.lower(): each for each in _compact_pdos(whole)}})
+
+
+def looks_odd(name: str) -> bool:
+    """Whether a section's name, in lower case, may be that of an object in an unusual form."""
+    return name[:1].isdigit() and not USUAL_NAME.fullmatch(name)
+
+
+def usual_name(name: str) -> str | None:
+    """Return how CiA 306 names an object's section, from `0x1018`, `01018`, `1018 sub1` or `1018sub01`; else None."""
+    head, sub, tail = "".join(name.lower().split()).removeprefix("0x").partition("sub")
+    usual = head.lstrip("0").zfill(4) + sub + (tail.lstrip("0") or tail[:1])
+    return usual if parse_section_name(usual) else None
+
+
+# CompactPDO (CiA 306-1, 4.5.2): communication records that have no sections of their own
+
+
+def _compact_pdos(document: Document) -> Iterator[Section]:
+    info = document.sections.get("deviceinfo")
+    mask = parse_number(info.text("compactpdo")) if info else None
+    if info is None or mask is None or mask.value <= 0:
+        return
+    for direction, key in COUNTS.items():
+        count = parse_number(info.text(key))
+        described = [each for each in values.COMMUNICATION_RECORDS[direction] if f"{each:04x}" in document.sections]
+        missing = (each for each in values.COMMUNICATION_RECORDS[direction] if each not in described)
+        for index, _ in zip(missing, range((count.value if count else 0) - len(described))):
+            yield from _record(info, index, direction.name, mask.value)
+            if f"{index + values.MAPPING_OFFSET:04x}" not in document.sections:
+                yield from _mapping(info, index + values.MAPPING_OFFSET, direction.name)
+
+
+def _record(at: Section, index: int, direction: str, mask: int) -> Iterator[Section]:
+    present = {sub: each for sub, each in enumerate(PARAMETERS, start=1) if mask >> sub - 1 & 1}
+    yield _section(at, f"{index:04X}", ParameterName=f"{direction} communication parameter", ObjectType="0x9")
+    yield _variable(at, f"{index:04X}sub0", "Highest sub-index", values.UNSIGNED8, str(max(present, default=0)))
+    for sub, (name, type_) in present.items():
+        is_without = sub == values.COB_ID and index & values.PDO_COUNT - 1 >= len(
+            values.DEFAULT_PDO_BASES[PdoDirection.RPDO]
+        )
+        default = f"0x{values.NOT_VALID:08X}" if is_without else ""
+        yield _variable(at, f"{index:04X}sub{sub}", name, type_, default)
+
+
+def _mapping(at: Section, index: int, direction: str) -> Iterator[Section]:
+    yield _section(at, f"{index:04X}", ParameterName=f"{direction} mapping parameter", ObjectType="0x9")
+    yield _variable(at, f"{index:04X}sub0", "Mapped objects", values.UNSIGNED8, "0")
+
+
+def _variable(at: Section, name: str, title: str, type_: DataType, default: str) -> Section:
+    code = f"0x{type_.code:04X}"
+    return _section(at, name, ParameterName=title, DataType=code, AccessType="rw", DefaultValue=default)
+
+
+def _section(at: Section, name: str, **entries: str) -> Section:
+    """Return a section that stands where the file announces it."""
+    said = {key.lower(): Entry(key, value, at.line, at.column) for key, value in entries.items()}
+    return Section(name, at.line, at.column, said)

@@ -1,0 +1,57 @@
+"""What a network file says, and the one of CiA 306-3: `nodelist.cpj`, the DCF files of a network by node-ID.
+
+[Topology]
+Nodes=0x02
+Node2Present=0x01
+Node2Name=drive
+Node2DCFName=drive.dcf
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import PurePath, PureWindowsPath
+from typing import NamedTuple
+
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od.document import Section, parse
+from eurobot_od.od.values import Number, parse_number
+
+
+class NodeFile(NamedTuple):
+    """A node: its EDS or DCF, its node-ID if that is said, and its name if it is not the file's."""
+
+    file: str
+    node_id: int | None = None
+    name: str = ""
+
+
+class NetworkFile(NamedTuple):
+    """What a network file says: its nodes, shared messages, messages by urgency, kbit/s."""
+
+    nodes: Sequence[NodeFile]
+    shared: Sequence[str] = ()
+    order: Sequence[str] = ()
+    bit_rate: int | None = None
+
+
+NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")
+
+
+def read_nodelist(text: str, file: str) -> NetworkFile:
+    """Read the text of a nodelist, its own path `file`; of several networks the first. Raises DictionaryError."""
+    topology = parse(text).sections.get("topology")
+    if topology is None:
+        raise DictionaryError(file, None, "not a nodelist: it has no [Topology]")
+    numbers = dict.fromkeys(int(match[1]) for key in topology.entries if (match := NODE_KEY.fullmatch(key)))
+    present = [each for each in numbers if parse_number(topology.text(f"node{each}present")) != Number(0)]
+    return NetworkFile([_node(topology, each, file) for each in present])
+
+
+def _node(topology: Section, node_id: int, file: str) -> NodeFile:
+    dcf = topology.text(f"node{node_id}dcfname")
+    if not dcf:
+        raise DictionaryError(file, None, f"line {topology.line}: node {node_id} has no Node{node_id}DCFName")
+    path = PurePath(file).parent / PureWindowsPath(dcf)  # both kinds of slashes are in use
+    return NodeFile(str(path), node_id, topology.text(f"node{node_id}name"))

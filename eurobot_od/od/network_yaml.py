@@ -1,0 +1,65 @@
+"""A network file in YAML: its nodes with their files and node-IDs, and what is declared of them.
+
+Rule of this file: names and numbers are read as they are written, and numbers as in an EDS (decimal, 0x or octal):
+a node may be called `off`, and what YAML 1.1 makes of it does not count.
+
+    nodes:
+      core: {file: core.eds, node_id: 1}      # files are relative to this file; node_id where the file does not say it
+      drive: {file: drive.dcf}
+    shared: [Start Configuration Confirm]     # messages that several nodes may send
+    order: [Emergency Shutdown, Emergency Stop]   # the most urgent first
+    bit_rate: 500                             # kbit/s
+"""
+
+from __future__ import annotations
+
+from pathlib import PurePath
+
+import yaml
+
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.values import NODE_IDS, parse_number
+from eurobot_od.yaml_places import NodeReader, Problems, ReadError, listing, mapping, read_yaml, record, refuse, scalar
+
+
+def number_of(numbers: range) -> NodeReader[int]:
+    """Make a reader of a number as an EDS has it."""
+
+    def read(node: yaml.Node, problems: Problems) -> int:
+        text = scalar(node, problems)
+        number = parse_number(text)
+        if number is None or number.relative or number.value not in numbers:
+            refuse(node, problems, f"expected a number from {numbers[0]} to {numbers[-1]}, found {str(text)!r}")
+        return number.value
+
+    return read
+
+
+NODE = record(NodeFile, {"file": scalar}, {"node_id": number_of(NODE_IDS)})
+
+
+def _nodes(node: yaml.Node, problems: Problems) -> list[NodeFile]:
+    named = mapping(NODE, key=scalar)(node, problems)
+    return [each._replace(name=str(name)) for name, each in named.items()]
+
+
+NETWORK = record(
+    NetworkFile,
+    {"nodes": _nodes},
+    {"shared": listing(scalar), "order": listing(scalar), "bit_rate": number_of(range(1, 1001))},
+)
+
+
+def read_network_file(text: str, file: str) -> NetworkFile:
+    """Read the text of a network file, its own path `file`; raises DictionaryError with the line of the first fault."""
+    problems: Problems = []
+    try:
+        network = read_yaml(text, NETWORK, problems)
+    except ReadError as error:
+        place, what = problems[0]
+        raise DictionaryError(file, None, f"line {place.line}: {what}") from error
+    if not network.nodes:
+        raise DictionaryError(file, None, "line 1: it names no nodes")
+    folder = PurePath(file).parent
+    return network._replace(nodes=[each._replace(file=str(folder / each.file)) for each in network.nodes])

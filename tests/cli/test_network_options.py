@@ -1,0 +1,103 @@
+"""--eds, --network and the network file of a folder: every command that decodes or talks takes any device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.cli import ExitStatus
+from tests.cli.console import run
+from tests.eds_text import DEVICE_TYPE, pdo, variable
+
+MOTOR = DEVICE_TYPE + variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010") + pdo(0x1804, "0x20000010")
+PANEL = DEVICE_TYPE + variable("2000", "Wanted", "INTEGER16") + pdo(0x1400, "0x20000010", cob_id="0x185")
+
+
+NETWORK = """nodes:
+  motor: {file: motor.eds, node_id: 5}
+  panel: {file: panel.eds, node_id: 1}
+"""
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with two EDS files, a log and a suite."""
+    (tmp_path / "motor.eds").write_text(MOTOR)
+    (tmp_path / "panel.eds").write_text(PANEL)
+    (tmp_path / "net.yaml").write_text(
+        "nodes:\n  motor: {file: motor.eds, node_id: 5}\n  panel: {file: panel.eds, node_id: 1}\n"
+    )
+    (tmp_path / "run.log").write_text("(1.0) can0 185#FEFF\n")
+    (tmp_path / "suite.yaml").write_text(
+        "name: a motor\nspec: 1\nnode: motor\nsteps:\n  - expect: {motor.TPDO1: {speed: -2}}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+BOTH = ["--eds", "5=motor.eds", "--eds", "1=panel.eds"]
+WAYS = [BOTH, ["--network", "net.yaml"], ["--network", "net.yaml", "--eds", "7=motor.eds"]]
+
+# A command, and what it prints of the motor's message.
+COMMANDS = [
+    (["show"], "0x185   motor.TPDO1                    motor              panel                  2  speed 16"),
+    (["show", "motor.TPDO1"], "-32768..32767"),
+    (["decode", "run.log"], "speed=-2"),
+    (["decode", "--where", "motor.TPDO1.speed<0", "run.log"], "speed=-2"),
+    (["decode", "--node", "panel", "--json", "run.log"], '"fields": {"speed": -2}'),
+    (["monitor", "--plain", "--speed", "max", "run.log"], "speed=-2"),
+    (["send", "-i", "virtual", "motor.TPDO1", "speed=-2"], "185#FEFF"),
+    (["check", "--list", "suite.yaml"], "a motor (motor; any dialect)"),
+    (["export", "dbc"], "SG_ speed"),
+]
+
+
+@pytest.mark.parametrize(("words", "expected"), COMMANDS, ids=lambda value: str(value)[:30])
+def test_commands_know_the_devices_that_are_named(
+    capsys: pytest.CaptureFixture[str], words: list[str], expected: str
+) -> None:
+    said = run(capsys, *words, *BOTH)
+    assert expected in said.out
+    assert said.err.count("PDO left out: motor.eds: 0x1804: sub 1 is missing or has no number as its value\n") == 1
+
+
+@pytest.mark.parametrize("words", WAYS[1:], ids=" ".join)
+def test_a_network_file_names_them_as_well(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    assert "motor" in run(capsys, "show", *words).out
+
+
+def test_two_devices_of_one_file_are_told_apart(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "show", "--eds", "5=motor.eds", "--eds", "6=motor.eds").out
+    assert [line.split()[:2] for line in said.splitlines()[1:]] == [
+        ["0x185", "motor_5.TPDO1"],
+        ["0x186", "motor_6.TPDO1"],
+    ]
+
+
+def test_a_folders_own_network_file_is_taken_unless_something_else_is_named(
+    capsys: pytest.CaptureFixture[str], folder: Path
+) -> None:
+    (folder / "net.yaml").rename(folder / "eurobot-od.yaml")
+    assert "motor.TPDO1" in run(capsys, "show").out
+    assert "motor.TPDO1" not in run(capsys, "show", "--dialect", "canopen").out
+    assert "panel" not in run(capsys, "show", "--eds", "5=motor.eds").out
+
+
+# What is wrong on a command line, and the line that says so.
+WRONG = [
+    (["--eds", "motor.eds"], "motor.eds: the file names no node-ID; give one, as in 5=motor.eds"),
+    (["--eds", "128=motor.eds"], "motor.eds: node-ID 128 is not in 1..127"),
+    (["--eds", "5=motor.eds", "--eds", "5=panel.eds"], "panel.eds: node-ID 5 is taken by motor.eds"),
+    (["--eds", "5=gone.eds"], "gone.eds: No such file or directory"),
+    (["--network", "gone.yaml"], "gone.yaml: No such file or directory"),
+    (
+        ["--dialect", "canopen", "--network", "net.yaml"],
+        "--dialect is a network of its own: leave out --eds and --network, or leave it out",
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "line"), WRONG, ids=lambda value: str(value)[:40])
+def test_what_is_wrong_is_said_in_one_line(capsys: pytest.CaptureFixture[str], words: list[str], line: str) -> None:
+    assert run(capsys, "show", *words) == (ExitStatus.WRONG_INPUT, "", f"eurobot-od: {line}\n")

@@ -1,0 +1,376 @@
+"""EDS and DCF files as they are written out there: loaded as they are meant, and repaired for other tools."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import canopen
+import pytest
+
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.outline import Outline
+from eurobot_od.od.repairs import repaired
+from eurobot_od.od.values import DATA_TYPES, Address, Value
+from eurobot_od.pdo.protocol import Protocol
+from tests.eds_text import pdo, variable
+
+NODE_ID = 5
+
+BASE = """\
+[FileInfo]
+FileName=a.eds
+EDSVersion=4.0
+
+[DeviceInfo]
+VendorName=V
+VendorNumber=1
+ProductNumber=2
+
+[DummyUsage]
+Dummy0001=0
+Dummy0002=0
+Dummy0003=0
+Dummy0004=0
+Dummy0005=1
+Dummy0006=0
+Dummy0007=0
+
+[Comments]
+Lines=1
+Line1=one
+
+[MandatoryObjects]
+SupportedObjects=1
+1=0x1000
+
+[OptionalObjects]
+SupportedObjects=1
+1=0x1014
+
+[ManufacturerObjects]
+SupportedObjects=2
+1=0x2000
+2=0x2001
+
+[1000]
+ParameterName=Device type
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+DefaultValue=0x10
+
+[1014]
+ParameterName=COB-ID EMCY
+ObjectType=0x7
+DataType=0x0007
+AccessType=ro
+DefaultValue=$NODEID+0x80
+
+[2000]
+ParameterName=Speeds
+ObjectType=0x8
+SubNumber=3
+
+[2000sub0]
+ParameterName=Highest sub-index
+ObjectType=0x7
+DataType=0x0005
+AccessType=ro
+DefaultValue=2
+
+[2000sub1]
+ParameterName=First
+ObjectType=0x7
+DataType=0x0003
+AccessType=rw
+DefaultValue=-5
+
+[2000sub2]
+ParameterName=Second
+ObjectType=0x7
+DataType=0x0003
+AccessType=rw
+DefaultValue=7
+
+[2001]
+ParameterName=Label
+ObjectType=0x7
+DataType=0x0009
+AccessType=rw
+DefaultValue=arm
+"""
+
+DEFAULTS: dict[Address, Value] = {
+    (0x1000, 0): 0x10,
+    (0x1014, 0): 0x85,
+    (0x2000, 0): 2,
+    (0x2000, 1): -5,
+    (0x2000, 2): 7,
+    (0x2001, 0): "arm",
+}
+
+
+class Variation(NamedTuple):
+    """What is written otherwise, how, which values that gives beyond those of the base, and whether it needs repair."""
+
+    reason: str
+    old: str
+    new: str
+    values: dict[Address, Value] = {}  # noqa: RUF012  # never changed
+    needs_repair: bool = True
+
+
+def without(section: str) -> tuple[str, str]:
+    """Take a section with all its entries out."""
+    start = BASE.index(f"[{section}]")
+    end = BASE.find("\n\n", start) + 2
+    return BASE[start:end], ""
+
+
+def typed(code: int, default: str) -> str:
+    """A variable's type, access and value."""
+    return f"DataType=0x{code:04X}\nAccessType=rw\nDefaultValue={default}"
+
+
+ADDRESS_1, ADDRESS_2, LABEL = (0x2000, 1), (0x2000, 2), (0x2001, 0)
+FIRST, SECOND, COB_ID = "DefaultValue=-5", typed(0x03, "7"), "DefaultValue=$NODEID+0x80"
+NO_TYPE = "AccessType=ro\nDefaultValue=0x10"
+VAR_SUB = "[1014sub0]\nParameterName=Odd\nDataType=5\nAccessType=ro\n"
+COMPACT_ARRAY = """\
+[2002]
+ParameterName=Gain
+ObjectType=8
+DataType=4
+AccessType=rw
+DefaultValue=1
+CompactSubObj=2
+[2002Name]
+NrOfEntries=1
+2=Last
+[2002Value]
+NrOfEntries=1
+2=9
+"""
+COMPACT_RECORD = """\
+[2002]
+ParameterName=Gain
+ObjectType=9
+DataType=7
+AccessType=rw
+CompactSubObj=0x2
+[2002Value]
+NrOfEntries=1
+1=0xA
+"""
+
+VARIATIONS = [
+    Variation("the base itself", "", "", needs_repair=False),
+    # How it is written
+    Variation("a comment after a value", FIRST, "DefaultValue=-5 ; slow"),
+    Variation("a comment with #", FIRST, f"# slow\n{FIRST}"),
+    Variation("an indented line", FIRST, f"  {FIRST}"),
+    Variation("blanks around the equals sign", FIRST, "DefaultValue = -5", needs_repair=False),
+    Variation("a section twice, the second as a left-over", "[2001]", "[2000sub1]\nDefaultValue=9\n[2001]"),
+    Variation("a section twice in another case", "[2001]", "[2000SUB1]\nDefaultValue=9\n[2001]"),
+    Variation("a key twice", FIRST, f"{FIRST}\nDefaultValue=9"),
+    Variation("a key twice in another case", FIRST, f"{FIRST}\ndefaultvalue=9"),
+    Variation("a section in another case", "[FileInfo]", "[FILEINFO]"),
+    Variation("a sub-index in capitals", "[2000sub1]", "[2000SUB1]"),
+    Variation("keys in another case", "ParameterName=First", "PARAMETERNAME=First"),
+    Variation("a list in another case", "[OptionalObjects]\nSupportedObjects", "[optionalobjects]\nsupportedobjects"),
+    Variation("line5", "Line1=one", "line1=one"),
+    Variation("0x in a section's name", "[2000sub1]", "[0x2000sub1]"),
+    Variation("a leading zero in a section's name", "[2000sub1]", "[2000sub01]"),
+    Variation("a blank in a section's name", "[2000sub1]", "[2000 sub1]"),
+    # What is missing
+    Variation("no [FileInfo]", *without("FileInfo")),
+    Variation("no [DeviceInfo]", *without("DeviceInfo"), needs_repair=False),
+    Variation("no [DummyUsage]", *without("DummyUsage"), needs_repair=False),
+    Variation("no [Comments]", *without("Comments"), needs_repair=False),
+    Variation("dummies that are not there", "Dummy0006=0\nDummy0007=0\n", ""),
+    Variation("no lists of objects", BASE[BASE.index("[Mandatory") : BASE.index("[1000]")], ""),
+    Variation("a list with a wrong count", "SupportedObjects=2", "SupportedObjects=9"),
+    Variation("no SubNumber", "SubNumber=3\n", ""),
+    Variation("a wrong SubNumber", "SubNumber=3", "SubNumber=2"),
+    Variation("no ObjectType of a VAR", "ObjectType=0x7\nDataType=0x0009", "DataType=0x0009", needs_repair=False),
+    Variation("no ObjectType of a record", "ObjectType=0x8\nSubNumber=3\n", ""),
+    Variation("no DataType of sub-index 0", "DataType=0x0005\n", ""),
+    Variation("no DataType where the standard has it", "DataType=0x0007\nAccessType=ro\nDefaultValue=0x10", NO_TYPE),
+    Variation("no DataType in an array", SECOND, "AccessType=rw\nDefaultValue=7"),
+    Variation("no Lines", "Lines=1\n", ""),
+    Variation("no ParameterName", "ParameterName=First\n", "", needs_repair=False),
+    # Empty values
+    Variation("an empty VendorNumber", "VendorNumber=1", "VendorNumber="),
+    Variation("an empty default", FIRST, "DefaultValue=", {ADDRESS_1: None}),
+    Variation("an empty limit", FIRST, f"LowLimit=\nHighLimit=\n{FIRST}"),
+    Variation("an empty ParameterValue", FIRST, f"{FIRST}\nParameterValue="),
+    Variation("an empty ObjFlags", FIRST, f"{FIRST}\nObjFlags="),
+    # Numbers
+    Variation("C's suffix", FIRST, "DefaultValue=0x10LL", {ADDRESS_1: 16}),
+    Variation("C's other suffix", FIRST, "DefaultValue=10u", {ADDRESS_1: 10}),
+    Variation("hexadecimal with h", FIRST, "DefaultValue=0FFh", {ADDRESS_1: 255}),
+    Variation("capital X", FIRST, "DefaultValue=0XfF", {ADDRESS_1: 255}, needs_repair=False),
+    Variation("a negative number as its bits", FIRST, "DefaultValue=0xFFFB", needs_repair=False),
+    Variation("the lowest number as its bits", FIRST, "DefaultValue=0x8000", {ADDRESS_1: -0x8000}, needs_repair=False),
+    Variation("octal", FIRST, "DefaultValue=010", {ADDRESS_1: 8}, needs_repair=False),
+    Variation("a type with a suffix", "DataType=0x0009", "DataType=0x9L"),
+    Variation("a type without leading zeros", "DataType=0x0009", "DataType=9", needs_repair=False),
+    # $NODEID
+    Variation("$NODEID in another case", COB_ID, "DefaultValue=$NodeID+0x80"),
+    Variation("$NODEID in lower case", COB_ID, "DefaultValue=$nodeid+128"),
+    Variation("$NODEID last", COB_ID, "DefaultValue=0x80+$NODEID"),
+    Variation("$NODEID last, with blanks and in another case", COB_ID, "DefaultValue=0x80 + $NodeId"),
+    Variation("$NODEID in brackets", COB_ID, "DefaultValue=($NODEID+0x80)"),
+    Variation("$NODEID between", COB_ID, "DefaultValue=0x40+$NODEID+0x40"),
+    Variation("$NODEID with a suffix", COB_ID, "DefaultValue=$NODEID+0x80UL"),
+    Variation("$NODEID alone", COB_ID, "DefaultValue=$NODEID", {(0x1014, 0): 5}, needs_repair=False),
+    Variation("$NODEID with all bits", COB_ID, "DefaultValue=0x80000080+$NODEID", {(0x1014, 0): 0x80000085}),
+    # Types
+    Variation("INTEGER64", SECOND, typed(0x15, "-0x7FFFFFFFFFFFFFFF"), {ADDRESS_2: -(2**63) + 1}, needs_repair=False),
+    Variation("UNSIGNED64", SECOND, typed(0x1B, "0xFFFFFFFFFFFFFFFF"), {ADDRESS_2: 2**64 - 1}, needs_repair=False),
+    Variation("REAL32 as its bits", SECOND, typed(0x08, "0x3FC00000"), {ADDRESS_2: 1.5}, needs_repair=False),
+    Variation("a DOMAIN by its type", SECOND, typed(0x0F, "0102"), {ADDRESS_2: b"\1\2"}, needs_repair=False),
+    Variation("a DOMAIN without a type", "ObjectType=0x7\nDataType=0x0009", "ObjectType=0x2", {LABEL: None},
+              needs_repair=False),
+    # Kinds
+    Variation("a VAR with sub-indices", "[2001]", f"{VAR_SUB}\n[2001]", needs_repair=False),
+    Variation("DeviceCommissioning", "[1000]", "[DeviceCommissioning]\nNodeID=5\n\n[1000]"),
+    # Compact
+    Variation("a compact array", "[2001]", f"{COMPACT_ARRAY}\n[2001]",
+              {(0x2002, 0): 2, (0x2002, 1): 1, (0x2002, 2): 9}, needs_repair=False),
+    Variation("a compact record", "[2001]", f"{COMPACT_RECORD}\n[2001]",
+              {(0x2002, 0): 2, (0x2002, 1): 10, (0x2002, 2): None}, needs_repair=False),
+]  # fmt: skip
+
+
+def text_of(variation: Variation) -> str:
+    assert variation.old in BASE
+    return BASE.replace(variation.old, variation.new, 1)
+
+
+def by_reason(value: object) -> str:
+    return value.reason if isinstance(value, Variation) else str(value)
+
+
+def defaults(data: bytes, kind: type[Outline]) -> dict[Address, Value]:
+    loaded = kind.read(data, Path("a.eds"), NODE_ID)
+    return {address: loaded.default(address) for address in loaded.addresses()}
+
+
+@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
+@pytest.mark.parametrize("kind", [Outline, Dictionary])
+def test_a_file_is_loaded_as_it_is_meant(kind: type[Outline], variation: Variation) -> None:
+    assert defaults(text_of(variation).encode(), kind) == DEFAULTS | variation.values
+
+
+@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
+def test_what_had_to_be_looked_over_is_listed(variation: Variation) -> None:
+    assert bool(Outline.read(text_of(variation).encode(), Path("a.eds"), NODE_ID).repairs) is variation.needs_repair
+
+
+@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
+def test_a_repaired_file_says_the_same_and_needs_no_repair(variation: Variation) -> None:
+    data, repairs = repaired(text_of(variation).encode(), "a.eds")
+    assert defaults(data, Outline) == DEFAULTS | variation.values
+    assert repaired(data, "a.eds") == (data, ())
+    if not repairs:
+        assert data == text_of(variation).encode()
+
+
+# What canopen reads wrongly, or not at all, although the file is written as the standard has it.
+CANOPENS_OWN = {
+    "octal", "a negative number as its bits", "the lowest number as its bits", "REAL32 as its bits", "$NODEID alone",
+    "a compact array", "a compact record", "a DOMAIN without a type", "no [DummyUsage]", "no [DeviceInfo]",
+    "no [Comments]", "a VAR with sub-indices", "a type without leading zeros", "no ParameterName", "INTEGER64",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("variation", [v for v in VARIATIONS if v.reason not in CANOPENS_OWN], ids=by_reason)
+def test_canopen_reads_the_repaired_file(
+    tmp_path: Path, variation: Variation, caplog: pytest.LogCaptureFixture
+) -> None:
+    file = tmp_path / "a.eds"
+    file.write_bytes(repaired(text_of(variation).encode(), "a.eds").data)
+    with caplog.at_level(logging.CRITICAL):
+        objects = canopen.import_od(str(file), node_id=NODE_ID)
+    for (index, sub), value in (DEFAULTS | variation.values).items():
+        entry: Any = objects[index]
+        assert getattr(entry, "subindices", {0: entry})[sub].default == value
+
+
+# Bytes
+
+BYTES = [
+    ("a byte order mark", b"\xef\xbb\xbf" + BASE.encode(), "byte order mark taken off"),
+    ("UTF-16", BASE.encode("utf-16"), "UTF-16 written as UTF-8"),
+    ("mixed line ends", BASE.replace("\n", "\r\n", 9).encode(), "line ends made alike"),
+]
+
+
+@pytest.mark.parametrize(("data", "what"), [row[1:] for row in BYTES], ids=[row[0] for row in BYTES])
+def test_bytes_of_any_editor_are_read(data: bytes, what: str) -> None:
+    assert defaults(data, Outline) == DEFAULTS
+    fixed, repairs = repaired(data, "a.eds")
+    assert [each.what for each in repairs] == [what]
+    assert fixed.replace(b"\r\n", b"\n") == BASE.encode()
+
+
+@pytest.mark.parametrize("data", [BASE.replace("\n", "\r\n").encode(), BASE.replace("arm", "\xe4rm").encode("latin-1")])
+def test_bytes_that_need_no_repair_are_kept(data: bytes) -> None:
+    assert repaired(data, "a.eds") == (data, ())
+
+
+def test_what_is_cut_off_is_not_repaired() -> None:
+    with pytest.raises(DictionaryError, match=r"^a\.eds: cannot be repaired: line 82: neither section nor entry"):
+        repaired((BASE + "Def").encode(), "a.eds")
+
+
+def test_a_missing_value_is_not_guessed() -> None:
+    text = BASE.replace("AccessType=rw\nDefaultValue=-5", "DefaultValue=-5")
+    assert repaired(text.encode(), "a.eds") == (text.encode(), ())
+    with pytest.raises(DictionaryError, match="0x2000: sub 1 has no AccessType"):
+        defaults(text.encode(), Outline)
+
+
+def test_all_is_repaired_at_once() -> None:
+    text = BASE
+    for variation in VARIATIONS:
+        if variation.old and variation.old in text and not variation.values:
+            text = text.replace(variation.old, variation.new, 1)
+    data, repairs = repaired(text.encode(), "a.eds")
+    assert len(repairs) > 20
+    assert repaired(data, "a.eds").repairs == ()
+    assert defaults(data, Outline) == defaults(text.encode(), Outline) == DEFAULTS
+
+
+# CompactPDO
+
+COMPACT_PDO = "[DeviceInfo]\nCompactPDO=0x13\nNrOfRXPDO=5\nNrOfTXPDO=1\n"
+
+
+def test_compact_pdos_are_there_as_if_they_were_written_out() -> None:
+    loaded = Outline.read(BASE.replace("[DeviceInfo]\n", COMPACT_PDO, 1).encode(), Path("a.eds"), NODE_ID)
+    assert [(each.direction.name, each.number, each.cob_id, each.valid, each.mapping) for each in loaded.pdos] == [
+        *(("RPDO", number, 0x105 + number * 0x100, True, ()) for number in range(1, 5)),
+        ("RPDO", 5, 0, False, ()),
+        ("TPDO", 1, 0x185, True, ()),
+    ]
+    assert [sub for index, sub in loaded.addresses() if index == 0x1400] == [0, 1, 2, 5]
+    described = loaded.described((0x1400, 5))
+    assert described
+    assert described.type == DATA_TYPES[0x06]
+
+
+def test_compact_pdos_are_those_that_are_not_described() -> None:
+    own = variable("2003", "Value", "UNSIGNED16") + pdo(0x1400, "0x20030010", cob_id="0x300", name="Own")
+    text = BASE.replace("[DeviceInfo]\n", COMPACT_PDO.replace("NrOfRXPDO=5", "NrOfRXPDO=2"), 1) + own
+    loaded = Outline.read(text.encode(), Path("a.eds"), NODE_ID)
+    made = Protocol([(loaded, loaded.pdos)])
+    assert [(each.name, each.cob_id) for each in made.bindings] == [
+        ("a.TPDO1", 0x185),
+        ("Own", 0x300),
+        ("a.RPDO2", 0x305),
+    ]
