@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
+from eurobot_od.od.completion import completed
 from eurobot_od.od.description import COMMISSIONING as COMMISSIONING
 from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
-from eurobot_od.od.document import Document, Odd, parse, read_bytes
+from eurobot_od.od.document import Document, Odd, Section, parse, read_bytes
 from eurobot_od.od.keys import OBJECT_LISTS
 from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import (
@@ -84,11 +85,8 @@ def content(dcf: Outline, address: Address) -> bytes | None:
     Raises DictionaryError for a file beside it that cannot be read, and for a value that is none of the object's.
     """
     variable = dcf.members[address[0]][address[1]]
-    type_, file, text = (
-        dcf.type(variable),
-        variable.section.text("downloadfile"),
-        variable.section.text("parametervalue"),
-    )
+    type_, section = dcf.type(variable), variable.section
+    file, text = section.text("downloadfile"), section.text("parametervalue")
     where = f"sub {address[1]} ({variable.name})"
     if file:
         try:
@@ -167,20 +165,25 @@ def with_values(
     The commissioning stands last, so that a file that was cut off has none. Lines end in LF.
     Raises UnknownName for an address that the EDS does not describe, FieldError for what no line can hold.
     """
-    device = DescribedDevice(parse(eds_text))
+    device = DescribedDevice(completed(parse(eds_text)))
     rewriting = Rewriting(device.document)
     compact: dict[int, dict[str, str]] = {}
+    announced: dict[str, str] = {}
     for (index, subindex), value in values.items():
         if value is not None:
             variable = device.variable(index, subindex) if subindex >= 0 else None
             if variable is None:
                 raise UnknownName("object", label((index, subindex)))
-            if subindex in device.objects[index].subs:
+            if _is_announced(device, variable.section):
+                announced[variable.section.name] = _written(variable, value)
+            elif subindex in device.objects[index].subs:
                 _set(rewriting, variable, value)
             elif subindex:  # sub-index 0 of a compact object is its CompactSubObj
                 compact.setdefault(index, {})[str(subindex)] = _written(variable, value)
     for index, texts in compact.items():
         _set_compact(rewriting, device.objects[index], texts)
+    if announced:
+        _write_out_pdos(rewriting, device, announced)
     info = device.section("fileinfo")
     if info and not info.text("lasteds"):
         eds = info.text("filename")
@@ -236,6 +239,21 @@ def _set_compact(rewriting: Rewriting, whole: DescribedObject, texts: dict[str, 
         texts = {key: each.value for key, each in former.entries.items() if key.isdecimal()} | texts
         rewriting.drop(former)
     rewriting.append(f"{whole.index:04X}Value", {"NrOfEntries": len(texts), **texts})
+
+
+def _is_announced(device: DescribedDevice, section: Section) -> bool:
+    """Whether a section is not in the file: CompactPDO in [DeviceInfo] stands for it."""
+    info = device.section("deviceinfo")
+    return info is not None and section is not info and section.line == info.line
+
+
+def _write_out_pdos(rewriting: Rewriting, device: DescribedDevice, texts: Mapping[str, str]) -> None:
+    """Give parameters of PDOs that CompactPDO stands for their values: all those PDOs are written out."""
+    for section in device.document.sections.values():
+        if _is_announced(device, section):
+            entries: dict[str, object] = {each.key: each.value for each in section.entries.values()}
+            own = {"ParameterValue": texts[section.name]} if section.name in texts else {}
+            rewriting.append(section.name, entries | own)
 
 
 def _written(variable: DescribedVariable, value: DcfValue) -> str:

@@ -182,6 +182,22 @@ def test_compact_objects_have_their_values_in_a_list(tmp_path: Path) -> None:
     assert b"[2000Value]\nNrOfEntries=2\n1=ONE\n3=three\n" in again.content
 
 
+def test_pdos_that_compact_pdo_stands_for_are_written_out(tmp_path: Path) -> None:
+    eds = b"[DeviceInfo]\nNrOfRXPDO=2\nNrOfTXPDO=0\nCompactPDO=3\n" + (TYPED % 0x09).encode()
+    contents: dict[Address, bytes] = {(0x1401, 1): b"\5\3\0\0", (0x1401, 2): b"\1", (0x2000, 0): b"text"}
+    made = dcf.with_contents(Dictionary.read(eds, tmp_path / "any.eds", 5), contents, 5, "any", 500, "any")
+    read = Dictionary.read(made.content, tmp_path / "any.dcf")
+    assert [(pdo.index, pdo.cob_id, pdo.transmission_type) for pdo in read.pdos] == [
+        (0x1400, 0x205, 255),
+        (0x1401, 0x305, 1),
+    ]
+
+
+def test_sections_under_unusual_names_have_their_values(tmp_path: Path) -> None:
+    eds = (TYPED % 0x09).replace("[2000]", "[0x2000]").encode()
+    assert there_and_back(tmp_path, eds, {ADDRESS: b"text"})[1] == [b"text"]
+
+
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     file = tmp_path / "any.dcf"
     file.write_text(TYPED % 0x0F + "DownloadFile=gone.bin\n")
