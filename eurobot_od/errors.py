@@ -128,5 +128,9 @@ class ConfigurationError(RemoteError):
     """A node that could not be configured; the text says what was written and in which state the node is."""
 
 
+class ProgramError(RemoteError):
+    """A program that could not be downloaded into a node; the text says in which state the node is."""
+
+
 class BusError(EurobotError):
     """The CAN bus, its driver or its configuration failed."""

@@ -6,10 +6,18 @@ counted where it arrives and goes no further.
 
 from __future__ import annotations
 
+import re
 from typing import NamedTuple, TypeAlias
+
+from eurobot_od.errors import LocalError
 
 Data: TypeAlias = bytes | bytearray
 """Data of a frame where it is only read: python-can's messages have a bytearray."""
+
+
+MOST_BYTES = 8
+
+TEXT = re.compile(r"(?P<identifier>[0-7][0-9a-f]{2})#(?P<data>(?:[0-9a-f]{2}\.?)*)", re.IGNORECASE)
 
 
 class Frame(NamedTuple):
@@ -17,6 +25,17 @@ class Frame(NamedTuple):
 
     cob_id: int
     data: bytes = b""
+
+    @classmethod
+    def parse(cls, text: str) -> Frame:
+        """Read a frame as candump and cansend write it: `185#0102`, dots between bytes allowed; raises LocalError."""
+        match = TEXT.fullmatch(text)
+        data = match["data"].replace(".", "") if match else ""
+        if match is None or len(data) > 2 * MOST_BYTES:
+            raise LocalError(
+                f"{text!r} is no frame: write an 11-bit identifier, # and up to {MOST_BYTES} bytes: 185#0102"
+            )
+        return cls(int(match["identifier"], 16), bytes.fromhex(data))
 
     def __str__(self) -> str:
         """Write it as candump does: `008#D27423592C0D9702`."""

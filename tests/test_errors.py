@@ -19,6 +19,7 @@ from eurobot_od.errors import (
     MappingError,
     NoAnswer,
     NodeRefused,
+    ProgramError,
     Refused,
     RemoteError,
     StateError,
@@ -61,6 +62,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     ),
     (Refused(Cause.STATE, "the safe state is held"), RemoteError, "the safe state is held"),
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
+    (ProgramError("drive has no program"), RemoteError, "drive has no program"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),
 ]

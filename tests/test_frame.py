@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 
 TEXTS = [
@@ -16,6 +17,30 @@ TEXTS = [
 @pytest.mark.parametrize(("frame", "text"), TEXTS)
 def test_is_written_as_candump_does(frame: Frame, text: str) -> None:
     assert str(frame) == text
+
+
+@pytest.mark.parametrize(("frame", "text"), [*TEXTS, (Frame(0x18A, b"\x01\xab"), "18a#01.aB")])
+def test_is_read_as_cansend_reads_it(frame: Frame, text: str) -> None:
+    assert Frame.parse(text) == frame
+
+
+NO_FRAMES = [
+    "185",  # no data, not even none
+    "85#01",  # an identifier has three digits
+    "800#",  # and 11 bits
+    "00000185#01",  # 29 bits
+    "185#R",  # a remote frame
+    "185##101",  # CAN FD
+    "185#1",  # half a byte
+    "185#010203040506070809",  # nine bytes
+    "185#zz",
+]
+
+
+@pytest.mark.parametrize("text", NO_FRAMES)
+def test_what_is_no_classic_frame_is_refused(text: str) -> None:
+    with pytest.raises(LocalError, match="is no frame"):
+        Frame.parse(text)
 
 
 def test_sorts_as_frames_win_the_bus() -> None:

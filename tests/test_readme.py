@@ -12,12 +12,13 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PLAY, REHEARSE, PROTOCOL, LAMP, DEVICE = re.findall(r"^```python\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
+PLAY, REHEARSE, PROTOCOL, LAMP, WATCH, DEVICE = re.findall(r"^```python\n(.*?)^```", README, re.DOTALL | re.MULTILINE)
 PRINTED = re.compile(r"^ *print\(.*\)  # (.*)$", re.MULTILINE)
 EXAMPLES = {
     "a rehearsal": PLAY + REHEARSE.partition("with Robot")[0],
     "frames": PROTOCOL,
     "a program of one's own": LAMP,
+    "nodes watched": WATCH,
     "a device of any EDS": DEVICE.replace("eds/", f"{ROOT}/eds/"),
 }
 

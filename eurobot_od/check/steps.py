@@ -24,7 +24,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, download, upload
-from eurobot_od.sdo.wire import LENGTH
+from eurobot_od.sdo.wire import LENGTH, code_and_reason
 
 
 class Failed(Exception):
@@ -237,7 +237,7 @@ class Doer:
 
         Raises Failed, NoAnswer, OddAnswer.
         """
-        wanted = None if action.abort is None else f"abort 0x{action.abort:08X}"
+        wanted = None if action.abort is None else f"abort {code_and_reason(action.abort)}"
         await self._run(transfer, action.node)
         try:
             data = transfer.result()
@@ -246,7 +246,7 @@ class Doer:
         except Refused as error:
             if error.code == action.abort:
                 return None
-            came = f"abort 0x{error.code:08X}"
+            came = f"abort {code_and_reason(error.code)}"
             raise Failed(Reason(f"{action}: {error}", wanted or "no abort", came)) from None
         if wanted is not None:
             raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))

@@ -41,8 +41,13 @@ COMMANDS = {
     "export-dcf": "write the DCF of a live CANopen node",
     "store": "have a CANopen node store its parameters",
     "restore": "have a CANopen node take the defaults of its parameters",
+    "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
+    "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "nmt": "start, stop or reset a CANopen node",
+    "watch": "tell when CANopen nodes boot, are lost and are back",
+    "sync": "send SYNC messages at a fixed period",
+    "time": "send the time as CANopen's TIME message",
 }
 
 

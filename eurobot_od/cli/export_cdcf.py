@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from eurobot_od.cli import output as files
 from eurobot_od.cli import remote
 from eurobot_od.errors import DictionaryError, LocalError
 
@@ -15,7 +16,7 @@ from eurobot_od.errors import DictionaryError, LocalError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF")
-    parser.add_argument("-o", "--output", metavar="FILE", help="left out: the writes are printed")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="left out: the writes are printed")
     parser.add_argument("--eds", metavar="FILE", help="of the device that a concise DCF is for")
     parser.add_argument("--node-id", type=int, metavar="N", help="of the DCF that is made (default: the EDS's)")
 
@@ -28,7 +29,7 @@ def run(arguments: argparse.Namespace) -> None:
         read_concise(arguments.file, arguments.output, arguments.eds, arguments.node_id)
 
 
-def write_concise(file: str, output: str | None) -> None:
+def write_concise(file: str, output: Path | None) -> None:
     """Write or print the concise DCF of a DCF; raises DictionaryError, LocalError."""
     from eurobot_od.client.configure import all_writes, check_file
     from eurobot_od.client.description import from_file
@@ -41,11 +42,11 @@ def write_concise(file: str, output: str | None) -> None:
     if output is None:
         remote.print_readings(decoded(writes, description.dictionary), as_json=False)
     else:
-        Path(output).write_bytes(pack(writes))
+        files.write_bytes(output, pack(writes))
         print(f"{output}: {len(writes)} writes for node {description.dictionary.node_id}")
 
 
-def read_concise(file: str, output: str | None, eds: str | None, node_id: int | None) -> None:
+def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
     """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
     from eurobot_od.client.description import from_file
     from eurobot_od.client.reading import dcf_of_writes, decoded
@@ -62,6 +63,5 @@ def read_concise(file: str, output: str | None, eds: str | None, node_id: int | 
     elif description is None:
         raise LocalError("a DCF is made of an EDS and a concise DCF: name the EDS by --eds")
     else:
-        text = dcf_of_writes(description, writes, BITRATE // 1000)
-        Path(output).write_text(text, encoding="utf-8", errors="surrogateescape")
+        files.write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
         print(f"{output}: for node {description.dictionary.node_id}")

@@ -5,6 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od.errors import LocalError
+
+if TYPE_CHECKING:
+    from eurobot_od.od.dcf import Dcf
 
 NAME = "pdo"
 """Begins the identifiers in what goes to standard output."""
@@ -27,11 +33,30 @@ def name(arguments: argparse.Namespace) -> str:
 
 def write(output: Path | None, text: str) -> None:
     """Write a text; raises OSError, and leaves what was in the file then."""
-    from eurobot_od.files import write_whole
-
     if output is None:
         sys.stdout.write(text)
-    elif output.exists() and not output.is_file():
-        output.write_text(text, encoding="utf-8")  # a pipe or a device, which nothing can take the place of
     else:
-        write_whole(output.resolve(), text.encode())
+        write_bytes(output, text.encode())
+
+
+def write_bytes(output: Path, content: bytes) -> None:
+    """Write a file; raises as `write`."""
+    from eurobot_od.files import write_whole
+
+    if output.exists() and not output.is_file():
+        output.write_bytes(content)  # a pipe or a device, which nothing can take the place of
+    else:
+        write_whole(output.resolve(), content)
+
+
+def write_dcf(output: Path | None, dcf: Dcf) -> None:
+    """Write a DCF, after the files beside it; raises as `write`, and LocalError where there is no place for those."""
+    if output is not None:
+        for name, content in dcf.files.items():
+            write_bytes(output.with_name(name), content)
+        write_bytes(output, dcf.content)
+    elif dcf.files:
+        raise LocalError(f"the DCF needs files beside it ({', '.join(dcf.files)}): write it by -o FILE")
+    else:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(dcf.content)

@@ -1,10 +1,19 @@
-"""Read objects of a CANopen node, by number or by the EDS's name."""
+"""Read objects of a CANopen node, by number or by the EDS's name, or one object into a file."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, remote
+from eurobot_od.cli import ExitStatus, output, remote
+from eurobot_od.cli.progress import bar
+from eurobot_od.errors import LocalError
+from eurobot_od.od.values import label
+
+if TYPE_CHECKING:
+    from eurobot_od.client.master import RemoteNode
+    from eurobot_od.client.objects import NamedObject
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -14,6 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "objects", nargs="+", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'"
     )
     parser.add_argument("--json", action="store_true", help="print as JSON")
+    parser.add_argument("--file", type=Path, help="write the bytes of one object to this file; by block transfer")
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
@@ -25,6 +35,20 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         found = remote.description(arguments, node)
         dictionary = found.dictionary if found else None
         things = [thing for text in arguments.objects for thing in find(text, dictionary)]
+        if arguments.file:
+            return _read_file(node, things, arguments.file)
         readings = list(read_all(node, things))
     remote.print_readings(readings, arguments.json)
     return ExitStatus.FOUND if any(each.refusal for each in readings) else ExitStatus.FINE
+
+
+def _read_file(node: RemoteNode, things: list[NamedObject], file: Path) -> ExitStatus:
+    """Write an object's bytes to a file. Raises NodeRefused, NoAnswer, LocalError for several objects, OSError."""
+    if len(things) != 1:
+        raise LocalError(f"--file takes one object, not {len(things)}")
+    thing = things[0]
+    with bar(label(thing.address, thing.name)) as progress:
+        content = node.upload_block(thing.address, thing.name, progress)
+    output.write_bytes(file, content)
+    print(f"{file}: {len(content)} bytes of node {node.node_id}, {label(thing.address, thing.name)}")
+    return ExitStatus.FINE

@@ -1,4 +1,4 @@
-"""Send one message on a CAN bus, and wait for an answer if asked to.
+"""Send one message or frame on a CAN bus, and wait for an answer if asked to.
 
 Rule of this file: the whole command line is checked against the EDS files before a bus is opened.
 """
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import BusError, FieldError, LocalError, UnknownName
+from eurobot_od.errors import BusError, FieldError, LocalError, RemoteError, UnknownName
 
 if TYPE_CHECKING:
     import can
@@ -24,40 +24,66 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.message import Message
     from eurobot_od.pdo.protocol import Protocol
 
+FRAME_MARK = "#"
+"""Stands in a frame in candump's notation, and in no name of a message."""
+
 PATIENCE = 1.0
 """Seconds that the driver has to take a frame."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("message", help="a message by its name, such as 'Goto XY'")
+    parser.add_argument("message", help="a message by its name, such as 'Goto XY', or a frame: 185#0102")
     parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="such as x=1500 barriers=fire-1:forced")
-    parser.add_argument("--expect", metavar="MESSAGE", help="wait for this message and print it")
+    parser.add_argument(
+        "--expect", metavar="MESSAGE", help="wait for this message and print it; 185#01: whose data begin so, 185#: any"
+    )
     parser.add_argument("--within", default="1 s", metavar="TIME", help="how long to wait for it (default: 1 s)")
     shared.add_network(parser)
     shared.add_bus(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
-    """Send the message; 1 if the expected answer does not come in time."""
+    """Send the message or frame; 1 if the expected answer does not come in time."""
     within = durations.seconds(arguments.within)
     protocol = shared.protocol(arguments)
-    message = parse(protocol.binding(arguments.message), arguments.fields)
-    frame = protocol.encode(message)
-    expected = protocol.binding(arguments.expect) if arguments.expect else None
+    frame, words = question(protocol, arguments.message, arguments.fields)
+    expected = expectation(protocol, arguments.expect) if arguments.expect else None
     bus = shared.open_bus(arguments)
-    print(f"sent      {frame}  {_words(protocol, message)}")
+    print(f"sent      {frame}  {words}".rstrip())
     if expected is None:
         with bus:
             transmit(bus, frame)
         return ExitStatus.FINE
-    answer = exchange(bus, frame, expected.cob_id, within)
+    answer = exchange(bus, frame, expected, within)
     if answer is None:
-        print(f"expected  {expected.name}: nothing came within {within * 1000:g} ms")
+        print(f"expected  {arguments.expect}: nothing came within {within * 1000:g} ms")
         return ExitStatus.FOUND
     came, took = answer
-    print(f"received  {came}  {_words(protocol, expected.decode(came.data))}  after {took * 1000:.1f} ms")
+    # of a message that was asked for by its name, a frame too short is an error
+    said = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
+    print("  ".join(filter(None, (f"received  {came}", said, f"after {took * 1000:.1f} ms"))))
     return ExitStatus.FINE
+
+
+def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
+    """Return the frame to send, of a message or in candump's notation, and what it means; raises as `parse`."""
+    from eurobot_od.frame import Frame
+
+    if FRAME_MARK not in text:
+        message = parse(protocol.binding(text), fields)
+        return protocol.encode(message), _words(protocol, message)
+    if fields:
+        raise LocalError(f"the frame {text} has no fields: {', '.join(fields)}")
+    frame = Frame.parse(text)
+    return frame, meaning(protocol, frame)
+
+
+def expectation(protocol: Protocol, text: str) -> Frame:
+    """Return the identifier, and the beginning of the data, of what is waited for; raises UnknownName, LocalError."""
+    from eurobot_od.frame import Frame
+
+    return Frame.parse(text) if FRAME_MARK in text else Frame(protocol.binding(text).cob_id)
 
 
 def parse(binding: Binding, fields: Sequence[str]) -> Message:
@@ -86,6 +112,14 @@ def _value(binding: Binding, text: str) -> tuple[str, Any]:
         raise FieldError(binding.name, field, value if given else text, allowed) from None
 
 
+def meaning(protocol: Protocol, frame: Frame) -> str:
+    """Say which message a frame is, `` if it is none."""
+    try:
+        return _words(protocol, protocol.decode(*frame))
+    except RemoteError:
+        return ""
+
+
 def _words(protocol: Protocol, message: Message) -> str:
     from eurobot_od.pdo.message import describe
 
@@ -100,8 +134,10 @@ def transmit(bus: can.BusABC, frame: Frame) -> None:
         raise BusError("the bus did not take the frame")
 
 
-def exchange(bus: can.BusABC, question: Frame, cob_id: int, within: float) -> tuple[Frame, float] | None:
-    """Send a frame and wait for one with a COB-ID; return it and the seconds it took, None if it takes longer.
+def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -> tuple[Frame, float] | None:
+    """Send a frame and wait for one with the COB-ID of another, whose data begin as that one's.
+
+    Return it and the seconds it took, None if it takes longer.
 
     Raises BusError.
     """
@@ -110,7 +146,7 @@ def exchange(bus: can.BusABC, question: Frame, cob_id: int, within: float) -> tu
     came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
 
     def seen(now: float, frame: Frame) -> None:
-        if frame.cob_id == cob_id:
+        if frame.cob_id == expected.cob_id and frame.data.startswith(expected.data):
             came.put((now, frame))
 
     with Watch(bus, seen, time.perf_counter, failed=came.put):  # it listens before the question is out

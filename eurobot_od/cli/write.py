@@ -1,4 +1,4 @@
-"""Write one object of a CANopen node, by number or by the EDS's name.
+"""Write one object of a CANopen node, by number or by the EDS's name, or a whole file into it.
 
 A value that the EDS does not allow is refused here. Without an EDS the node is asked for the object's length first.
 """
@@ -6,26 +6,55 @@ A value that the EDS does not allow is refused here. Without an EDS the node is 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from eurobot_od.cli import remote
+from eurobot_od.cli.progress import bar
+from eurobot_od.errors import LocalError
+from eurobot_od.od.values import label
+
+if TYPE_CHECKING:
+    from eurobot_od.client.master import RemoteNode
+    from eurobot_od.client.objects import NamedObject
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     remote.add_node(parser)
     parser.add_argument("object", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1016:1, 'Motion.Maximum speed'")
-    parser.add_argument("value", help="decimal or 0x.. number, text, or hexadecimal digits of bytes, by the type")
+    parser.add_argument(
+        "value", nargs="?", help="decimal or 0x.. number, text, or hexadecimal digits of bytes, by the type"
+    )
+    parser.add_argument("--file", type=Path, help="write what this file holds, byte by byte; by block transfer")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the object."""
-    from eurobot_od.client.objects import encode, find_one, parse, written
-    from eurobot_od.od.values import label
+    from eurobot_od.client.objects import find_one
 
+    if (arguments.value is None) is (arguments.file is None):
+        raise LocalError("what to write: give a value or --file FILE, one of them")
+    content = arguments.file.read_bytes() if arguments.file else b""
     with remote.node(arguments) as node:
         found = remote.description(arguments, node)
         thing = find_one(arguments.object, found.dictionary if found else None)
-        value = parse(thing, arguments.value)
-        size = len(node.upload(thing.address)) if thing.variable is None else 0
-        node.download(thing.address, encode(thing, value, size), thing.name)
-    print(f"node {node.node_id}: {label(thing.address, thing.name)} = {written(thing, value)}")
+        text = _write_value(node, thing, arguments.value) if arguments.file is None else _write(node, thing, content)
+    print(f"node {node.node_id}: {label(thing.address, thing.name)} = {text}")
+
+
+def _write_value(node: RemoteNode, thing: NamedObject, text: str) -> str:
+    from eurobot_od.client.objects import encode, parse, written
+
+    value = parse(thing, text)
+    size = len(node.upload(thing.address)) if thing.variable is None else 0
+    node.download(thing.address, encode(thing, value, size), thing.name)
+    return written(thing, value)
+
+
+def _write(node: RemoteNode, thing: NamedObject, content: bytes) -> str:
+    from eurobot_od.client.objects import shown
+
+    with bar(label(thing.address, thing.name)) as progress:
+        node.download(thing.address, content, thing.name, progress=progress)
+    return shown(thing, content)

@@ -7,20 +7,21 @@ taken back. Nothing is stored before everything reads back as it should, so a re
 from __future__ import annotations
 
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import NamedTuple
 
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
-from eurobot_od.client.objects import NamedObject, all_objects, at, decode, encode, written
+from eurobot_od.client.objects import NamedObject, all_objects, at, encode, shown
 from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
+from eurobot_od.client.time_of_day import TimeOfDay
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import VERIFY_CONFIGURATION
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, label
+from eurobot_od.od.values import DOMAIN, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 STORE: Address = (0x1010, 1)
@@ -28,9 +29,6 @@ SAVE = b"save"
 RESTORE: Address = (0x1011, 1)
 LOAD = b"load"
 """Where which signature stores all parameters, or restores their defaults (CiA 301, 7.5.2.13 and 7.5.2.14)."""
-
-EPOCH = datetime(1984, 1, 1)
-"""Verify configuration counts days since this day, and milliseconds since midnight (CiA 301, 7.5.2.21)."""
 
 NOT_CONFIGURATION = frozenset({0x1003, 0x1010, 0x1011, 0x1020, 0x1023, 0x1024, 0x1F50, 0x1F51})
 """Objects that can be written and mean a history, a command or our own mark, no parameter."""
@@ -52,8 +50,7 @@ class ChangedObject(NamedTuple):
     @property
     def texts(self) -> tuple[str, str]:
         """Both values for a person."""
-        before = "?" if self.before is None else written(self.thing, decode(self.thing, self.before))
-        return before, written(self.thing, decode(self.thing, self.after))
+        return "?" if self.before is None else shown(self.thing, self.before), shown(self.thing, self.after)
 
 
 class ChangePlan(NamedTuple):
@@ -96,21 +93,30 @@ def configure(node: RemoteNode, description: Description, now: datetime) -> Conf
 
 
 def settings(description: Description) -> list[tuple[NamedObject, bytes]]:
-    """Return the objects that a DCF configures, with their bytes: those with a ParameterValue that can be written.
+    """Return the objects that a DCF configures, with their bytes: those with a value that can be written.
 
     A mapping's entries after the last that counts are not among them. Raises DictionaryError for a value that its
-    object cannot have.
+    object cannot have, and for a file beside the DCF that cannot be read.
     """
     dictionary, found = description.dictionary, []
     for thing in all_objects(dictionary):
-        text = getattr(thing.variable, "value_raw", "")
-        if text and is_parameter(thing) and _counts(dictionary, thing.address):
-            try:
-                found.append((thing, encode(thing, getattr(thing.variable, "value", None))))
-            except FieldError as error:
-                what = f"sub {thing.address[1]} ({thing.name}): {text} is not allowed; allowed: {error.allowed}"
-                raise DictionaryError(dictionary.file, thing.address[0], what) from None
+        if is_parameter(thing) and _counts(dictionary, thing.address):
+            data = _configured(dictionary, thing)
+            if data is not None:
+                found.append((thing, data))
     return found
+
+
+def _configured(dictionary: Dictionary, thing: NamedObject) -> bytes | None:
+    """Return the bytes that a DCF gives an object, None if it gives it none. Raises DictionaryError."""
+    text = getattr(thing.variable, "value_raw", "")
+    if thing.type is None or not thing.type.size:
+        return dcf.content(dictionary, thing.address)
+    try:
+        return encode(thing, getattr(thing.variable, "value", None)) if text else None
+    except FieldError as error:
+        what = f"sub {thing.address[1]} ({thing.name}): {text} is not allowed; allowed: {error.allowed}"
+        raise DictionaryError(dictionary.file, thing.address[0], what) from None
 
 
 def all_writes(description: Description) -> list[Write]:
@@ -168,7 +174,7 @@ def difference(node: RemoteNode, description: Description) -> ChangePlan:
     if other is not None:
         raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
     wanted = settings(description)
-    present = {thing.address: _present(node, dictionary, thing, len(data)) for thing, data in wanted}
+    present = {thing.address: _present(node, dictionary, thing) for thing, _ in wanted}
     read = ((thing, present[thing.address], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
     needed = procedure_objects(each.thing.address for each in changes)
@@ -177,15 +183,21 @@ def difference(node: RemoteNode, description: Description) -> ChangePlan:
     )
 
 
-def _present(node: RemoteNode, dictionary: Dictionary, thing: NamedObject, size: int) -> bytes | None:
-    """Read an object, `size` bytes of it: some devices send 4 of everything."""
+def read_object(node: RemoteNode, thing: NamedObject) -> bytes:
+    """Read an object, as many bytes as its type has: some devices send 4 of everything. Raises as `upload`."""
+    upload = node.upload_block if thing.type == DOMAIN else node.upload
+    return upload(thing.address, thing.name)[: (thing.type.size if thing.type else 0) or None]
+
+
+def _present(node: RemoteNode, dictionary: Dictionary, thing: NamedObject) -> bytes | None:
+    """Read an object of a DCF; None if it can only be written, or has no value yet. Raises as `difference`."""
     try:
-        return node.upload(thing.address, thing.name)[:size]
+        return read_object(node, thing)
     except NodeRefused as error:
         if error.code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
             what = f"sub {thing.address[1]} ({thing.name}): node {node.node_id} has no such object"
             raise DictionaryError(dictionary.file, thing.address[0], what) from error
-        if error.code == AbortCode.WRITE_ONLY:
+        if error.code in (AbortCode.WRITE_ONLY, AbortCode.NO_DATA):
             return None
         raise
 
@@ -224,8 +236,10 @@ def apply(node: RemoteNode, plan: ChangePlan, now: datetime) -> Configured:
 
 def read_back(node: RemoteNode, plan: ChangePlan) -> None:
     """Raise ConfigurationError unless a node has all that a plan was to write."""
-    for thing, before, after in plan.changes:
-        found = after if before is None else node.upload(thing.address, thing.name)[: len(after)]
+    for thing, _, after in plan.changes:
+        if thing.variable is None or not thing.variable.readable:
+            continue
+        found = _present(node, plan.dictionary, thing)
         if found != after:
             reads, wrote = ChangedObject(thing, found, after).texts
             what = f"node {node.node_id}: {label(thing.address, thing.name)} reads {reads} after {wrote} was written"
@@ -243,11 +257,10 @@ def restore(node: RemoteNode) -> None:
 
 
 def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
-    """Return the writes of verify configuration, none if the device does not have it."""
+    """Return the writes of verify configuration, none if the device does not have it (CiA 301, 7.5.2.21)."""
     if any(dictionary.variable(address) is None for address in VERIFY_CONFIGURATION):
         return []
-    date_and_time = divmod((now - EPOCH) // timedelta(milliseconds=1), 24 * 60 * 60 * 1000)
-    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, date_and_time)]
+    return [Write(a, number.to_bytes(4, "little")) for a, number in zip(VERIFY_CONFIGURATION, TimeOfDay.of(now))]
 
 
 def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: list[Write]) -> None:

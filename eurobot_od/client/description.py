@@ -66,8 +66,11 @@ class Description(NamedTuple):
 
 def from_file(file: str | Path, node_id: int | None = None) -> Description:
     """Read an EDS or DCF for a node-ID, without one for the one it names. Raises DictionaryError."""
-    dictionary = Dictionary.load(file, node_id)
-    return Description(dictionary, Path(file).read_text(encoding="utf-8", errors="surrogateescape"))
+    return _described(Dictionary.load(file, node_id))
+
+
+def _described(dictionary: Dictionary) -> Description:
+    return Description(dictionary, "\n".join(dictionary.device.document.lines))
 
 
 def uploaded(node: RemoteNode) -> Description | None:
@@ -83,8 +86,7 @@ def uploaded(node: RemoteNode) -> Description | None:
         return None
     if not content:
         return None
-    dictionary = Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id)
-    return Description(dictionary, content.decode(errors="surrogateescape"))
+    return _described(Dictionary.read(content, Path(f"EDS of node {node.node_id}"), node.node_id))
 
 
 def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None:

@@ -22,7 +22,18 @@ from eurobot_od.od.values import (
     Address,
     label,
 )
-from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, block_upload, download, upload
+from eurobot_od.sdo.client import (
+    OddAnswer,
+    Progress,
+    Refused,
+    Silence,
+    Transfer,
+    block_download,
+    block_upload,
+    download,
+    unwatched,
+    upload,
+)
 from eurobot_od.sdo.wire import reason
 
 if TYPE_CHECKING:
@@ -30,6 +41,9 @@ if TYPE_CHECKING:
 
 ANSWER_WAIT = 0.5
 """Seconds that a node has for the answer to an SDO request, where nothing else is said."""
+
+BLOCK_FROM = 128
+"""Longer contents are written by block transfer; a few segments are as quick, and every node takes them."""
 
 STORE_WAIT = 5.0
 """Seconds that a node has to store its parameters: it may have to erase a flash memory."""
@@ -41,14 +55,16 @@ BOOT_WAIT = 5.0
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
-    `answer_wait` is how many seconds a node has for an answer. `states` has the last NMT state heard of each node,
-    `listeners` what is called with the data of a frame, by COB-ID.
+    `answer_wait` is how many seconds a node has for an answer, by `clock`. `states` has the last NMT state heard of
+    each node, `listeners` what is called with the data of a frame, by COB-ID.
     """
 
-    def __init__(self, bus: can.BusABC, answer_wait: float = ANSWER_WAIT) -> None:
+    def __init__(
+        self, bus: can.BusABC, answer_wait: float = ANSWER_WAIT, clock: Callable[[], float] = time.monotonic
+    ) -> None:
         import can
 
-        self.bus, self.answer_wait = bus, answer_wait
+        self.bus, self.answer_wait, self.clock = bus, answer_wait, clock
         self.states: dict[int, NmtState] = {}
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self._message = can.Message
@@ -65,7 +81,13 @@ class Master:
 
     def send(self, cob_id: int, data: bytes) -> None:
         """Send a frame; raises BusError."""
-        message = self._message(arbitration_id=cob_id, data=data, is_extended_id=False)
+        self._send(self._message(arbitration_id=cob_id, data=data, is_extended_id=False))
+
+    def request(self, cob_id: int) -> None:
+        """Ask for a frame by a remote frame, as node guarding does; raises BusError."""
+        self._send(self._message(arbitration_id=cob_id, is_remote_frame=True, dlc=1, is_extended_id=False))
+
+    def _send(self, message: can.Message) -> None:
         try:
             self.bus.send(message)
         except Exception as error:  # drivers raise OSError, CanError, ValueError and whatever else their makers liked
@@ -78,8 +100,8 @@ class Master:
 
     def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
         """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
-        end = time.monotonic() + wait
-        while not done() and (left := end - time.monotonic()) > 0:
+        end = self.clock() + wait
+        while not done() and (left := end - self.clock()) > 0:
             self._receive(left)
         return done()
 
@@ -105,20 +127,45 @@ class RemoteNode:
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
 
-    def upload(self, address: Address, name: str = "") -> bytes:
+    def upload(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read an object's bytes. Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError."""
-        return self._transfer("read", address, name, upload(address, self.master.answer_wait))
+        return self._transfer("read", address, name, upload(address, self.master.answer_wait, progress))
 
-    def upload_block(self, address: Address, name: str = "") -> bytes:
+    def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
+        by_blocks = block_upload(address, self.master.answer_wait, progress=progress)
         try:
-            return self._transfer("read", address, name, block_upload(address, self.master.answer_wait))
+            return self._transfer("read", address, name, by_blocks)
         except RemoteError:
-            return self.upload(address, name)
+            return self.upload(address, name, progress)
 
-    def download(self, address: Address, data: bytes, name: str = "", wait: float | None = None) -> None:
-        """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does."""
-        self._transfer("write", address, name, download(address, data, wait or self.master.answer_wait))
+    def download(
+        self,
+        address: Address,
+        data: bytes,
+        name: str = "",
+        wait: float | None = None,
+        progress: Progress = unwatched,
+    ) -> None:
+        """Write an object's bytes, waiting up to `wait` seconds for each answer. Raises as `upload` does.
+
+        Many bytes go by block transfer, but by segments if the node does not take the first block, however it says so.
+        """
+        answer_wait, taken = wait or self.master.answer_wait, [0]
+        if len(data) > BLOCK_FROM:
+
+            def noted(done: int, size: int | None) -> None:
+                taken.append(done)
+                progress(done, size)
+
+            try:
+                self._transfer("write", address, name, block_download(address, data, answer_wait, noted))
+            except RemoteError:
+                if taken[-1]:
+                    raise
+            else:
+                return
+        self._transfer("write", address, name, download(address, data, answer_wait, progress))
 
     def command(self, command: NmtCommand) -> None:
         """Send an NMT command to this node; it is not confirmed, and heartbeats from before it count no more."""
@@ -165,11 +212,12 @@ class RemoteNode:
             for request in requests:
                 self.master.send(SDO_REQUEST_BASE + self.node_id, request)
 
+        clock = self.master.clock
         # An answer that came too late for the request before would be taken for the answer to this one.
         self.master.drain()
         cob_id = SDO_RESPONSE_BASE + self.node_id
-        self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, time.monotonic()))
-        send(transfer.start(time.monotonic()))
+        self.master.listeners[cob_id] = lambda data: send(transfer.receive(data, clock()))
+        send(transfer.start(clock()))
         while not transfer.done:
-            self.master.pump(transfer.deadline - time.monotonic(), lambda: transfer.done)
-            send(transfer.tick(time.monotonic()))
+            self.master.pump(transfer.deadline - clock(), lambda: transfer.done)
+            send(transfer.tick(clock()))

@@ -9,19 +9,24 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
-from typing import NamedTuple, cast
-
-from canopen.objectdictionary import ODVariable
+from typing import TYPE_CHECKING, NamedTuple, cast
+from zlib import crc32
 
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value, label
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 NUMBER = re.compile(r"(0x)?(?P<index>[0-9a-f]{4})h?(:(?P<sub>0x[0-9a-f]{1,2}|[0-9]{1,3}))?", re.IGNORECASE)
 """`1017`, `0x1017` or `1017h`, an index being always hexadecimal; the sub-index after a colon is decimal or `0x..`."""
 
 RAW_INTEGER = (1, 2, 4, 8)
 """Lengths in bytes of what is shown as a number although its type is not known."""
+
+LONGEST_SHOWN = 100
+"""Bytes of a value that are written out where a line is to show it."""
 
 
 class ValueForm(NamedTuple):
@@ -131,6 +136,8 @@ def decode(thing: NamedObject, data: bytes) -> Value:
     if len(data) < thing.type.size:
         return data
     value = thing.type.read(data[: thing.type.size or None])
+    if isinstance(value, str):
+        return value.rstrip("\0")  # which C programs fill texts up with
     return int(value) if isinstance(value, bool) else value
 
 
@@ -176,6 +183,8 @@ def integer_range(variable: ODVariable) -> Limits:
 
 def written(thing: NamedObject, value: Value) -> str:
     """Write a value for a person: numbers in the form of the object's DefaultValue, bytes in hexadecimal digits."""
+    if isinstance(value, bytes) and thing.type == VISIBLE_STRING:
+        value = value.decode(errors="backslashreplace").rstrip("\0")
     if isinstance(value, bytes):
         return value.hex(" ").upper()
     like: str = getattr(thing.variable, "default_raw", "")
@@ -183,3 +192,12 @@ def written(thing: NamedObject, value: Value) -> str:
         digits = 2 if thing.type is None else 2 * thing.type.size
         return f"0x{value:0{digits}X}"
     return str(value)
+
+
+def shown(thing: NamedObject, data: bytes) -> str:
+    """Write an object's bytes for a person on one line, long ones by their number and CRC."""
+    if len(data) > LONGEST_SHOWN:
+        return f"{len(data)} bytes (CRC-32 0x{crc32(data):08X})"
+    value = decode(thing, data)
+    text = written(thing, value)
+    return text if text.isprintable() else data.hex(" ").upper()

@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from eurobot_od.client.configure import is_parameter
-from eurobot_od.client.description import Description, device_name
+from eurobot_od.client.configure import is_parameter, read_object
+from eurobot_od.client.description import device_name
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.objects import NamedObject, all_objects, at, decode
 from eurobot_od.errors import NodeRefused
-from eurobot_od.od import dcf
+from eurobot_od.od.dcf import Dcf, with_contents
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
@@ -54,15 +54,19 @@ def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, 
 
 def readable(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give the objects that can be read, files (DOMAIN) not among them."""
-    for thing in all_objects(dictionary):
-        if thing.variable is not None and thing.variable.readable and thing.type != DOMAIN:
-            yield thing
+    return (thing for thing in _readable(dictionary) if thing.type != DOMAIN)
 
 
 def parameters(dictionary: Dictionary) -> Iterator[NamedObject]:
     """Give the objects that are a node's configuration: what can be read and written and is no process data."""
-    for thing in readable(dictionary):
+    for thing in _readable(dictionary):
         if is_parameter(thing) and thing.variable is not None and not thing.variable.pdo_mappable:
+            yield thing
+
+
+def _readable(dictionary: Dictionary) -> Iterator[NamedObject]:
+    for thing in all_objects(dictionary):
+        if thing.variable is not None and thing.variable.readable:
             yield thing
 
 
@@ -73,16 +77,27 @@ def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | No
         yield Reading(thing, decode(thing, data))
 
 
-def dcf_of_writes(description: Description, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int) -> str:
+def dcf_of_writes(
+    dictionary: Dictionary, writes: Iterable[tuple[Address, bytes]], baudrate_kbit: int, stem: str
+) -> Dcf:
     """Return the DCF of what objects have after all writes; raises UnknownName for one that the EDS does not have."""
-    dictionary = description.dictionary
-    values = {each.thing.address: each.value for each in decoded(writes, dictionary)}
-    return dcf.with_values(description.text, values, dictionary.node_id, dictionary.name, baudrate_kbit)
+    return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
 
 
-def dcf_text(node: RemoteNode, description: Description, baudrate_kbit: int) -> tuple[str, list[Reading]]:
-    """Return the DCF of a node as it is, and the objects of its EDS that it refused to tell, left out of the DCF."""
-    readings = list(read_all(node, parameters(description.dictionary)))
-    values = {each.thing.address: each.value for each in readings}
-    text = dcf.with_values(description.text, values, node.node_id, device_name(node), baudrate_kbit)
-    return text, [each for each in readings if each.refusal]
+def dcf_of_node(node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, stem: str) -> tuple[Dcf, list[Reading]]:
+    """Return the DCF of a node as it is, and the objects of its EDS that are not in it, and why.
+
+    Those are the ones that the node refused to tell, or told with fewer bytes than their type has.
+    """
+    contents, left_out = dict[Address, bytes](), list[Reading]()
+    for thing in parameters(dictionary):
+        try:
+            data = read_object(node, thing)
+        except NodeRefused as error:
+            left_out.append(Reading(thing, refusal=error.reason))
+            continue
+        if thing.type and len(data) < thing.type.size:
+            left_out.append(Reading(thing, refusal=f"{len(data)} bytes are not {thing.type.name}"))
+        else:
+            contents[thing.address] = data
+    return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

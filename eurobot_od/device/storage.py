@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from eurobot_od.device.objects import is_configuration
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, FieldError
 from eurobot_od.files import write_whole
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
@@ -64,8 +64,11 @@ class FileStore:
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Replace the file by one with these settings.
 
-        Raises OSError, or DictionaryError if the EDS is gone, and leaves the old one then.
+        Raises OSError, or DictionaryError if the EDS is gone or a line cannot hold a text, and leaves the old one then.
         """
         eds = self._dictionary.content.decode(ANY_BYTES)
-        text = dcf.with_values(eds, values, node_id, self._dictionary.name, self._baudrate)
+        try:
+            text = dcf.with_values(eds, values, node_id, self._dictionary.name, self._baudrate)
+        except FieldError as error:
+            raise DictionaryError(self.file, None, str(error)) from error
         write_whole(self.file, text.encode(ANY_BYTES))

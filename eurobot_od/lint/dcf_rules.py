@@ -7,7 +7,7 @@ from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import concise
 from eurobot_od.od.keys import BIT_RATES
-from eurobot_od.od.values import DOMAIN, UNSIGNED32
+from eurobot_od.od.values import UNSIGNED32
 
 RULES = Rules()
 
@@ -95,11 +95,11 @@ def parameter_of_constant(device: LintedDevice) -> Violations:
 
 @RULES.rule("E712", "CiA 306, DCF")
 def file_of_number(device: LintedDevice) -> Violations:
-    """UploadFile and DownloadFile are a DOMAIN's."""
+    """UploadFile and DownloadFile are a DOMAIN's, or a text's or octets' that no line can hold."""
     for each in device.variables:
         for key in ("uploadfile", "downloadfile"):
             entry = each.section.entries.get(key)
-            if entry and entry.value and each.type and each.type is not DOMAIN:
+            if entry and entry.value and each.type and each.type.size:
                 yield entry, f"{entry.key} of {each.where}, a {each.type.name}"
 
 

@@ -17,7 +17,7 @@ from eurobot_od.od import values
 from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.values import Address, DataType, Number
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import AbortCode, code_and_reason
 
 ABSENT = "-"
 STATE = (0x1001, 0x1002, 0x1003, 0x1010, 0x1011)
@@ -223,7 +223,8 @@ def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) 
         return
     if isinstance(answer, int):
         is_missing = answer in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
-        yield Difference(address, "on the node", _name(variable), ABSENT if is_missing else f"abort 0x{answer:08X}")
+        told = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
+        yield Difference(address, "on the node", _name(variable), told)
     elif variable.type and variable.type.bits and len(answer) != variable.type.size:
         yield Difference(address, "bytes", str(variable.type.size), str(len(answer)))
 

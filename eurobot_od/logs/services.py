@@ -15,7 +15,7 @@ from eurobot_od.device.emergency import error_words
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES
 from eurobot_od.od import values
 from eurobot_od.od.outline import Outline
-from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, part_in, reason
+from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, code_and_reason, part_in
 
 EMCY_ENTRY: values.Address = (0x1014, 0)
 SDO_REQUEST_ENTRY: values.Address = (0x1200, 1)
@@ -127,7 +127,7 @@ def _segment(_: Outline | None, data: bytes) -> str:
 
 def _abort(outline: Outline | None, data: bytes) -> str:
     _, address, _ = abort = Initiate.of(data)
-    return f"abort {_object(outline, address)}: 0x{abort.number:08X} {reason(abort.number)}"
+    return f"abort {_object(outline, address)}: {code_and_reason(abort.number)}"
 
 
 def _of_object(what: str, value: bool = False) -> SdoText:

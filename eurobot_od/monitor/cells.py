@@ -36,7 +36,7 @@ def values(row: TrafficRow) -> str:
 
 def health(name: str, node: NodeHealth, now: float) -> str:
     """Write how a node is."""
-    state = "not heard" if node.heard is None else "LOST" if node.lost(now) else node.state
+    state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
     return f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}"
 
 

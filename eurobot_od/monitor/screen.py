@@ -54,8 +54,8 @@ def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
 def _nodes(traffic: Traffic, now: float) -> Text:
     text = Text()
     for name, node in traffic.nodes.items():
-        bad = node.lost(now) or node.emergency
-        text.append(f"● {health(name, node, now)}   ", WRONG if bad else OLD if node.heard is None else "green")
+        bad = node.pulse.lost(now) or node.emergency
+        text.append(f"● {health(name, node, now)}   ", WRONG if bad else OLD if node.pulse.heard is None else "green")
     return text
 
 

@@ -14,6 +14,8 @@ from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import Any, NamedTuple
 
+from eurobot_od.client.watch import Pulse
+from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
@@ -30,8 +32,6 @@ LOAD_SPAN = 1.0
 """The bus load is that of the last second."""
 
 HEARTBEAT_PERIOD: Address = (0x1017, 0)
-LOST_AFTER = 2.0
-"""A node is lost after so many of its heartbeat periods without a heartbeat."""
 
 
 class MeanPeriod(NamedTuple):
@@ -73,16 +73,11 @@ class TrafficRow:
 
 @dataclass
 class NodeHealth:
-    """What a node said of itself last: its state and when, its last EMCY; `period` is its heartbeat period in s."""
+    """What a node said of itself last: its state, its last EMCY; `pulse` tells whether it is lost."""
 
-    period: float
+    pulse: Pulse = field(default_factory=Pulse)
     state: str = ""
-    heard: float | None = None
     emergency: str = ""
-
-    def lost(self, now: float) -> bool:
-        """Whether it should have been heard by now."""
-        return self.heard is not None and self.period > 0 and now - self.heard > LOST_AFTER * self.period
 
 
 class Traffic:
@@ -95,7 +90,8 @@ class Traffic:
         self.bitrate = bitrate
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | Damage, TrafficRow] = {}
-        self.nodes = {each.name: NodeHealth((each.number(HEARTBEAT_PERIOD) or 0) / 1000) for each in decoder.outlines}
+        periods = {each.name: (each.number(HEARTBEAT_PERIOD) or 0) / 1000 for each in decoder.outlines}
+        self.nodes = {name: NodeHealth(Pulse(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0
@@ -120,9 +116,8 @@ class Traffic:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)
         if meaning.name in HEALTH and not meaning.defects:
-            health = self.nodes.get(meaning.nodes[0])
-            if health is not None:
-                HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
+            health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
+            HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
         return meaning
 
     def clear(self) -> None:
@@ -146,7 +141,8 @@ class Traffic:
 
 
 def _beat(health: NodeHealth, time: float, state: str) -> None:
-    health.state, health.heard = state, time
+    health.state = state
+    (health.pulse.boot if state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
 
 
 def _emergency(health: NodeHealth, _: float, text: str) -> None:

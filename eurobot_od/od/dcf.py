@@ -1,16 +1,32 @@
-"""A device's DCF: its EDS with the values it is configured for, and which device it is (CiA 306-1, 4.6 and 5)."""
+"""A device's DCF: its EDS with the values it is configured for, and which device it is (CiA 306-1, 4.6 and 5).
+
+Rule of this file: what is written is read back to the byte. Bytes that no line of the file can hold, and every DOMAIN,
+stand in a file beside the DCF, which DownloadFile names (and UploadFile, as they came from there).
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple, TypeAlias
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import DictionaryError, FieldError, UnknownName
+from eurobot_od.od.completion import completed
 from eurobot_od.od.description import COMMISSIONING as COMMISSIONING
-from eurobot_od.od.description import DescribedDevice
-from eurobot_od.od.document import Document, parse
+from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
+from eurobot_od.od.document import Document, Odd, Section, parse, read_bytes
 from eurobot_od.od.keys import OBJECT_LISTS
-from eurobot_od.od.values import Address, Value, label, parse_number
+from eurobot_od.od.outline import Outline
+from eurobot_od.od.values import (
+    DOMAIN,
+    UNICODE_STRING,
+    VISIBLE_STRING,
+    Address,
+    DataType,
+    Value,
+    label,
+    parse_number,
+)
 from eurobot_od.od.writing import Rewriting
 
 NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialNumber": ""}
@@ -19,25 +35,155 @@ NOT_SAID = {"NetNumber": 0, "NetworkName": "", "CANopenManager": 0, "LSS_SerialN
 COB_ID_DIGITS = 8
 """Hexadecimal digits of a value whose default is `$NODEID+...`: COB-IDs are UNSIGNED32."""
 
+UNICODE_BYTES = "utf-16-le"
+"""A UNICODE_STRING in an SDO (CiA 301, 7.1.6.5)."""
+
+
+class FileBeside(NamedTuple):
+    """In the place of a value: the `name` of the file beside the DCF that holds it."""
+
+    name: str
+
+
+DcfValue: TypeAlias = "Value | FileBeside"
+
+
+class Dcf(NamedTuple):
+    """A DCF: its `content`, and the `files` that stand beside it, by name."""
+
+    content: bytes
+    files: dict[str, bytes]
+
+
+# Objects' bytes there and back
+
+
+def with_contents(
+    eds: Outline, contents: Mapping[Address, bytes], node_id: int, node_name: str, baudrate_kbit: int, stem: str
+) -> Dcf:
+    """Return the DCF of a device whose objects have these bytes, in the encoding of its EDS.
+
+    `stem` begins the names of the files beside it. Raises UnknownName for an object that the EDS does not describe,
+    FieldError for bytes that its type cannot have.
+    """
+    document, values, files = eds.device.document, dict[Address, DcfValue](), dict[str, bytes]()
+    for (index, sub), data in contents.items():
+        value = _value(eds, (index, sub), data)
+        if value is None:
+            beside = FileBeside(f"{stem}-{index:04X}-{sub}.bin")
+            values[index, sub], files[beside.name] = beside, data
+        else:
+            values[index, sub] = value
+    name = node_name if is_text(node_name, _encoding(document)) else ""
+    text = with_values("\n".join(document.lines), values, node_id, name, baudrate_kbit)
+    return Dcf(text.encode(document.encoding), files)
+
+
+def content(dcf: Outline, address: Address) -> bytes | None:
+    """Return the bytes that a DCF gives an object of no fixed length; None if it gives it none.
+
+    Raises DictionaryError for a file beside it that cannot be read, and for a value that is none of the object's.
+    """
+    variable = dcf.members[address[0]][address[1]]
+    type_, section = dcf.type(variable), variable.section
+    file, text = section.text("downloadfile"), section.text("parametervalue")
+    where = f"sub {address[1]} ({variable.name})"
+    if file:
+        try:
+            return read_bytes(dcf.file.parent / file)
+        except DictionaryError as error:
+            raise DictionaryError(dcf.file, address[0], f"{where}: DownloadFile {error}") from error
+    if not text:
+        return None
+    try:
+        return _bytes_of_text(type_, text, _encoding(dcf.device.document))
+    except ValueError:
+        raise DictionaryError(dcf.file, address[0], f"{where}: {text!r} is not {type_.name}") from None
+
+
+def is_text(text: str, encoding: str = "ascii") -> bool:
+    """Whether a line of a file in this encoding can hold a text so that every reader finds the same."""
+    line = parse(f"[x]\nParameterValue={text}") if text.isprintable() else Document({})
+    kinds = {each.kind for each in line.oddities} - {Odd.NOT_ASCII}
+    try:
+        return not kinds and line.text("x", "parametervalue") == text and text.encode(encoding).decode(encoding) == text
+    except UnicodeEncodeError:
+        return False
+
+
+def _encoding(document: Document) -> str:
+    """Return the encoding in which the texts of a file are the bytes of a VISIBLE_STRING."""
+    return "latin-1" if document.encoding == "latin-1" else "utf-8"
+
+
+def _value(eds: Outline, address: Address, data: bytes) -> Value:
+    """Return the value that a DCF has for an object's bytes, None if only a file can hold them."""
+    variable = eds.members.get(address[0], {}).get(address[1])
+    if variable is None:
+        raise UnknownName("object", label(address))
+    type_, encoding = eds.type(variable), _encoding(eds.device.document)
+    if type_.size:
+        try:
+            return type_.read(data)
+        except ValueError as error:
+            raise FieldError(label(address), variable.name, data.hex(), str(error)) from None
+    text = _text_of_bytes(type_, data, encoding)
+    return text if text and is_text(text, encoding) else None
+
+
+def _text_of_bytes(type_: DataType, data: bytes, encoding: str) -> str | None:
+    """Return the text that stands for bytes, None if there is none."""
+    if type_ == DOMAIN:
+        return None
+    try:
+        if type_ == VISIBLE_STRING:
+            return data.decode(encoding)
+        if type_ == UNICODE_STRING:
+            text = data.decode(UNICODE_BYTES)
+            # Latin-1 is found out by what is not UTF-8, so a text in it could turn a whole file into UTF-8.
+            return text if text.isascii() or encoding != "latin-1" else None
+    except UnicodeDecodeError:
+        return None
+    return data.hex().upper()
+
+
+def _bytes_of_text(type_: DataType, text: str, encoding: str) -> bytes:
+    if type_ == VISIBLE_STRING:
+        return text.encode(encoding)
+    return text.encode(UNICODE_BYTES) if type_ == UNICODE_STRING else bytes.fromhex(text)
+
+
+# The file
+
 
 def with_values(
-    eds_text: str, values: Mapping[Address, Value], node_id: int, node_name: str, baudrate_kbit: int
+    eds_text: str, values: Mapping[Address, DcfValue], node_id: int, node_name: str, baudrate_kbit: int
 ) -> str:
     """Return the DCF of a device: its EDS (or DCF), the ParameterValue of each address in `values`, and who it is.
 
     Numbers are written in the form of the object's DefaultValue, bytes in hexadecimal digits; None changes nothing.
     The commissioning stands last, so that a file that was cut off has none. Lines end in LF.
-    Raises UnknownName for an address that the EDS does not describe.
+    Raises UnknownName for an address that the EDS does not describe, FieldError for what no line can hold.
     """
-    device = DescribedDevice(parse(eds_text))
+    device = DescribedDevice(completed(parse(eds_text)))
     rewriting = Rewriting(device.document)
+    compact: dict[int, dict[str, str]] = {}
+    announced: dict[str, str] = {}
     for (index, subindex), value in values.items():
         if value is not None:
-            variable = device.objects[index].subs.get(subindex) if index in device.objects else None
+            variable = device.variable(index, subindex) if subindex >= 0 else None
             if variable is None:
                 raise UnknownName("object", label((index, subindex)))
-            form = variable.section.text("defaultvalue").lower()
-            rewriting.set(variable.section, "ParameterValue", _written(value, form))
+            if _is_announced(device, variable.section):
+                announced[variable.section.name] = _written(variable, value)
+            elif subindex in device.objects[index].subs:
+                _set(rewriting, variable, value)
+            elif subindex:  # sub-index 0 of a compact object is its CompactSubObj
+                compact.setdefault(index, {})[str(subindex)] = _written(variable, value)
+    for index, texts in compact.items():
+        _set_compact(rewriting, device.objects[index], texts)
+    if announced:
+        _write_out_pdos(rewriting, device, announced)
     info = device.section("fileinfo")
     if info and not info.text("lasteds"):
         eds = info.text("filename")
@@ -73,11 +219,56 @@ def _listed(document: Document, name: str) -> Iterator[str]:
             yield entry.value.lower().removeprefix("0x").zfill(4).upper()
 
 
-def _written(value: Value, like: str) -> str:
-    if isinstance(value, bytes):
+def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileBeside) -> None:
+    """Give a variable its value, and none of another kind that a former DCF gave it."""
+    if isinstance(value, FileBeside):
+        entries = {"UploadFile": value.name, "DownloadFile": value.name}
+    else:
+        entries = {"ParameterValue": _written(variable, value)}
+    for key in ("ParameterValue", "UploadFile", "DownloadFile"):
+        if key in entries:
+            rewriting.set(variable.section, key, entries[key])
+        else:
+            rewriting.unset(variable.section, key)
+
+
+def _set_compact(rewriting: Rewriting, whole: DescribedObject, texts: dict[str, str]) -> None:
+    """Give sub-indices of a compact object their values, in its list [xxxxValue] (CiA 306-1, 4.6.3.2)."""
+    former = whole.lists.get("value")
+    if former:
+        texts = {key: each.value for key, each in former.entries.items() if key.isdecimal()} | texts
+        rewriting.drop(former)
+    rewriting.append(f"{whole.index:04X}Value", {"NrOfEntries": len(texts), **texts})
+
+
+def _is_announced(device: DescribedDevice, section: Section) -> bool:
+    """Whether a section is not in the file: CompactPDO in [DeviceInfo] stands for it."""
+    info = device.section("deviceinfo")
+    return info is not None and section is not info and section.line == info.line
+
+
+def _write_out_pdos(rewriting: Rewriting, device: DescribedDevice, texts: Mapping[str, str]) -> None:
+    """Give parameters of PDOs that CompactPDO stands for their values: all those PDOs are written out."""
+    for section in device.document.sections.values():
+        if _is_announced(device, section):
+            entries: dict[str, object] = {each.key: each.value for each in section.entries.values()}
+            own = {"ParameterValue": texts[section.name]} if section.name in texts else {}
+            rewriting.append(section.name, entries | own)
+
+
+def _written(variable: DescribedVariable, value: DcfValue) -> str:
+    if isinstance(value, bytes) and variable.type not in (VISIBLE_STRING, UNICODE_STRING):
         return value.hex().upper()
-    if not isinstance(value, int):
-        return str(value)
+    if isinstance(value, int):
+        return _number(value, variable.section.text("defaultvalue").lower())
+    text = str(value)
+    if isinstance(value, (bytes, FileBeside)) or not is_text(text, "utf-8"):
+        where = label((variable.index, variable.sub))
+        raise FieldError(where, variable.name, value, "what a line of a DCF can hold")
+    return text
+
+
+def _number(value: int, like: str) -> str:
     if value < 0 or not like.startswith(("0x", "$nodeid")):
         return str(int(value))
     width = len(like) - 2 if like.startswith("0x") else COB_ID_DIGITS

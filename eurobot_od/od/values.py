@@ -145,7 +145,10 @@ class DataType(NamedTuple):
         return (self.bits + 7) // 8
 
     def read(self, data: bytes) -> Value:
-        """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have."""
+        """Return the value that bytes from an SDO mean; raises ValueError for a length that the type does not have.
+
+        Bytes that are no text in a text's encoding stay bytes, so that `write` gives every byte back.
+        """
         if self.size not in (0, len(data)):
             raise ValueError(f"{len(data)} bytes are not {self.name}")
         if self.bits == 1:
@@ -156,7 +159,10 @@ class DataType(NamedTuple):
             number: float = struct.unpack(_REAL_FORMATS[self.code], data)[0]
             return number
         encoding = _TEXT_ENCODINGS.get(self.code)
-        return data.decode(encoding, "ignore").rstrip("\0") if encoding else data
+        try:
+            return data.decode(encoding) if encoding else data
+        except UnicodeDecodeError:
+            return data
 
     def write(self, value: Value) -> bytes:
         """Return the bytes of a value in an SDO; bytes are taken as they are.

@@ -11,7 +11,7 @@ from eurobot_od.od.document import Document, Section
 
 
 class Rewriting:
-    """A document's text with entries set and sections dropped; `text` gives it when all is done."""
+    """A document's text with entries set or left out and sections dropped; `text` gives it when all is done."""
 
     def __init__(self, document: Document) -> None:
         self._lines: list[str | None] = list(document.lines)
@@ -29,6 +29,12 @@ class Rewriting:
             numbers = range(self._next_header(section) - 1, section.line, -1)
             last = next((each for each in numbers if (self._lines[each - 1] or "").strip()), section.line)
             self._added.setdefault(last, []).append(line)
+
+    def unset(self, section: Section, key: str) -> None:
+        """Leave a key's line out."""
+        entry = section.entries.get(key.lower())
+        if entry:
+            self._lines[entry.line - 1] = None
 
     def drop(self, section: Section) -> None:
         """Leave a section out."""

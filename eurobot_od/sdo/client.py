@@ -31,6 +31,14 @@ FRUITLESS_BLOCKS = 2
 """So many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
 
 
+Progress: TypeAlias = Callable[[int, int | None], object]
+"""Is told how many bytes of an object have been moved, and of how many (None: the server has not said)."""
+
+
+def unwatched(done: int, size: int | None) -> None:
+    """Take note of no progress."""
+
+
 class TransferError(RemoteError):
     """A transfer that failed, and the abort `code` of it."""
 
@@ -42,7 +50,7 @@ class Refused(TransferError):
 
     def __init__(self, code: int) -> None:
         self.code = code
-        super().__init__(f"the node aborts with 0x{code:08X}")
+        super().__init__(f"the node aborts: {wire.reason(code)} (0x{code:08X})")
 
 
 class OddAnswer(TransferError):
@@ -127,30 +135,32 @@ class Transfer:
         return requests
 
 
-def upload(address: Address, wait: float) -> Transfer:
+def upload(address: Address, wait: float, progress: Progress = unwatched) -> Transfer:
     """Read an object; the server has `wait` seconds for each answer."""
-    return Transfer(address, _upload(address), wait)
+    return Transfer(address, _upload(address, progress), wait)
 
 
-def download(address: Address, content: bytes, wait: float) -> Transfer:
+def download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
     """Write an object, by segments if it has more than 4 bytes."""
-    return Transfer(address, _download(address, content), wait)
+    return Transfer(address, _download(address, content, progress), wait)
 
 
-def block_upload(address: Address, wait: float, segments: int = wire.BLOCK_SEGMENTS) -> Transfer:
+def block_upload(
+    address: Address, wait: float, segments: int = wire.BLOCK_SEGMENTS, progress: Progress = unwatched
+) -> Transfer:
     """Read an object in blocks of up to 127 segments. A server without block transfer aborts."""
-    return Transfer(address, _block_upload(address, segments), wait)
+    return Transfer(address, _block_upload(address, segments, progress), wait)
 
 
-def block_download(address: Address, content: bytes, wait: float) -> Transfer:
+def block_download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
     """Write an object in blocks as long as the server wants them. A server without block transfer aborts."""
-    return Transfer(address, _block_download(address, content), wait)
+    return Transfer(address, _block_download(address, content, progress), wait)
 
 
 # Expedited and segmented
 
 
-def _upload(address: Address) -> ClientSteps:
+def _upload(address: Address, progress: Progress) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
     initiated = _initiated(answer, ServerCommand.UPLOAD, address)
     if initiated.command & wire.EXPEDITED:
@@ -162,10 +172,11 @@ def _upload(address: Address) -> ClientSteps:
         content += wire.part_in(answer)
         last, toggle = answer[0] & wire.LAST, toggle ^ wire.TOGGLE
         _check_size(answer, content, initiated.size, complete=bool(last))
+        progress(len(content), initiated.size)
     return Ended(bytes(content), [])
 
 
-def _download(address: Address, content: bytes) -> ClientSteps:
+def _download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
     request = wire.carrying(ClientCommand.DOWNLOAD, address, content)
     _initiated((yield [request]), ServerCommand.DOWNLOAD, address)
     left = [] if request[0] & wire.EXPEDITED else wire.parts(content)
@@ -173,13 +184,14 @@ def _download(address: Address, content: bytes) -> ClientSteps:
         toggle = 0 if number % 2 else wire.TOGGLE
         answer = yield [wire.segment(ClientCommand.DOWNLOAD_SEGMENT, toggle, part, last=number == len(left))]
         _check_segment(answer, ServerCommand.DOWNLOAD_SEGMENT, toggle)
+        progress(min(number * wire.SEGMENT_SIZE, len(content)), len(content))
     return Ended(b"", [])
 
 
 # Blocks
 
 
-def _block_upload(address: Address, segments: int) -> ClientSteps:
+def _block_upload(address: Address, segments: int, progress: Progress) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
@@ -188,6 +200,7 @@ def _block_upload(address: Address, segments: int) -> ClientSteps:
     while not complete:
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
+        progress(len(content) if size is None else min(len(content), size), size)
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
@@ -224,12 +237,12 @@ def _receive_block(
     return arrived, complete, latest
 
 
-def _block_download(address: Address, content: bytes) -> ClientSteps:
+def _block_download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
     answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
     initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
     left, segments, fruitless = wire.parts(content), _block_size(answer, initiated.rest[0]), 0
-    last_part = left[-1]
+    count, last_part = len(left), left[-1]
     while left:
         sent = left[:segments]
         answer = yield wire.block(sent, last=len(sent) == len(left))
@@ -239,6 +252,7 @@ def _block_download(address: Address, content: bytes) -> ClientSteps:
         if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
         del left[:arrived]
+        progress(min((count - len(left)) * wire.SEGMENT_SIZE, len(content)), len(content))
     answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, last_part, crc_hqx(content, 0))]
     _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.END)
     return Ended(b"", [])

@@ -114,12 +114,17 @@ def reason(code: int) -> str:
     return AbortCode(code).text if code in set(AbortCode) else "unknown code"
 
 
+def code_and_reason(code: int) -> str:
+    """Return an abort code as a number and in words: `0x06020000 Object does not exist`."""
+    return f"0x{code:08X} {reason(code)}"
+
+
 class Abort(LocalError):
     """An access to an object that the device refuses, and its `code`: the one that names the true cause."""
 
     def __init__(self, code: AbortCode, why: str = "") -> None:
         self.code = code
-        text = f"0x{code:08X} {code.text}"
+        text = code_and_reason(code)
         super().__init__(f"{text}: {why}" if why else text)
 
 

@@ -199,7 +199,11 @@ def test_tells_field_by_field_what_was_expected_and_what_came() -> None:
             "Goto State Response not as wanted after 10 x Goto State Request",
             "Goto State Response  time=unknown",
         ),
-        ("- sdo: {read: 0x5000}", "SDO read 0x5000:0: the node aborts with 0x06020000", "abort 0x06020000"),
+        (
+            "- sdo: {read: 0x5000}",
+            "SDO read 0x5000:0: the node aborts: Object does not exist (0x06020000)",
+            "abort 0x06020000 Object does not exist",
+        ),
     ],
 )
 def test_tells_what_came_instead(steps: str, what: str, came: str) -> None:

@@ -24,6 +24,14 @@ NAMED = "0x1017:0: Producer heartbeat time"
 NOT_ALLOWED = " is not allowed; allowed: "
 READ_ONLY = ": Attempt to write a read only object (0x06010002)"
 
+FILES = """\
+[200E]
+ParameterName=Script
+ObjectType=2
+DataType=0x000F
+AccessType=rw
+"""
+
 Run = Callable[..., tuple[int, str, str]]
 """Runs a command on a bus; gives exit status, output and error output."""
 
@@ -191,6 +199,32 @@ def test_a_bus_that_cannot_be_opened(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().err.startswith("eurobot-od: cannot open the nonsense bus x:")
 
 
+def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
+    eds, there, back = tmp_path / "drive.eds", tmp_path / "there", tmp_path / "back"
+    eds.write_text(DRIVE.read_text() + FILES)
+    there.write_bytes(bytes(range(256)) * 4)
+    object_ = "2", "Script", "--eds", str(eds), "--file"
+    with stock_drive(eds) as (channel, _):
+        said = "node 2: 0x200E:0 Script = 1024 bytes (CRC-32 0xB70B4C26)\n"
+        assert run(channel, "write", *object_, str(there)) == (0, said, "")
+        said = f"{back}: 1024 bytes of node 2, 0x200E:0 Script\n"
+        assert run(channel, "read", *object_, str(back)) == (0, said, "")
+    assert back.read_bytes() == there.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["write", "2", "0x1017"], "what to write: give a value or --file FILE, one of them"),
+        (["write", "2", "0x1017", "5", "--file", "x"], "what to write: give a value or --file FILE, one of them"),
+        (["read", "2", "0x1018", "--file", "x"], "--file takes one object, not 5"),
+        (["write", "2", "0x1017", "--file", "none.bin"], "none.bin: No such file or directory"),
+    ],
+)
+def test_a_file_is_for_one_object(run: Run, drive: str, words: list[str], said: str) -> None:
+    assert run(drive, *words)[1:] == ("", f"eurobot-od: {said}\n")
+
+
 # export-dcf, configure, store, restore
 
 
@@ -233,6 +267,21 @@ def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
     assert Dictionary.load(file).default((0x1017, 0)) == 10
     assert run(drive, "export-dcf", "2") == (0, file.read_text(), "")
     assert run(drive, "configure", "2", str(file), "--dry-run")[0] == 0
+
+
+def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
+    eds, file = tmp_path / "drive.eds", tmp_path / "live.dcf"
+    eds.write_text(DRIVE.read_text() + FILES)
+    with stock_drive(eds) as (channel, node):
+        node.set_data(0x200E, 0, b"a\nb")
+        words = (channel, "export-dcf", "2", "--eds", str(eds))
+        assert run(*words, "-o", str(file))[0] == 0
+        assert (tmp_path / "live-200E-0.bin").read_bytes() == b"a\nb"
+        said = "eurobot-od: the DCF needs files beside it (drive-200E-0.bin): write it by -o FILE\n"
+        assert run(*words) == (2, "", said)
+        node.set_data(0x200E, 0, b"c")
+        change = "node 2 differs from live.dcf in 1 objects:\n0x200E:0 Script  63 -> 61 0A 62\n"
+        assert run(channel, "configure", "2", str(file), "--dry-run") == (1, change, "")
 
 
 def test_stored_parameters_survive_a_reset_and_defaults_come_back(run: Run, drive: str) -> None:

@@ -138,7 +138,7 @@ def test_on_an_empty_bus_nothing_comes(capsys: pytest.CaptureFixture[str], wire:
 def test_an_exchange_gives_the_answer_and_the_time_it_took(wire: can.BusABC) -> None:
     answer = can.Message(arbitration_id=0x400, data=b"\x05", is_extended_id=False)
     with can.Notifier(wire, [lambda _: wire.send(answer)]):
-        found = exchange(open_bus("virtual", CHANNEL), Frame(0x3C0, b""), 0x400, 10.0)
+        found = exchange(open_bus("virtual", CHANNEL), Frame(0x3C0, b""), Frame(0x400), 10.0)
     assert found is not None
     frame, took = found
     assert frame == Frame(0x400, b"\x05")
@@ -152,12 +152,55 @@ def test_a_bus_that_fails_while_the_answer_is_awaited_is_an_error(monkeypatch: p
     bus = open_bus("virtual", CHANNEL)
     monkeypatch.setattr(bus, "recv", fail)
     with pytest.raises(BusError, match="the adapter is gone"):
-        exchange(bus, Frame(0x3C0, b""), 0x400, 10.0)
+        exchange(bus, Frame(0x3C0, b""), Frame(0x400), 10.0)
+
+
+# Frames in candump's notation
+
+
+@pytest.mark.parametrize(
+    ("text", "frame", "words"),
+    [
+        ("185#0102", "185#0102", ""),
+        ("185#", "185#", ""),
+        ("2c0#dd.86", "2C0#DD86", "  Start Configuration Set  team_colour=red, enemies=2, confederates=1, "
+         "enemy_1_diameter=45 cm, enemy_2_diameter=33 cm"),
+        ("008#01", "008#01", ""),  # too short for a Goto XY: sent as it is
+    ],
+)  # fmt: skip
+def test_a_frame_is_sent_as_it_is(
+    capsys: pytest.CaptureFixture[str], wire: can.BusABC, text: str, frame: str, words: str
+) -> None:
+    assert send(capsys, text) == (0, f"sent      {frame}{words}\n", "")
+    assert heard(wire) == frame
+
+
+@pytest.mark.parametrize(
+    ("expect", "status"),
+    [
+        ("185#", 0),  # any data
+        ("185#01", 0),  # data that begin so
+        ("185#0102", 0),
+        ("185#02", 1),
+        ("186#", 1),
+    ],
+)
+def test_a_frame_is_waited_for(capsys: pytest.CaptureFixture[str], wire: can.BusABC, expect: str, status: int) -> None:
+    answer = can.Message(arbitration_id=0x185, data=b"\1\2", is_extended_id=False)
+    within = "20 ms" if status else "10 s"
+    with can.Notifier(wire, [lambda message: wire.send(answer) if message.arbitration_id == 0x123 else None]):
+        said = send(capsys, "123#", "--expect", expect, "--within", within)
+    assert said.status == status
+    told = said.out.splitlines()[1]
+    assert told.startswith("received  185#0102  after ") if not status else told.startswith(f"expected  {expect}: ")
 
 
 # What is wrong
 
 WRONG = [
+    (["185#1"], "'185#1' is no frame: write an 11-bit identifier, # and up to 8 bytes: 185#0102"),
+    (["185#01", "x=1"], "the frame 185#01 has no fields: x=1"),
+    (["Stop Drive", "--expect", "1855#"], "'1855#' is no frame"),
     (["Gotto"], "unknown message 'Gotto'; known: Emergency Shutdown, "),
     (["Goto Confrm"], "unknown message 'Goto Confrm'; did you mean Goto Confirm?"),
     ([*GOTO, "z=1"], "unknown field of Goto XY 'z'; known: x, y, angle, speed, barriers, direction, route"),

@@ -20,6 +20,7 @@ from eurobot_od.od import dcf
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.sdo.client import Progress, unwatched
 from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive
 from tests.conftest import with_entry
 
@@ -268,8 +269,15 @@ class Interrupted(RemoteNode):
 
     writes = 0
 
-    def download(self, address: Address, data: bytes, name: str = "", wait: float | None = None) -> None:
-        super().download(address, data, name, wait)
+    def download(
+        self,
+        address: Address,
+        data: bytes,
+        name: str = "",
+        wait: float | None = None,
+        progress: Progress = unwatched,
+    ) -> None:
+        super().download(address, data, name, wait, progress)
         self.writes += 1
         if self.writes == 3:
             raise KeyboardInterrupt

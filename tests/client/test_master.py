@@ -8,7 +8,12 @@ import pytest
 from eurobot_od.client.master import Master
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
+from eurobot_od.frame import Frame
+from eurobot_od.sdo.server import SdoServer
+from eurobot_od.sdo.wire import AbortCode, ClientCommand, aborted
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
+from tests.client.wired import Answerer, wired
+from tests.device.shelf import Shelf
 
 HEARTBEAT_TIME = (0x1017, 0)
 EXPEDITED_TWO_BYTES = bytes.fromhex("4b171000e8030000")
@@ -29,6 +34,50 @@ def test_a_long_object_comes_by_blocks_from_our_node_and_by_segments_from_one_wi
         assert master.node(2).upload_block((0x1021, 0)).startswith(b"[FileInfo]")
     with stock_drive() as (channel, _), master_on(channel) as master:
         assert master.node(2).upload_block((0x1008, 0)) == b"Eurobot 2014 drive"
+
+
+PROGRAM = bytes(range(256)) * 8
+FILE = (0x2000, 0)
+
+
+def written_to(*refused: int, silent: bool = False) -> tuple[bytes, list[str]]:
+    """Write a program to a server that refuses these command specifiers; return what it has, and who did it."""
+    shelf = Shelf()
+    server, said = SdoServer(shelf), list[str]()
+
+    def answers(frame: Frame) -> list[Frame]:
+        specifier = frame.data[0] >> 5
+        if specifier in refused and frame.data[1:4] == bytes([0, 0x20, 0]):
+            said.append(f"refused {specifier}")
+            data = [] if silent else [aborted(FILE, AbortCode.UNKNOWN_COMMAND)]
+        else:
+            data = server.receive(frame.data, 0.0)
+        return [Frame(0x582, each) for each in data]
+
+    wired(Answerer(answers)).node(2).download(FILE, PROGRAM)
+    return shelf.objects[FILE], said
+
+
+def test_many_bytes_are_written_by_blocks() -> None:
+    assert written_to(ClientCommand.DOWNLOAD) == (PROGRAM, [])
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_node_without_blocks_is_written_by_segments(silent: bool) -> None:
+    assert written_to(ClientCommand.BLOCK_DOWNLOAD, silent=silent) == (PROGRAM, ["refused 6"])
+
+
+def test_a_node_that_has_taken_a_block_is_not_written_anew() -> None:
+    server, requests = SdoServer(Shelf()), list[bytes]()
+
+    def answers(frame: Frame) -> list[Frame]:
+        requests.append(frame.data)
+        taken = server.receive(frame.data, 0.0) if len(requests) <= 128 else [aborted(FILE, AbortCode.HARDWARE)]
+        return [Frame(0x582, each) for each in taken]
+
+    with pytest.raises(NodeRefused, match="Access failed due to a hardware error"):
+        wired(Answerer(answers)).node(2).download(FILE, PROGRAM)
+    assert not any(data[0] >> 5 == ClientCommand.DOWNLOAD for data in requests[129:] if data[1:4] == b"\0\x20\0")
 
 
 @pytest.mark.parametrize(

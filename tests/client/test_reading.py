@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.client.configure import configure, difference
 from eurobot_od.client.description import from_file
-from eurobot_od.client.reading import Reading, dcf_text, parameters, read_all, readable
+from eurobot_od.client.reading import Reading, dcf_of_node, parameters, read_all, readable
 from eurobot_od.errors import NoAnswer
 from eurobot_od.od import dcf
 from tests.client.peers import DRIVE, master_on, new_channel, robot, stock_drive
@@ -38,10 +38,10 @@ def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
     with robot("drive") as channel, master_on(channel) as master:
         for address, data in WRITTEN.items():
             master.node(2).download(address, data)
-        text, refused = dcf_text(master.node(2), DESCRIPTION, 500)
-    assert refused == []
-    assert dcf.missing(text) == []
-    file.write_text(text)
+        made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+    assert (left_out, made.files) == ([], {})
+    assert dcf.missing(made.content.decode()) == []
+    file.write_bytes(made.content)
     with robot("drive") as channel, master_on(channel) as master:
         node = master.node(2)
         assert {each.thing.address: each.after for each in difference(node, from_file(file)).changes} == WRITTEN
@@ -52,12 +52,12 @@ def test_the_dcf_of_one_drive_makes_another_like_it(tmp_path: Path) -> None:
 def test_what_the_node_refuses_is_left_out_and_told() -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         del node.object_dictionary[0x2101]
-        text, refused = dcf_text(master.node(2), DESCRIPTION, 500)
-    assert {each.thing.address[0] for each in refused} == {0x2101}
-    assert {each.refusal for each in refused} == {"Object does not exist"}
-    assert "ParameterValue=1000" in text
+        made, left_out = dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")
+    assert {each.thing.address[0] for each in left_out} == {0x2101}
+    assert {each.refusal for each in left_out} == {"Object does not exist"}
+    assert b"ParameterValue=1000" in made.content
 
 
 def test_a_node_that_does_not_answer_ends_the_reading() -> None:
     with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer):
-        dcf_text(master.node(2), DESCRIPTION, 500)
+        dcf_of_node(master.node(2), DESCRIPTION.dictionary, 500, "drive")

@@ -107,7 +107,10 @@ LIVE: list[tuple[dict[tuple[int, int], bytes | int], list[str]]] = [
     ({(0x1017, 0): b"\xf5\x01"}, ["0x1017 sub 0: value: 500 -> 501"]),
     ({(0x1017, 0): b"\xf4\x01\x00"}, ["0x1017 sub 0: bytes: 2 -> 3"]),
     ({(0x1017, 0): AbortCode.NO_OBJECT}, ["0x1017 sub 0: on the node: Producer heartbeat time -> -"]),
-    ({(0x1017, 0): 0x08000020}, ["0x1017 sub 0: on the node: Producer heartbeat time -> abort 0x08000020"]),
+    (
+        {(0x1017, 0): 0x08000000},
+        ["0x1017 sub 0: on the node: Producer heartbeat time -> abort 0x08000000 General error"],
+    ),
     ({(0x1017, 0): AbortCode.NO_DATA}, []),  # nothing to tell, as an error field without errors
     ({(0x2000, 0): b"\x01\x02\x03\x04"}, []),  # process data
     ({(0x1001, 0): b"\x01"}, []),  # a state

@@ -100,7 +100,17 @@ def test_nodes(traffic: Traffic) -> None:
 
 def test_a_heartbeat_of_wrong_length_says_nothing_of_the_node(traffic: Traffic) -> None:
     traffic.take(1.0, Frame(0x702, b"\5\5"))
-    assert traffic.nodes["drive"].heard is None
+    assert traffic.nodes["drive"].pulse.heard is None
+
+
+def test_a_node_that_no_file_describes_is_known_by_its_heartbeats(traffic: Traffic) -> None:
+    for time in (1.0, 1.5, 2.0):
+        traffic.take(time, Frame(0x705, b"\5"))
+    node = traffic.nodes["node 5"]
+    assert health("node 5", node, 2.9) == "node 5 operational"
+    assert health("node 5", node, 3.1) == "node 5 LOST"  # twice the period that was heard
+    traffic.take(9.0, Frame(0x705, b"\0"))
+    assert health("node 5", node, 99.0) == "node 5 boot-up"  # it need not send heartbeats
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.errors import UnknownName
+from eurobot_od.errors import DictionaryError, FieldError, UnknownName
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
@@ -88,6 +88,140 @@ def test_dcfchk_accepts(file: Path, tmp_path: Path) -> None:
     dcfchk = [sys.executable, "-W", "default", "-m", "dcf.cli", str(written)]
     done = subprocess.run(dcfchk, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+# Bytes there and back
+
+TYPED = """\
+[MandatoryObjects]
+SupportedObjects=1
+1=0x2000
+[2000]
+ParameterName=Any
+DataType=0x%04X
+AccessType=rw
+"""
+ADDRESS: Address = (0x2000, 0)
+
+
+def there_and_back(folder: Path, eds: bytes, contents: dict[Address, bytes]) -> tuple[dcf.Dcf, list[bytes | None]]:
+    """Write the DCF of these contents, with the files beside it, and read it again."""
+    made = dcf.with_contents(Dictionary.read(eds, folder / "any.eds", 5), contents, 5, "any", 500, "any")
+    for name, content in {**made.files, "any.dcf": made.content}.items():
+        (folder / name).write_bytes(content)
+    read = Dictionary.load(folder / "any.dcf")
+    return made, [dcf.content(read, address) for address in contents]
+
+
+KEPT = [
+    (0x09, b"Fast drive", b"ParameterValue=Fast drive\n"),
+    (0x09, "10 €".encode(), "ParameterValue=10 €\n".encode()),  # in the file's encoding
+    (0x09, b"caf\xe9", None),  # not UTF-8, as the file is
+    (0x09, b"two\nlines", None),  # would be an entry of its own
+    (0x09, b"filled up\0\0", None),  # a control character
+    (0x09, b" blank", None),  # blanks around a value are not its
+    (0x09, b"a ;comment", None),  # what follows is none of it
+    (0x09, b"", None),  # an empty ParameterValue is none
+    (0x09, b"x" * 240, b"ParameterValue=" + b"x" * 240),
+    (0x09, b"x" * 241, None),  # key and value together have at most 254 characters
+    (0x0B, "10 €".encode("utf-16-le"), "ParameterValue=10 €\n".encode()),
+    (0x0B, b"a\0b", None),  # half a character
+    (0x0A, b"\0\xff", b"ParameterValue=00FF\n"),
+    (0x0A, bytes(121), None),  # 242 digits
+    (0x0F, b"short", None),  # CiA 306 has files for every DOMAIN
+    (0x0C, b"\1\2\3\4\5\6", b"ParameterValue=010203040506\n"),  # TIME_OF_DAY
+]
+
+
+@pytest.mark.parametrize(("code", "data", "line"), KEPT)
+def test_every_byte_is_kept_in_a_line_or_in_a_file_beside(
+    tmp_path: Path, code: int, data: bytes, line: bytes | None
+) -> None:
+    made, back = there_and_back(tmp_path, (TYPED % code).encode(), {ADDRESS: data})
+    assert back == [data]
+    if line is None:
+        assert made.files == {"any-2000-0.bin": data}
+        assert b"UploadFile=any-2000-0.bin\nDownloadFile=any-2000-0.bin\n" in made.content
+    else:
+        assert line in made.content
+        assert made.files == {}
+
+
+@pytest.mark.parametrize(
+    ("code", "data", "in_a_line"),
+    [
+        (0x09, b"caf\xe9", True),  # the file's bytes are the text's
+        (0x09, "€".encode(), False),  # in Latin-1 these are control characters
+        (0x0B, "café".encode("utf-16-le"), False),  # which characters it has, another encoding could change
+    ],
+)
+def test_a_latin_1_file_stays_one(tmp_path: Path, code: int, data: bytes, in_a_line: bool) -> None:
+    eds = (TYPED % code).encode() + b"; gr\xfcn\n"
+    made, back = there_and_back(tmp_path, eds, {ADDRESS: data})
+    assert back == [data]
+    assert (made.files == {}) is in_a_line
+    assert b"; gr\xfcn\n" in made.content
+
+
+def test_a_new_value_takes_the_place_of_a_file_and_a_file_that_of_a_value(tmp_path: Path) -> None:
+    eds = (TYPED % 0x09).encode()
+    texts = [b"text", b"two\nlines", b"text again"]
+    for text in texts:
+        made, back = there_and_back(tmp_path, eds, {ADDRESS: text})
+        assert back == [text]
+        eds = made.content
+    assert b"File=any-2000" not in eds
+
+
+def test_compact_objects_have_their_values_in_a_list(tmp_path: Path) -> None:
+    eds = (TYPED % 0x09).encode() + b"ObjectType=8\nCompactSubObj=3\n"
+    contents: dict[Address, bytes] = {(0x2000, 1): b"one", (0x2000, 3): b"three"}
+    made, back = there_and_back(tmp_path, eds, contents)
+    assert back == [*contents.values()]
+    again, back = there_and_back(tmp_path, made.content, {(0x2000, 1): b"ONE"})
+    assert b"[2000Value]\nNrOfEntries=2\n1=ONE\n3=three\n" in again.content
+
+
+def test_pdos_that_compact_pdo_stands_for_are_written_out(tmp_path: Path) -> None:
+    eds = b"[DeviceInfo]\nNrOfRXPDO=2\nNrOfTXPDO=0\nCompactPDO=3\n" + (TYPED % 0x09).encode()
+    contents: dict[Address, bytes] = {(0x1401, 1): b"\5\3\0\0", (0x1401, 2): b"\1", (0x2000, 0): b"text"}
+    made = dcf.with_contents(Dictionary.read(eds, tmp_path / "any.eds", 5), contents, 5, "any", 500, "any")
+    read = Dictionary.read(made.content, tmp_path / "any.dcf")
+    assert [(pdo.index, pdo.cob_id, pdo.transmission_type) for pdo in read.pdos] == [
+        (0x1400, 0x205, 255),
+        (0x1401, 0x305, 1),
+    ]
+
+
+def test_sections_under_unusual_names_have_their_values(tmp_path: Path) -> None:
+    eds = (TYPED % 0x09).replace("[2000]", "[0x2000]").encode()
+    assert there_and_back(tmp_path, eds, {ADDRESS: b"text"})[1] == [b"text"]
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "any.dcf"
+    file.write_text(TYPED % 0x0F + "DownloadFile=gone.bin\n")
+    with pytest.raises(DictionaryError, match=r"any.dcf: 0x2000: sub 0 \(Any\): DownloadFile .*gone.bin: No such file"):
+        dcf.content(Dictionary.load(file, 5), ADDRESS)
+
+
+def test_digits_that_are_none_are_told(tmp_path: Path) -> None:
+    file = tmp_path / "any.dcf"
+    file.write_text(TYPED % 0x0A + "ParameterValue=0G\n")
+    with pytest.raises(DictionaryError, match=r"0x2000: sub 0 \(Any\): '0G' is not OCTET_STRING"):
+        dcf.content(Dictionary.load(file, 5), ADDRESS)
+
+
+@pytest.mark.parametrize("name", ["two\nlines", "[1000]\nx", " blank"])
+def test_a_name_that_would_be_more_than_a_name_is_left_out(tmp_path: Path, name: str) -> None:
+    eds = Dictionary.read((TYPED % 9).encode(), tmp_path / "any.eds", 5)
+    assert b"\nNodeName=\n" in dcf.with_contents(eds, {}, 5, name, 500, "any").content
+
+
+@pytest.mark.parametrize("text", ["two\nlines", "a ;comment", b"caf\xe9"])
+def test_a_text_that_a_line_cannot_hold_is_refused(text: Value) -> None:
+    with pytest.raises(FieldError, match="0x1008:0: Manufacturer device name"):
+        drive_dcf({(0x1008, 0): text})
 
 
 # What is missing

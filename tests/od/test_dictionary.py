@@ -236,3 +236,10 @@ def test_a_broken_file_costs_the_user_one_line(spoil_eds: Spoil) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"eurobot-od: {folder / 'drive.eds'}: not an EDS: it describes no object\n"
+
+
+def test_what_canopen_logs_is_not_printed() -> None:
+    load = f"from eurobot_od.od.dictionary import Dictionary; Dictionary.load({str(EDS / 'drive.eds')!r})"
+    log = "import logging; [logging.getLogger(f'canopen.{name}').error('leak') for name in ('sdo', 'objectdictionary')]"
+    done = subprocess.run([sys.executable, "-c", f"{load}; {log}"], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("", "")

@@ -72,8 +72,11 @@ BYTES: list[tuple[DataType, str, Value]] = [
     (DATA_TYPES[0x16], "01 02 03", 0x030201),  # UNSIGNED24
     (DATA_TYPES[0x10], "ff ff 7f", 0x7FFFFF),  # INTEGER24
     (REAL32, "00 00 c0 3f", 1.5),
-    (VISIBLE_STRING, "61 62 00 00", "ab"),
+    (VISIBLE_STRING, "61 62 00 00", "ab\0\0"),  # every byte is kept
+    (VISIBLE_STRING, "61 e4", b"a\xe4"),  # no ASCII: bytes, not a shorter text
     (UNICODE_STRING, "61 00 62 00", "ab"),
+    (UNICODE_STRING, "61 00 62", b"a\0b"),
+    (UNICODE_STRING, "00 d8", b"\0\xd8"),  # half of a surrogate pair
     (DATA_TYPES[0x0F], "00 01", b"\0\1"),
 ]
 

@@ -27,6 +27,8 @@ Other=2
         (lambda r, d: r.set(d.sections["a"], "Key", 5), TEXT.replace("Key = 1 ; one", "Key=5")),
         (lambda r, d: r.set(d.sections["a"], "New", 5), TEXT.replace("end of A\n", "end of A\nNew=5\n")),
         (lambda r, d: r.set(d.sections["b"], "New", 5), TEXT + "New=5\n"),
+        (lambda r, d: r.unset(d.sections["a"], "Key"), TEXT.replace("Key = 1 ; one\n", "")),
+        (lambda r, d: r.unset(d.sections["a"], "Nothing"), TEXT),
         (lambda r, d: r.drop(d.sections["a"]), "; a comment\n\n[B]\nOther=2\n"),
         (lambda r, d: r.drop(d.sections["b"]), TEXT[: TEXT.index("\n[B]")]),
     ],

@@ -25,7 +25,7 @@ from tests.device.shelf import NUMBER, TEXT, Shelf
 from tests.sdo.line import WAIT, Line
 
 SIZES = [0, 1, 4, 5, 7, 8, 13, 14, 15, 888, 889, 890, 4096]
-READERS = [upload, block_upload]
+READERS: list[Callable[..., Transfer]] = [upload, block_upload]
 WRITERS = [download, block_download]
 
 
@@ -97,7 +97,7 @@ def test_segments_of_a_block_download_that_are_lost_are_sent_again(lost: set[int
 def test_a_server_that_refuses_says_why(transfer: Transfer) -> None:
     shelf = Shelf()
     shelf.admit = lambda address, _: len(shelf.read(address))  # type: ignore[method-assign, assignment]
-    with pytest.raises(Refused, match=r"^the node aborts with 0x06020000$") as refused:
+    with pytest.raises(Refused, match=r"^the node aborts: Object does not exist \(0x06020000\)$") as refused:
         Line(SdoServer(shelf)).run(transfer)
     assert refused.value.code == AbortCode.NO_OBJECT
 
@@ -130,6 +130,27 @@ def test_a_server_that_falls_silent_is_told_so_and_forgets_the_transfer(
     with pytest.raises(Silence):
         line.run(make())
     assert server.deadline == inf
+
+
+LONG = content_of(150 * SEGMENT_SIZE + 3)
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda told: upload(TEXT, WAIT, told), [*range(7, 1053, 7), 1053]),
+        (lambda told: download(TEXT, LONG, WAIT, told), [*range(7, 1053, 7), 1053]),
+        (lambda told: block_upload(TEXT, WAIT, progress=told), [889, 1053]),  # a block has 127 segments
+        (lambda told: block_download(TEXT, LONG, WAIT, told), [889, 1053]),
+    ],
+)
+def test_progress_is_told_in_bytes(
+    make: Callable[[Callable[[int, int | None], None]], Transfer], told: list[int]
+) -> None:
+    shelf, heard = Shelf(), list[tuple[int, int | None]]()
+    shelf.objects[TEXT] = LONG
+    Line(SdoServer(shelf)).run(make(lambda done, size: heard.append((done, size))))
+    assert heard == [(done, len(LONG)) for done in told]
 
 
 # What is sent, to the byte

@@ -28,7 +28,7 @@ from eurobot_od.client.reading import parameters
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
-from eurobot_od.od.values import Address
+from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 
@@ -50,10 +50,10 @@ def descriptions(folder: Path) -> dict[str, Description]:
     eds = dialects.folder() / "drive.eds"
     dictionary = from_file(eds).dictionary
     delivered = {thing.address: dictionary.default(thing.address) for thing in parameters(dictionary)}
-    kinds = {"delivered": {}, "few": FEW, "all": dict(other_values(from_file(eds)))}
+    kinds: dict[str, Mapping[Address, Value]] = {"delivered": {}, "few": FEW, "all": dict(other_values(from_file(eds)))}
     files = {name: folder / f"{name}.dcf" for name in kinds}
     for name, file in files.items():
-        file.write_text(dcf.with_values(eds.read_text(), delivered | kinds[name], NODE, "drive", BITRATE))
+        file.write_text(dcf.with_values(eds.read_text(), {**delivered, **kinds[name]}, NODE, "drive", BITRATE))
     return {name: from_file(file) for name, file in files.items()}
 
 

@@ -1,0 +1,236 @@
+"""Layer setting services: devices are found by their identity, given node-ID and bit rate, and store them (CiA 305).
+
+Rule of this file: a service is a generator that yields requests and is given the answer, None if none came; only
+`perform` has a bus. What the standard does not allow is refused before there is a generator.
+
+canopen's LssMaster is not used: it waits in a queue that another thread has to fill, sleeps 0.2 s after each part of an
+identity, and turns every error into a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from enum import IntEnum
+from typing import NamedTuple, TypeAlias, TypeVar
+
+from eurobot_od.client.description import Identity
+from eurobot_od.client.master import STORE_WAIT, Master
+from eurobot_od.errors import LocalError, NoAnswer, RemoteError
+from eurobot_od.od.values import LSS_COB_IDS, NODE_IDS
+
+ANSWERS, REQUESTS = LSS_COB_IDS
+
+ANSWER_WAIT = 0.1
+"""Seconds that a device has for an answer; `find_all` waits so long about 70 times for each device."""
+
+LENGTH = 8
+"""Bytes of every LSS request and answer."""
+
+UNCONFIGURED = 255
+"""The node-ID of a device that has none."""
+
+BIT_RATES = {1000: 0, 800: 1, 500: 2, 250: 3, 125: 4, 50: 6, 20: 7, 10: 8}
+"""Index in the standard table of bit timings, by kbit/s (CiA 305, Table 1)."""
+
+
+class Lss(IntEnum):
+    """Command specifiers; an answer has that of its request where no other one is named."""
+
+    SWITCH_GLOBAL = 0x04
+    CONFIGURE_NODE_ID = 0x11
+    CONFIGURE_BIT_TIMING = 0x13
+    ACTIVATE_BIT_TIMING = 0x15
+    STORE = 0x17
+    SELECT = 0x40
+    """Of the vendor-ID; the next three are product code, revision and serial number."""
+    SELECTED = 0x44
+    IDENTIFY_SLAVE = 0x4F
+    FASTSCAN = 0x51
+    INQUIRE_NODE_ID = 0x5E
+
+
+class LssState(IntEnum):
+    """States of a device: it answers to its identity, or is being configured."""
+
+    WAITING = 0
+    CONFIGURATION = 1
+
+
+REFUSALS: Mapping[Lss, Mapping[int, str]] = {
+    Lss.CONFIGURE_NODE_ID: {1: "node-ID out of range"},
+    Lss.CONFIGURE_BIT_TIMING: {1: "bit rate not supported"},
+    Lss.STORE: {1: "storing is not supported", 2: "no access to the storage media"},
+}
+"""What the error codes of a service mean; 255 is an error of the device's own."""
+
+OWN_ERROR = 255
+
+FIRST_BIT, ANY_BIT = 31, 128
+"""Fastscan begins with the highest bit; `ANY_BIT` asks who is there at all."""
+
+
+class LssRequest(NamedTuple):
+    """A request: its command, the bytes after it, and the answer's command (None: nobody answers)."""
+
+    command: Lss | int
+    rest: bytes = b""
+    answer: Lss | None = None
+
+    @property
+    def data(self) -> bytes:
+        """The frame's bytes; those that are not used are 0."""
+        return bytes([self.command, *self.rest]).ljust(LENGTH, b"\0")
+
+
+Result = TypeVar("Result")
+LssSteps: TypeAlias = "Generator[LssRequest, bytes | None, Result]"
+
+
+# Services
+
+
+def switch(state: LssState) -> LssSteps[None]:
+    """Put all devices into a state; nobody answers."""
+    return _sent(LssRequest(Lss.SWITCH_GLOBAL, bytes([state])))
+
+
+def select(identity: Identity) -> LssSteps[bool]:
+    """Put the device with an identity into configuration state; return whether there is one."""
+    yield from switch(LssState.WAITING)
+    *first, last = [LssRequest(Lss.SELECT + part, _number(value)) for part, value in enumerate(identity)]
+    yield from first
+    return (yield last._replace(answer=Lss.SELECTED)) is not None
+
+
+def fastscan() -> LssSteps[Identity | None]:
+    """Find a device without a node-ID and put it into configuration state; None if there is none.
+
+    Of several the one that has 0 in the first bit in which they differ is found. Raises RemoteError if it goes away.
+    """
+    if not (yield from _scanned(0, ANY_BIT, 0, 0)):
+        return None
+    found: list[int] = []
+    for part in range(len(Identity._fields)):
+        number = 0
+        for bit in range(FIRST_BIT, -1, -1):
+            if not (yield from _scanned(number, bit, part, part)):
+                number |= 1 << bit
+        if not (yield from _scanned(number, 0, part, (part + 1) % len(Identity._fields))):
+            raise RemoteError("the device that fastscan was about to find does not answer any more")
+        found.append(number)
+    return Identity(*found)
+
+
+def find_all() -> LssSteps[list[Identity]]:
+    """Return all devices without a node-ID; all are in waiting state afterwards."""
+    yield from switch(LssState.WAITING)
+    found: list[Identity] = []
+    while (identity := (yield from fastscan())) is not None:  # one that is found is being configured: no longer asked
+        found.append(identity)
+    yield from switch(LssState.WAITING)
+    return found
+
+
+def inquire_node_id() -> LssSteps[int]:
+    """Return the node-ID of the device that is being configured, 255 if it has none; raises NoAnswer."""
+    return (yield from _asked(LssRequest(Lss.INQUIRE_NODE_ID, answer=Lss.INQUIRE_NODE_ID)))[1]
+
+
+def configure_node_id(node_id: int) -> LssSteps[None]:
+    """Give the device a node-ID, 255 for none. Raises LocalError, RemoteError if it refuses, NoAnswer."""
+    if node_id not in (*NODE_IDS, UNCONFIGURED):
+        raise LocalError(f"node-ID {node_id} is not in 1..127 (255 for none)")
+    return _configured(Lss.CONFIGURE_NODE_ID, bytes([node_id]))
+
+
+def configure_bit_rate(kbit: int) -> LssSteps[None]:
+    """Give the device a bit rate in kbit/s; raises as `configure_node_id`."""
+    if kbit not in BIT_RATES:
+        raise LocalError(f"{kbit} kbit/s is not in CiA 305's table: {', '.join(map(str, BIT_RATES))}")
+    return _configured(Lss.CONFIGURE_BIT_TIMING, bytes([0, BIT_RATES[kbit]]))
+
+
+def activate_bit_rate(delay: float) -> LssSteps[None]:
+    """Have the devices being configured change their bit rate `delay` seconds from now; nobody answers.
+
+    They are silent for as long again (CiA 305: switch delay). Raises LocalError.
+    """
+    milliseconds = round(delay * 1000)
+    if not 0 <= milliseconds <= 0xFFFF:
+        raise LocalError(f"the delay {delay} s is not in 0..65.535 s")
+    return _sent(LssRequest(Lss.ACTIVATE_BIT_TIMING, milliseconds.to_bytes(2, "little")))
+
+
+def store() -> LssSteps[None]:
+    """Have the device store node-ID and bit rate; raises RemoteError if it refuses, NoAnswer."""
+    return _configured(Lss.STORE, b"")
+
+
+def _sent(request: LssRequest) -> LssSteps[None]:
+    yield request
+
+
+def _scanned(number: int, bit: int, part: int, then: int) -> LssSteps[bool]:
+    """Ask who agrees in the bits from 31 down to `bit` of a part of the identity, and is to expect `then` next."""
+    rest = _number(number) + bytes([bit, part, then])
+    return (yield LssRequest(Lss.FASTSCAN, rest, Lss.IDENTIFY_SLAVE)) is not None
+
+
+def _configured(command: Lss, rest: bytes) -> LssSteps[None]:
+    answer = yield from _asked(LssRequest(command, rest, command))
+    error, own = answer[1], answer[2]
+    if error:
+        words = f"error {own} of its own" if error == OWN_ERROR else REFUSALS[command].get(error, f"error {error}")
+        raise RemoteError(f"the device refuses to {_words(command)}: {words}")
+
+
+def _asked(request: LssRequest) -> LssSteps[bytes]:
+    answer = yield request
+    if answer is None:
+        raise NoAnswer(f"LSS {_words(request.command)}", "answer", 1, _wait(request, ANSWER_WAIT))
+    return answer
+
+
+def _words(command: int) -> str:
+    return Lss(command).name.lower().replace("_", " ")
+
+
+def _number(value: int) -> bytes:
+    return value.to_bytes(4, "little")
+
+
+# The bus
+
+
+def perform(master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT) -> Result:
+    """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError."""
+    answers: list[bytes] = []
+    master.listeners[ANSWERS] = answers.append
+    answer = None
+    try:
+        while True:
+            request = steps.send(answer)
+            answer = _exchange(master, request, answers, wait)
+    except StopIteration as end:
+        result: Result = end.value
+        return result
+    finally:
+        del master.listeners[ANSWERS]
+
+
+def _exchange(master: Master, request: LssRequest, answers: list[bytes], wait: float) -> bytes | None:
+    master.drain()  # a late answer to the request before is none to this one
+    answers.clear()
+    master.send(REQUESTS, request.data)
+    if request.answer is None:
+        return None
+    master.pump(_wait(request, wait), lambda: any(_fitting(answers, request)))
+    return next(_fitting(answers, request), None)
+
+
+def _fitting(answers: list[bytes], request: LssRequest) -> Iterator[bytes]:
+    return (each for each in answers if len(each) == LENGTH and each[0] == request.answer)
+
+
+def _wait(request: LssRequest, wait: float) -> float:
+    return STORE_WAIT if request.command is Lss.STORE else wait

@@ -1,0 +1,179 @@
+"""Notices which nodes boot, fall silent and come back, by their heartbeats or by guarding them (CiA 301, 7.2.8.3).
+
+Rule of this file: no clock and no bus in `Pulse` and `NodeWatch`; frames and the time in seconds go in, events come
+out, and the COB-IDs that are to be asked by remote frames.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
+from functools import partial
+from math import inf
+from statistics import median_low
+from typing import TYPE_CHECKING, NamedTuple
+
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
+
+if TYPE_CHECKING:
+    from eurobot_od.client.master import Master
+
+LOST_AFTER = 2.0
+"""A node is lost after so many of its heartbeat periods without a heartbeat."""
+
+REMEMBERED_INTERVALS = 5
+"""A node's period is the middle one of so many of its last intervals: one long silence does not change it."""
+
+TOGGLE = 0x80
+"""Bit of an answer to a guard, the other one each time (CiA 301, 7.2.8.3.2.1)."""
+
+LONGEST_PAUSE = 0.1
+"""Seconds after which `watch_nodes` looks whether it is to end."""
+
+
+class Pulse:
+    """How a node beats: `heard` is when it was heard last, None before that.
+
+    `period` is what it should have, in seconds; 0 where nobody knows. What is heard of it counts more.
+    """
+
+    def __init__(self, period: float = 0.0) -> None:
+        self.period, self.heard = period, None
+        self._last_beat: float | None = None
+        self._intervals: deque[float] = deque(maxlen=REMEMBERED_INTERVALS)
+
+    heard: float | None
+
+    def beat(self, now: float) -> None:
+        """Take note of a heartbeat."""
+        if self._last_beat is not None:
+            self._intervals.append(now - self._last_beat)
+        self.heard = self._last_beat = now
+
+    def boot(self, now: float) -> None:
+        """Take note of a boot-up message: the first heartbeat after it may come at any time of the period."""
+        self.heard, self._last_beat = now, None
+        self._intervals.clear()
+
+    @property
+    def deadline(self) -> float:
+        """When the node is lost if it is not heard before; infinite if nothing says that it has a period."""
+        period = median_low(self._intervals) if self._intervals else self.period
+        return self.heard + LOST_AFTER * period if self.heard is not None and period else inf
+
+    def lost(self, now: float) -> bool:
+        """Whether it should have been heard by now."""
+        return now > self.deadline
+
+
+class Change(Enum):
+    """What happens to a node, in the words for a person."""
+
+    FOUND = "is there"
+    BOOTED = "has booted"
+    LOST = "is lost"
+    BACK = "is back"
+
+
+class NodeEvent(NamedTuple):
+    """A `change` of a node at a `time` in seconds; `state` is the last that it told, None if it never did."""
+
+    time: float
+    node_id: int
+    change: Change
+    state: NmtState | None
+
+
+class WatchedNode:
+    """What is known of one node: its `pulse`, its `state`, whether it is `lost`."""
+
+    def __init__(self, period: float = 0.0) -> None:
+        self.pulse, self.lost = Pulse(period), False
+        self.state: NmtState | None = None
+        self.toggle: int | None = None
+
+
+class NodeWatch:
+    """Watches nodes and calls `told` with each event.
+
+    `periods` are heartbeat periods in seconds by node-ID, where they are known. `expected` nodes are lost if they are
+    not heard within `patience` seconds from the first tick. `guarded` nodes are asked by a remote frame every so many
+    seconds, by node-ID; a node without heartbeat can be watched only so.
+    """
+
+    def __init__(
+        self,
+        told: Callable[[NodeEvent], object],
+        periods: Mapping[int, float] = {},
+        expected: Iterable[int] = (),
+        patience: float = LOST_AFTER,
+        guarded: Mapping[int, float] = {},
+    ) -> None:
+        self._told = told
+        self.nodes: dict[int, WatchedNode] = {node_id: WatchedNode(period) for node_id, period in periods.items()}
+        self._expected, self._patience = {*expected, *guarded}, patience
+        self._guarded = dict(guarded)
+        self._next_guard = dict.fromkeys(guarded, -inf)
+        self._started: float | None = None
+
+    def receive(self, node_id: int, data: bytes, now: float) -> None:
+        """Take in an error control frame; one that is none is passed over."""
+        state = data[0] & ~TOGGLE if len(data) == 1 else None
+        if state not in set(NmtState):
+            return
+        node = self._node(node_id)
+        if node_id in self._guarded and data[0] & TOGGLE == node.toggle:
+            return  # an answer heard twice, or a node that is stuck: no sign of life
+        node.toggle = data[0] & TOGGLE if state and node_id in self._guarded else None
+        first, was_lost = node.pulse.heard is None, node.lost
+        node.state, node.lost = NmtState(state), False
+        (node.pulse.beat if state else node.pulse.boot)(now)
+        change = Change.BOOTED if not state else Change.BACK if was_lost else Change.FOUND if first else None
+        if change:
+            self._tell(now, node_id, change)
+
+    def tick(self, now: float) -> list[int]:
+        """Notice who is lost, and return the COB-IDs to be asked by remote frames now."""
+        if self._started is None:
+            self._started = now
+        for node_id in sorted({*self.nodes, *self._expected}):
+            node = self._node(node_id)
+            if not node.lost and now > self._deadline(node_id, node):
+                node.lost = True
+                self._tell(now, node_id, Change.LOST)
+        asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
+        self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
+        return [ERROR_CONTROL_BASE + node_id for node_id in asked]
+
+    @property
+    def next_wakeup(self) -> float:
+        """When to call `tick`, infinite if nothing is planned."""
+        waiting = (self._deadline(node_id, node) for node_id, node in self.nodes.items() if not node.lost)
+        return min([*waiting, *self._next_guard.values()], default=inf)
+
+    def _node(self, node_id: int) -> WatchedNode:
+        return self.nodes.setdefault(node_id, WatchedNode(self._guarded.get(node_id, 0.0)))
+
+    def _deadline(self, node_id: int, node: WatchedNode) -> float:
+        if node.pulse.heard is None and node_id in self._expected and self._started is not None:
+            return self._started + self._patience
+        return node.pulse.deadline
+
+    def _tell(self, now: float, node_id: int, change: Change) -> None:
+        self._told(NodeEvent(now, node_id, change, self.nodes[node_id].state))
+
+
+def watch_nodes(master: Master, watch: NodeWatch, end: float = inf) -> None:
+    """Watch the nodes of a master's bus until its clock is at `end`. Raises BusError."""
+    for node_id in NODE_IDS:
+        master.listeners[ERROR_CONTROL_BASE + node_id] = partial(_receive, master, watch, node_id)
+    while (now := master.clock()) < end:
+        for cob_id in watch.tick(now):
+            master.request(cob_id)
+        master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
+
+
+def _receive(master: Master, watch: NodeWatch, node_id: int, data: bytes) -> None:
+    watch.receive(node_id, data, master.clock())

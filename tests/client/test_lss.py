@@ -1,0 +1,137 @@
+"""Layer setting services on a bus with slaves: found by scanning and by name, configured, and refused in words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import canopen
+import pytest
+
+from eurobot_od.client import lss
+from eurobot_od.client.description import Identity
+from eurobot_od.client.lss import LssState, LssSteps, perform
+from eurobot_od.errors import LocalError, NoAnswer, RemoteError
+from eurobot_od.frame import Frame
+from tests.client.lss_slave import CONFIGURATION, WAITING, LssSlave
+from tests.client.wired import Answerer, wired
+
+ONE = Identity(0x12345678, 0xFFFFFFFF, 0, 0x80000001)
+NEXT = ONE._replace(serial=0x80000002)
+OTHER = Identity(0, 1, 2, 3)
+
+
+@pytest.mark.parametrize("identities", [[], [ONE], [NEXT, ONE], [ONE, OTHER, NEXT], [Identity(0, 0, 0, 0)]])
+def test_all_devices_without_a_node_id_are_found_the_lowest_first(identities: list[Identity]) -> None:
+    slaves = [LssSlave(each) for each in identities]
+    with wired(*slaves, LssSlave(Identity(9, 9, 9, 9), node_id=5)) as master:
+        assert perform(master, lss.find_all()) == sorted(identities)
+    assert {slave.state for slave in slaves} <= {WAITING}
+
+
+def test_a_device_that_fastscan_loses_is_an_error() -> None:
+    slave = LssSlave(ONE)
+
+    def answers(frame: Frame) -> list[Frame]:
+        return slave.receive(frame, 0.0) if frame.data[6] < 2 else []  # gone after two parts of its identity
+
+    with wired(Answerer(answers)) as master, pytest.raises(RemoteError, match="does not answer any more"):
+        perform(master, lss.fastscan())
+
+
+def test_a_device_is_selected_by_its_identity() -> None:
+    slaves = one, other, _ = LssSlave(ONE), LssSlave(OTHER, node_id=7), LssSlave(NEXT)
+    with wired(*slaves) as master:
+        assert perform(master, lss.select(OTHER))
+        assert [slave.state for slave in slaves] == [WAITING, CONFIGURATION, WAITING]
+        assert perform(master, lss.inquire_node_id()) == 7
+        assert perform(master, lss.select(ONE))  # the other one waits again
+        assert (one.state, other.state) == (CONFIGURATION, WAITING)
+        assert not perform(master, lss.select(OTHER._replace(serial=4)))
+
+
+def test_node_id_and_bit_rate_are_set_stored_and_activated() -> None:
+    slave = LssSlave(ONE)
+    with wired(slave) as master:
+        perform(master, lss.switch(LssState.CONFIGURATION))
+        perform(master, lss.configure_node_id(5))
+        perform(master, lss.configure_bit_rate(250))
+        assert (slave.node_id, slave.bit_rate, slave.stored) == (5, 3, (255, 2))
+        perform(master, lss.store())
+        perform(master, lss.activate_bit_rate(0.5))
+    assert (slave.stored, slave.delay) == ((5, 3), 500)
+
+
+@pytest.mark.parametrize(
+    ("command", "error", "steps", "said"),
+    [
+        (0x11, (1, 0), lss.configure_node_id(5), "refuses to configure node id: node-ID out of range"),
+        (0x13, (1, 0), lss.configure_bit_rate(800), "refuses to configure bit timing: bit rate not supported"),
+        (0x17, (1, 0), lss.store(), "refuses to store: storing is not supported"),
+        (0x17, (2, 0), lss.store(), "refuses to store: no access to the storage media"),
+        (0x17, (9, 0), lss.store(), "refuses to store: error 9"),
+        (0x17, (255, 7), lss.store(), "refuses to store: error 7 of its own"),
+    ],
+)
+def test_a_refusal_is_in_words(command: int, error: tuple[int, int], steps: LssSteps[None], said: str) -> None:
+    with wired(LssSlave(ONE, errors={command: error})) as master:
+        perform(master, lss.switch(LssState.CONFIGURATION))
+        with pytest.raises(RemoteError, match=f"^the device {said}$"):
+            perform(master, steps)
+
+
+def test_silence_is_no_answer() -> None:
+    with wired() as master, pytest.raises(NoAnswer, match=r"^no answer after 1 x LSS store"):
+        perform(master, lss.store())
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: lss.configure_node_id(0),
+        lambda: lss.configure_node_id(128),
+        lambda: lss.configure_bit_rate(100),  # reserved in the table
+        lambda: lss.activate_bit_rate(-1),
+        lambda: lss.activate_bit_rate(66),
+    ],
+)
+def test_what_the_standard_does_not_have_is_no_service(make: Callable[[], LssSteps[None]]) -> None:
+    with pytest.raises(LocalError):
+        make()
+
+
+def test_other_frames_under_the_identifier_are_no_answer() -> None:
+    noise = [Frame(0x7E4, b""), Frame(0x7E4, b"\x5e\x07"), Frame(0x7E4, bytes([0x44, *bytes(7)]))]
+    with wired(Answerer(lambda _: noise), LssSlave(ONE, node_id=9)) as master:
+        perform(master, lss.switch(LssState.CONFIGURATION))
+        assert perform(master, lss.inquire_node_id()) == 9
+
+
+class StockWire:
+    """What canopen's LssMaster takes for a network: requests go to a slave, its answers back at once."""
+
+    def __init__(self, slave: LssSlave) -> None:
+        make: Any = canopen.lss.LssMaster
+        self.master = make()
+        self.master.network, self.master.RESPONSE_TIMEOUT = self, 0
+        self._slave = slave
+
+    def send_message(self, can_id: int, data: bytes) -> None:
+        for answer in self._slave.receive(Frame(can_id, bytes(data)), 0.0):
+            self.master.on_message_received(answer.cob_id, answer.data, 0.0)
+
+
+def test_stock_canopen_finds_and_sets_the_same_in_a_slave(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("canopen.lss.time.sleep", lambda _: None)
+    ours, theirs = LssSlave(ONE), LssSlave(ONE)
+    with wired(ours) as master:
+        found = perform(master, lss.fastscan())
+        perform(master, lss.configure_node_id(5))
+        perform(master, lss.configure_bit_rate(250))
+        perform(master, lss.store())
+    stock = StockWire(theirs).master
+    assert stock.fast_scan() == (True, list(found or ()))
+    stock.configure_node_id(5)
+    stock.configure_bit_timing(3)
+    stock.store_configuration()
+    assert ours.stored == theirs.stored == (5, 3)
