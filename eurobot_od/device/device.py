@@ -17,7 +17,7 @@ from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.guarding import GUARD_TIME, LIFE_TIME_FACTOR, NodeGuarding
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, predefined
@@ -56,9 +56,6 @@ NMT_STARTUP: Address = (0x1F80, 0)
 SAVE = int.from_bytes(b"save", "little")
 LOAD = int.from_bytes(b"load", "little")
 """Signatures that 0x1010 and 0x1011 want to see (CiA 301, 7.5.2.13 and 7.5.2.14)."""
-
-COMMUNICATION_PROFILE = range(0x1000, 0x2000)
-"""Indices that a reset of the communication restores (CiA 301, 7.3.2.2.3)."""
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,

@@ -1116,14 +1116,22 @@ def test_a_shutdown_that_races_gotos_always_wins_and_every_call_ends() -> None:
             _race(core, calls, round_)
             assert core.shut_down
             assert calls[-1].result(5).seconds < 5.0
-            assert not drive.moving
             assert drive.safe
+            assert comes_to_rest(drive)
             core.configure_start(*RED).result(10)
         assert round_ > 20  # on a machine that has much else to do
         last = core.emergency_shutdown()
         last.result(5)
-        assert not drive.moving
+        assert comes_to_rest(drive)
     assert [call for call in calls if not call.done()] == []
+
+
+def comes_to_rest(drive: Drive) -> bool:
+    """Tell whether the drive stands soon: in stop periods of 5 ms it may roll the last of its braking unseen."""
+    end, pause = time.monotonic() + 1.0, threading.Event()
+    while drive.moving and time.monotonic() < end:
+        pause.wait(0.01)
+    return not drive.moving
 
 
 def _race(core: Core, calls: list[Future[Any]], round_: int) -> None:
