@@ -11,7 +11,7 @@ from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-from eurobot_od.device.objects import Objects, OnRead, OnWrite
+from eurobot_od.device.objects import NO_VALUES, TELL_NOBODY, Objects, OnRead, OnTold, OnWrite
 from eurobot_od.errors import FieldError, MappingError
 from eurobot_od.od.outline import SLICES
 from eurobot_od.od.values import Address, Value
@@ -36,11 +36,17 @@ class Application(NamedTuple):
 
     `readers` give the messages with their present values, `writers` are the message types that writing them means, and
     `act` acts on such a message; it raises Refused, and has done nothing then.
+
+    Single objects are bound by their addresses: values that are `given` count in place of the file's, those that are
+    `measured` are asked for, and new ones are `told`.
     """
 
     readers: Mapping[str, Callable[[], Message]] = MappingProxyType({})
     writers: Mapping[str, type[Message]] = MappingProxyType({})
     act: Callable[[Message], object] = lambda _: None
+    given: Mapping[Address, Value] = NO_VALUES
+    measured: Mapping[Address, Callable[[], Value]] = MappingProxyType({})
+    told: Mapping[Address, OnTold] = TELL_NOBODY
 
 
 NO_APPLICATION = Application()
@@ -64,7 +70,8 @@ class BoundObjects:
     def readers(self) -> dict[int, OnRead]:
         """Return what gives the value of a bound object, by its index."""
         found = ((self._dictionary.data_index(name), read) for name, read in self._application.readers.items())
-        return {index: partial(self._read, index, read) for index, read in found if index is not None}
+        measured: dict[int, OnRead] = {index: partial(self._measure, index) for index, _ in self._application.measured}
+        return measured | {index: partial(self._read, index, read) for index, read in found if index is not None}
 
     def writers(self) -> dict[int, OnWrite]:
         """Return what writing a bound object does, by its index; its slices are written likewise."""
@@ -77,6 +84,10 @@ class BoundObjects:
         }
 
     # A value
+
+    def _measure(self, index: int, subindex: int) -> Value:
+        measure = self._application.measured.get((index, subindex))
+        return self._objects.kept((index, subindex)) if measure is None else measure()
 
     def _read(self, index: int, read: Callable[[], Message], subindex: int) -> Value:
         message = read()

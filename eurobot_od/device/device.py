@@ -1,4 +1,5 @@
-"""One CANopen device from its EDS: NMT slave, SDO server, PDOs gated by state, heartbeats, emergencies, stored values.
+"""One CANopen device from its EDS: NMT slave, SDO server, PDOs gated by state, SYNC, TIME, heartbeats, node guarding,
+emergencies, stored values.
 
 Rule of this file: no clock and no bus. Frames and the time in seconds go in, frames and typed messages come out;
 what a peer sends wrong becomes an EMCY, an SDO abort and a count, never an exception.
@@ -11,18 +12,30 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
+from eurobot_od.device.deadlines import Deadlines
 from eurobot_od.device.emergency import Emergencies, ErrorCode
+from eurobot_od.device.guarding import GUARD_TIME, LIFE_TIME_FACTOR, NodeGuarding
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnRead, OnWrite
-from eurobot_od.device.pdo import Pacing, Pdos, ProcessData
+from eurobot_od.device.objects import EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.storage import Store
-from eurobot_od.device.sync import Arrival, Synchronous
-from eurobot_od.errors import Cause, DictionaryError, FrameLengthError, Refused, StateError
+from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
+from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, TimeOfDay
+from eurobot_od.errors import DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
+from eurobot_od.od.values import (
+    BASE_IDENTIFIER,
+    EMCY_BASE,
+    ERROR_CONTROL_BASE,
+    NMT_COB_ID,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    Address,
+    Value,
+)
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message
@@ -58,9 +71,6 @@ ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
 }
 """What an operational device does when a heartbeat is lost, by error behaviour 0x1029:1 (CiA 301, 7.5.2.32)."""
 
-REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
-"""How a command written over SDO is refused, by why the application does not act on it."""
-
 
 class Reaction(NamedTuple):
     """What a frame, or the time, did to a device.
@@ -88,10 +98,10 @@ class Device:
 
     `store` keeps what 0x1010 saves over power-off, `catalogue` has its message types, and `application` is what its
     objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
-    its messages as they are mapped now, `identifiers` the COB-IDs of all frames it listens to. Both are replaced as a
-    whole when a master changes them. `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server, None without
-    one; no master changes them (CiA 301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup`
-    everything.
+    its messages as they are mapped now, `identifiers` the COB-IDs of all frames, remote ones too, that it listens to.
+    Both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
+    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA
+    301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything.
     """
 
     def __init__(
@@ -102,7 +112,7 @@ class Device:
         application: Application = NO_APPLICATION,
     ) -> None:
         self._file, self._catalogue, self._application = dictionary, catalogue, application
-        self._store, self.plan = store, Plan()
+        self._store, self.plan, self.time_of_day = store, Plan(), TimeOfDay()
         self._stored = store.load() if store else {}
         self.state = NmtState.INITIALISING
         self._now = 0.0
@@ -125,11 +135,12 @@ class Device:
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
         self.emergencies = Emergencies(
-            lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
+            lambda: self._cob_id(EMCY_COB_ID, EMCY_BASE), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
         )
         readers: dict[int, OnRead] = {}
         writers: dict[int, OnWrite] = {}
-        self.objects = Objects(self.dictionary, readers, writers)
+        given, told = self._application.given, self._application.told
+        self.objects = Objects(self.dictionary, readers, writers, given, told)
         self.objects.values = values
         self._pdos = Pdos(self.objects, self._catalogue)
         bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
@@ -146,11 +157,15 @@ class Device:
             RESTORE: self._restore,
             CONSUMED_HEARTBEATS: self._consume,
             HEARTBEAT_TIME[0]: self._produce,
+            **dict.fromkeys((GUARD_TIME[0], LIFE_TIME_FACTOR[0], TIME[0]), self._followed(self.objects.put)),
             **{index: self._followed(write) for index, write in self._pdos.writers().items()},
         }
         self._process = ProcessData(self.objects)
         self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
-        self._synchronous = Synchronous(self._pdos.sync_type)
+        self._synchronous, self._sync = Synchronous(self._pdos.sync_type), SyncProducer()
+        self._deadlines, self._changes = Deadlines(self._pdos.deadline), Changes(self._process.frame)
+        self._sampled: dict[Binding, Frame] = {}
+        self._guarding = NodeGuarding()
         self._server = SdoServer(self.objects)
         self._consumer = HeartbeatConsumer()
         self._next_heartbeat = inf
@@ -159,25 +174,44 @@ class Device:
     def _configure(self) -> None:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
+        self._guarding.configure(self._life_time())
         self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE, SDO_REQUEST_BASE)
         self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT, SDO_RESPONSE_BASE)
+        time = self.objects.raw(TIME)
         answers = {self.objects.cob_id((index, 2)) for index in SDO_CLIENTS}
         # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
         ears: dict[int | None, Ear] = {
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
             **dict.fromkeys(answers, lambda frame: Reaction([], answer=frame)),
             **dict.fromkeys(self._pdos.received, self._receive_pdo),
+            time & BASE_IDENTIFIER if time & CONSUMER else None: self._receive_time,
             self._pdos.sync_cob_id: self._receive_sync,
             self.sdo_requests: self._receive_sdo,
             NMT_COB_ID: self._receive_command,
         }
         self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
-        self.identifiers = sorted(self._ears)
+        self._remote_ears: dict[int, Ear] = dict.fromkeys(self._pdos.requestable, self._send_requested)
+        if GUARD_TIME[0] in self.dictionary.members:
+            self._remote_ears[ERROR_CONTROL_BASE + self.node_id] = self._answer_guard
+        self.identifiers = sorted({*self._ears, *self._remote_ears})
         self._restart_pdos()
+        self._restart_broadcasts()
 
     def _restart_pdos(self) -> None:
         self._pacing.restart(self._pdos.sent.values(), self._now)
         self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
+        self._sampled.clear()
+        for binding in self._deadlines.missed:
+            self.emergencies.cleared((Deadlines, binding.name))
+        self._deadlines.restart(self._pdos.received.values())
+
+    def _restart_broadcasts(self) -> None:
+        """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
+        self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
+        if self._reports and self.objects.raw(TIME) & PRODUCER:
+            self.time_of_day.produce(self._now)
+        else:
+            self.time_of_day.rest()
 
     @property
     def protocol(self) -> Protocol:
@@ -204,7 +238,12 @@ class Device:
 
     def _sdo_cob_id(self, address: Address, base: int) -> int | None:
         """Return an identifier of the SDO server; one without 0x1200 is the default one (CiA 301, 7.5.2.33)."""
-        return self.objects.cob_id(address) if address[0] in self.dictionary.members else base + self.node_id
+        return self._cob_id(address, base) if address[0] in self.dictionary.members else base + self.node_id
+
+    def _cob_id(self, address: Address, base: int) -> int | None:
+        """Return the identifier in an object; one that the file gives no value has the predefined one."""
+        unsaid = address[0] in self.dictionary.members and self.objects.value(address) is None
+        return base + self.node_id if unsaid else self.objects.cob_id(address)
 
     # Objects that do more than keep a value
 
@@ -270,6 +309,12 @@ class Device:
     def _produce(self, address: Address, value: Value) -> None:
         self.objects.put(address, value)
         self._plan_heartbeat(self._now)
+        self._guarding.configure(self._life_time())
+
+    def _life_time(self) -> float:
+        """Return how long a master that guards may be silent; 0.0 for ever, or if heartbeats take guarding's place."""
+        factor = 0 if self.objects.raw(HEARTBEAT_TIME) else self.objects.raw(LIFE_TIME_FACTOR)
+        return self.objects.raw(GUARD_TIME) / 1000 * factor
 
     # NMT
 
@@ -281,8 +326,11 @@ class Device:
         return [error_control(self.node_id, NmtState.INITIALISING)]
 
     def _enter(self, state: NmtState) -> None:
-        self.state = state
+        reported, self.state = self._reports, state
         self._restart_pdos()
+        self._changes.restart()
+        if reported is not self._reports:
+            self._restart_broadcasts()
         if state is NmtState.STOPPED:
             self._server.forget()
 
@@ -306,9 +354,10 @@ class Device:
     @property
     def next_wakeup(self) -> float:
         """When to call `tick`, infinite if nothing is planned."""
-        pdo = self._pacing.next if self.operational else inf
-        emcy = self.emergencies.next if self._reports else inf
-        return min(self._next_heartbeat, self._consumer.next, self._server.deadline, pdo, emcy)
+        pdo = min(self._pacing.next, self._deadlines.next) if self.operational else inf
+        broadcast = min(self._sync.next, self.time_of_day.next, self.emergencies.next) if self._reports else inf
+        watched = min(self._consumer.next, self._guarding.next)
+        return min(self._next_heartbeat, self._server.deadline, pdo, broadcast, watched)
 
     def tick(self, now: float) -> Reaction:
         """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""
@@ -318,17 +367,44 @@ class Device:
             # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
             self._plan_heartbeat(self._next_heartbeat)
             frames.append(error_control(self.node_id, self.state))
+        own = self._broadcast(now)
+        frames += own.frames
         if self.operational:
             frames += self._pacing.released(now)
             frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
+            self._miss(now)
         frames += self._sdo_frames(self._server.tick(now))
-        lost = tuple(self._consumer.overdue(now))
+        lost = self._lose(now)
+        return Reaction(frames + self.emergency_frames(now), lost=lost, synchronous=own.synchronous)
+
+    def _broadcast(self, now: float) -> Reaction:
+        """Send SYNC and TIME at their times; what follows the device's own SYNC is as with another's."""
+        frames = [Frame(self.objects.raw(TIME) & BASE_IDENTIFIER, data) for data in self.time_of_day.due(now)]
+        messages: tuple[Message, ...] = ()
+        for data in self._sync.due(now):
+            sync = Frame(self.objects.raw(SYNC) & BASE_IDENTIFIER, data)
+            followed = self._receive_sync(sync)
+            frames += [sync, *followed.frames]
+            messages += followed.synchronous
+        return Reaction(frames, synchronous=messages)
+
+    def _miss(self, now: float) -> None:
+        """Notice RPDOs that have not come in time."""
+        for binding in self._deadlines.overdue(now):
+            cob_id = binding.cob_id.to_bytes(2, "little")
+            self.emergencies.raised(ErrorCode.PDO_MISSING, (Deadlines, binding.name), cob_id)
+
+    def _lose(self, now: float) -> tuple[int, ...]:
+        """Notice nodes, and the master that guards this one, who have fallen silent (CiA 301, 7.5.2.32)."""
+        lost, unguarded = tuple(self._consumer.overdue(now)), self._guarding.overdue(now)
         for node_id in lost:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
+        if unguarded:
+            self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, NodeGuarding)
         command = ON_COMMUNICATION_ERROR.get(self.objects.raw(COMMUNICATION_ERROR))
-        if lost and command is not None and self.operational:
+        if (lost or unguarded) and command is not None and self.operational:
             self._enter(TARGET[command])
-        return Reaction(frames + self.emergency_frames(now), lost=lost)
+        return lost
 
     def bus_error(self, code: int, now: float) -> None:
         """Note what the CAN controller reports; `tick` sends the EMCY."""
@@ -346,7 +422,13 @@ class Device:
 
     def receive(self, frame: Frame, now: float) -> Reaction:
         """Take in one frame from the bus; before `start` a device hears nothing."""
-        ear = self._ears.get(frame.cob_id)
+        return self._hear(self._ears.get(frame.cob_id), frame, now)
+
+    def requested(self, cob_id: int, now: float) -> Reaction:
+        """Take in one remote frame: somebody asks for a TPDO, or whether the device is there."""
+        return self._hear(self._remote_ears.get(cob_id), Frame(cob_id), now)
+
+    def _hear(self, ear: Ear | None, frame: Frame, now: float) -> Reaction:
         if ear is None or not self._listens:
             return Reaction([])
         self._now = now
@@ -368,6 +450,25 @@ class Device:
         if self._consumer.heard(node_id, self._now):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
         return Reaction([], booted=node_id if frame == error_control(node_id, NmtState.INITIALISING) else None)
+
+    def _answer_guard(self, _: Frame) -> Reaction:
+        """Say that the device is there; one that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""
+        if self.objects.raw(HEARTBEAT_TIME):
+            return Reaction([])
+        if self._guarding.lost:
+            self.emergencies.cleared(NodeGuarding)
+        return Reaction([self._guarding.answer(self.node_id, self.state, self._now)])
+
+    def _send_requested(self, frame: Frame) -> Reaction:
+        """Send a TPDO that is asked for, one that is sampled with the values of the last SYNC."""
+        binding = self._pdos.requestable[frame.cob_id]
+        if not self.operational:
+            return Reaction([])
+        return Reaction([self._sampled.get(binding) or self._process.frame(binding)])
+
+    def _receive_time(self, frame: Frame) -> Reaction:
+        self.time_of_day.hear(frame.data, self._now)
+        return Reaction([])
 
     def _receive_sdo(self, frame: Frame) -> Reaction:
         if not self._serves:
@@ -391,6 +492,8 @@ class Device:
             self._raise_length(ErrorCode.PDO_TOO_LONG, binding, frame)
         elif binding.name in self.emergencies.errors:
             self.emergencies.cleared(binding.name)
+        if self._deadlines.heard(binding, self._now):
+            self.emergencies.cleared((Deadlines, binding.name))
         if binding in self._synchronous:
             self._synchronous.hold(Arrival(binding, frame.data, message))
             return Reaction([])
@@ -403,6 +506,8 @@ class Device:
         if not self.operational:
             return Reaction([])
         frames = [self._process.frame(binding) for binding in self._synchronous.due()]
+        sampled = filter(self._pdos.is_sampled, self._pdos.requestable.values())
+        self._sampled = {binding: self._process.frame(binding) for binding in sampled}
         arrived = self._synchronous.arrived()
         for each in arrived:
             self._process.note(each.binding, each.data)
@@ -443,4 +548,20 @@ class Device:
         frames = self._pacing.admit(binding, frame, now)
         if not frames:
             self.plan.at(self._pacing.next)
+        return frames
+
+    def changed(self, now: float) -> list[Frame]:
+        """Return the event-driven TPDOs to send because their values are others than when this was asked last.
+
+        For a device whose application sends nothing by itself: each counts as changed when it becomes OPERATIONAL. What
+        goes with the next SYNC waits for it (transmission type 0), and what is inhibited is held back.
+        """
+        self._process.settle()
+        frames: list[Frame] = []
+        for binding, frame in self._changes.since(self._pdos.sent.values()) if self.operational else ():
+            if binding in self._synchronous:
+                self._synchronous.ask(binding)
+            elif self._pdos.is_event_driven(binding):
+                frames += self._pacing.admit(binding, frame, now)
+        self.plan.at(self._pacing.next)
         return frames

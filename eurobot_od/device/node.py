@@ -1,7 +1,7 @@
 """A node: a CANopen device with an application, which has timers and a table of what each message does.
 
-Rule of this package: no clock and no bus. `receive` and `tick` take the time in seconds and return the frames to
-send; `next_wakeup` says when to call `tick`. A message whose value is out of range is never acted on.
+Rule of this package: no clock and no bus. `receive`, `requested` and `tick` take the time in seconds and return the
+frames to send; `next_wakeup` says when to call `tick`. A message whose value is out of range is never acted on.
 """
 
 from __future__ import annotations
@@ -92,6 +92,10 @@ class Node:
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         """Take in one frame and return the frames to send."""
         return self._attend(lambda: self.device.receive(frame, now), now)
+
+    def requested(self, cob_id: int, now: float) -> list[Frame]:
+        """Take in one remote frame and return the frames to send."""
+        return self._attend(lambda: self.device.requested(cob_id, now), now)
 
     def tick(self, now: float) -> list[Frame]:
         """Do what is due by now and return the frames to send."""

@@ -7,12 +7,13 @@ limits are the file's; what an object does beyond keeping its value comes in as 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.values import NOT_VALID, Address, Value
+from eurobot_od.od.values import BASE_IDENTIFIER, EXTENDED, NOT_VALID, Address, Value
 from eurobot_od.sdo.server import SIZE_LIMIT
 from eurobot_od.sdo.wire import Abort, AbortCode
 
@@ -34,6 +35,15 @@ OnRead = Callable[[int], Value]
 OnWrite = Callable[[Address, Value], None]
 """Does what writing an object means, keeping its value or not; raises Abort if it must not be."""
 
+OnTold = Callable[[Any], object]
+"""Is told each new value of an object, from an SDO or an RPDO; raises Refused if it must not be, and it is not kept."""
+
+REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
+"""How what the application does not act on is refused over SDO, by why it does not."""
+
+NO_VALUES: Mapping[Address, Value] = MappingProxyType({})
+TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
+
 
 def is_configuration(address: Address) -> bool:
     """Tell whether an object belongs to what 0x1010 stores."""
@@ -41,12 +51,22 @@ def is_configuration(address: Address) -> bool:
 
 
 class Objects:
-    """Values of a device by address; `values` holds those that are not the file's."""
+    """Values of a device by address; `values` holds those that are not the file's.
 
-    def __init__(self, dictionary: Dictionary, readers: Mapping[int, OnRead], writers: Mapping[int, OnWrite]) -> None:
+    Values that are `given` count in place of the file's; `told` are functions that want to know of new values.
+    """
+
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        readers: Mapping[int, OnRead],
+        writers: Mapping[int, OnWrite],
+        given: Mapping[Address, Value] = NO_VALUES,
+        told: Mapping[Address, OnTold] = TELL_NOBODY,
+    ) -> None:
         self.dictionary = dictionary
         self.values: dict[Address, Value] = {}
-        self._readers, self._writers = readers, writers
+        self._readers, self._writers, self._given, self._told = readers, writers, given, told
         self._parts: dict[Address, Part | None] = {}
 
     # For the device
@@ -60,15 +80,27 @@ class Objects:
         return self.kept(address) if reader is None else reader(address[1])
 
     def kept(self, address: Address) -> Value:
-        """Return the value that was written or received last, else the file's."""
-        return self.values[address] if address in self.values else self.dictionary.default(address)
+        """Return the value that was written or received last, else the one given, else the file's."""
+        for values in (self.values, self._given):
+            if address in values:
+                return values[address]
+        return self.dictionary.default(address)
 
     def raw(self, address: Address) -> int:
-        """Return a value as the unsigned bits that a PDO carries; 0 without one, and where a reader has none."""
+        """Return a value as the bits that a PDO carries; 0 without one, where a reader has none, or of a wrong type.
+
+        A negative number stays one: its bits are those of the two's complement at any width.
+        """
         try:
-            return _bits(self.value(address))
-        except Abort:
+            value = self.value(address)
+            return value if isinstance(value, int) else self._bits(address, value)
+        except (Abort, ValueError, OverflowError):
             return 0
+
+    def _bits(self, address: Address, value: Value) -> int:
+        """Return the bits of a text or a REAL; raises ValueError, OverflowError if it is not of the object's type."""
+        variable = self.dictionary.variable(address)
+        return 0 if variable is None else int.from_bytes(data_type(variable).write(value), "little")
 
     def number(self, address: Address) -> int:
         """Return a value that has to be a number; raises DictionaryError."""
@@ -78,17 +110,23 @@ class Objects:
         return value
 
     def cob_id(self, address: Address) -> int | None:
-        """Return an identifier that an object holds, None if it is not valid or there is none."""
+        """Return an 11-bit identifier that an object holds, None if it is not valid or there is none."""
         entry = self.value(address)
-        return entry if isinstance(entry, int) and not entry & NOT_VALID else None
+        return entry & BASE_IDENTIFIER if isinstance(entry, int) and not entry & (NOT_VALID | EXTENDED) else None
 
     def put(self, address: Address, value: Value) -> None:
-        """Keep a value, unchecked; a part of a value goes to its place in the whole."""
+        """Keep a value, unchecked; a part of a value goes to its place in the whole.
+
+        Raises Refused if somebody is to be told of it and does not take it.
+        """
+        if address in self._told:
+            self._told[address](value)
         part = self._part(address)
         if part is None or not isinstance(value, int):
             self.values[address] = value
         else:
-            self.values[part.whole] = part.put(_bits(self.kept(part.whole)), value)
+            whole = self.kept(part.whole)
+            self.values[part.whole] = part.put(whole if isinstance(whole, int) else 0, value)
 
     def _part(self, address: Address) -> Part | None:
         if address not in self._parts:
@@ -106,12 +144,13 @@ class Objects:
         variable = self._variable(address)
         if not variable.readable:
             raise Abort(AbortCode.WRITE_ONLY)
-        value, type_ = self.value(address), data_type(variable)
-        if value is None and type_.size:
-            return bytes(type_.size)  # what a file gives no value has 0; a text or a file may be there or not
+        type_ = data_type(variable)
         try:
-            return type_.write(value)
-        except (ValueError, OverflowError) as error:  # the file's default does not fit the type that the file names
+            value = self.value(address)
+            # what a file gives no value has 0; a text or a file may be there or not
+            return bytes(type_.size) if value is None and type_.size else type_.write(value)
+        except (DictionaryError, ValueError, OverflowError) as error:
+            # the file's default is no number, or does not fit the type that the file names
             raise Abort(AbortCode.NO_DATA, str(error)) from error
 
     def admit(self, address: Address, size: int | None) -> int:
@@ -136,7 +175,10 @@ class Objects:
                 raise Abort(AbortCode.TOO_HIGH)
             if variable.min is not None and value < variable.min:
                 raise Abort(AbortCode.TOO_LOW)
-        self._writers.get(address[0], self.put)(address, value)
+        try:
+            self._writers.get(address[0], self.put)(address, value)
+        except Refused as refused:
+            raise Abort(REFUSAL[refused.cause], str(refused)) from refused
         if is_configuration(address) and address not in VERIFY_CONFIGURATION and self.kept(address) != before:
             # A changed configuration is not the verified one any more (CiA 301, 7.5.2.21).
             for mark in VERIFY_CONFIGURATION:
@@ -148,7 +190,3 @@ class Objects:
             known = address[0] in self.dictionary.objects.indices
             raise Abort(AbortCode.NO_SUBINDEX if known else AbortCode.NO_OBJECT)
         return variable
-
-
-def _bits(value: Value) -> int:
-    return value if isinstance(value, int) else 0

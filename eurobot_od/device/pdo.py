@@ -6,13 +6,14 @@ or is refused and leaves no trace (CiA 301, 7.5.2.35 to 7.5.2.38: invalidate, su
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import suppress
 from itertools import accumulate
 from math import inf
 
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
-from eurobot_od.device.sync import PRODUCER, SYNC, SYNCHRONOUS
-from eurobot_od.errors import MappingError
+from eurobot_od.device.sync import COUNTER_OVERFLOW, COUNTERS, PERIOD, PRODUCER, SYNC, SYNCHRONOUS
+from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.pdos import MappedObject
@@ -29,6 +30,9 @@ REFUSED = (*values.RESTRICTED, values.CIA_EXTENSIONS)
 EVENT_DRIVEN = (254, 255)
 """Transmission types that need no SYNC (CiA 301, Tables 68 and 72)."""
 
+SAMPLED, REQUESTED = 252, 253
+"""Transmission types of TPDOs that go only when a remote frame asks: with the values of the last SYNC, or of now."""
+
 COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
 """Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
 
@@ -37,8 +41,9 @@ class Pdos:
     """The PDOs as they are configured now, by the values in `objects`.
 
     `protocol` are the messages of the valid ones, `received` the bindings of its RPDOs by COB-ID, `sent` those of its
-    TPDOs by message type, `always_sent` the COB-IDs of those that act in every NMT state. `unusable` says what is wrong
-    with those that the file does not describe well, by index.
+    TPDOs by message type, `always_sent` the COB-IDs of those that act in every NMT state, `requestable` the TPDOs that
+    remote frames may ask for, by COB-ID. `unusable` says what is wrong with those that the file does not describe well,
+    by index.
     """
 
     def __init__(self, objects: Objects, catalogue: Catalogue) -> None:
@@ -62,6 +67,7 @@ class Pdos:
         self.received = {each.cob_id: each for each in protocol.bindings if ours in each.receivers}
         self.sent = {each.type: each for each in protocol.bindings if ours in each.senders}
         self.always_sent = {each.cob_id for each in self.sent.values() if each.always}
+        self.requestable = {each.cob_id: each for each in self.sent.values() if self._is_requestable(each.pdo.index)}
         self.protocol = protocol
 
     def inhibit_time(self, binding: Binding) -> float:
@@ -69,10 +75,27 @@ class Pdos:
         return 0.0 if binding.always else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
-        """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not, or if it follows SYNC."""
-        if self.sync_type(binding) is not None:
-            return 0.0
+        """Return after how many seconds without an event a TPDO is sent; 0.0 if it is not, or is not event-driven."""
+        return self.deadline(binding) if self.is_event_driven(binding) else 0.0
+
+    def deadline(self, binding: Binding) -> float:
+        """Return the event timer in seconds: until when an RPDO has to come again; 0.0 for none."""
         return self._objects.raw((binding.pdo.index, EVENT_TIMER)) / 1000
+
+    def is_event_driven(self, binding: Binding) -> bool:
+        """Whether a TPDO goes whenever the application wants it to."""
+        asked_for = self._type(binding.pdo.index) in (SAMPLED, REQUESTED)
+        return self.sync_type(binding) is None and not asked_for
+
+    def is_sampled(self, binding: Binding) -> bool:
+        """Whether a TPDO has the values of the last SYNC when it is asked for."""
+        return self._type(binding.pdo.index) == SAMPLED and self.sync_cob_id is not None
+
+    def _type(self, index: int) -> int:
+        return self._objects.raw((index, TRANSMISSION_TYPE))
+
+    def _is_requestable(self, index: int) -> bool:
+        return not self._objects.raw((index, COB_ID)) & values.NO_RTR
 
     # SYNC
 
@@ -83,28 +106,52 @@ class Pdos:
 
     def sync_type(self, binding: Binding) -> int | None:
         """Return the transmission type of a PDO that follows SYNC, None for another; what acts always never waits."""
-        number = self._objects.raw((binding.pdo.index, TRANSMISSION_TYPE))
+        number = self._type(binding.pdo.index)
         return number if number in self._sync_types and not binding.always else None
 
     @property
     def _sync_types(self) -> range:
         return SYNCHRONOUS if self.sync_cob_id is not None else range(0)
 
+    @property
+    def sync_period(self) -> float:
+        """Seconds from one SYNC of the device to the next, 0.0 if it sends none."""
+        sends = self._objects.raw(SYNC) & PRODUCER and PERIOD[0] in self._objects.dictionary.members
+        return self._objects.raw(PERIOD) / 1_000_000 if sends else 0.0
+
+    @property
+    def sync_counter(self) -> int:
+        """Up to which number SYNC is counted, 0 if it is not."""
+        overflow = self._objects.raw(COUNTER_OVERFLOW)
+        return overflow if overflow in COUNTERS else 0
+
     def _write_sync(self, address: Address, value: Value) -> None:
         number = value if isinstance(value, int) else 0
-        if number & (PRODUCER | values.EXTENDED):
-            raise Abort(AbortCode.VALUE, "it sends no SYNC, and hears one in base frames only")
+        if number & values.EXTENDED or (number & PRODUCER and PERIOD[0] not in self._objects.dictionary.members):
+            raise Abort(AbortCode.VALUE, "a SYNC in base frames only, and sent only with a period")
+        before = self._objects.raw(address)
+        if before & number & PRODUCER and before != number:
+            raise Abort(AbortCode.STATE, "it sends SYNC")
         self._objects.put(address, number)
+
+    def _write_counter(self, address: Address, value: Value) -> None:
+        if value not in COUNTERS:
+            raise Abort(AbortCode.VALUE, "0, or 2 to 240")
+        if self._objects.raw(PERIOD):
+            raise Abort(AbortCode.STATE, "SYNC has a period")
+        self._objects.put(address, value)
 
     # Written over SDO
 
     def writers(self) -> dict[int, OnWrite]:
-        """Return what writing the COB-ID of SYNC and a record of a PDO does, by the index."""
+        """Return what writing a parameter of SYNC and a record of a PDO does, by the index."""
         members = self._objects.dictionary.members
         records = [n for each in PdoDirection for n in range(each.value, each.value + values.PDO_COUNT) if n in members]
         mappings = [index + values.MAPPING_OFFSET for index in records]
         return {
             SYNC[0]: self._write_sync,
+            PERIOD[0]: self._objects.put,
+            COUNTER_OVERFLOW[0]: self._write_counter,
             **dict.fromkeys(records, self._write_communication),
             **dict.fromkeys(mappings, self._write_mapping),
         }
@@ -115,13 +162,21 @@ class Pdos:
         if subindex == COB_ID:
             self._write_cob_id(index, number)
             return
-        if subindex == TRANSMISSION_TYPE and number not in (*EVENT_DRIVEN, *self._sync_types):
-            raise Abort(AbortCode.VALUE, "event-driven, or by SYNC if the device has one")
-        if subindex in (INHIBIT_TIME, EVENT_TIMER) and number and index < PdoDirection.TPDO.value:
-            raise Abort(AbortCode.VALUE, "an RPDO has no times")  # of ours: it watches no deadline
+        if subindex == TRANSMISSION_TYPE and number not in self._types(index):
+            raise Abort(
+                AbortCode.VALUE, "event-driven, by SYNC if the device has one, by remote frame if it is allowed"
+            )
+        if subindex == INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
+            raise Abort(AbortCode.VALUE, "an RPDO is not inhibited")
         if subindex == INHIBIT_TIME and self._is_valid(index):
             raise Abort(AbortCode.STATE, "the PDO is valid")
         self._objects.put(address, number)
+
+    def _types(self, index: int) -> Collection[int]:
+        """Return the transmission types that a PDO may have."""
+        asked_for = (REQUESTED, *([SAMPLED] if self._sync_types else []))
+        requestable = index >= PdoDirection.TPDO.value and self._is_requestable(index)
+        return *EVENT_DRIVEN, *self._sync_types, *(asked_for if requestable else ())
 
     def _is_valid(self, index: int) -> bool:
         return not self._objects.raw((index, COB_ID)) & values.NOT_VALID
@@ -192,7 +247,8 @@ class ProcessData:
         for binding, data in self._latest.values():
             word = int.from_bytes(binding.complete(data), "little")
             for entry, offset in _placed(binding):
-                self._objects.put((entry.index, entry.subindex), word >> offset & (1 << entry.bits) - 1)
+                with suppress(Refused):  # what the application does not take is as if it had not come
+                    self._objects.put((entry.index, entry.subindex), _meant(entry, word >> offset))
         self.forget()
 
     def forget(self) -> None:
@@ -200,7 +256,7 @@ class ProcessData:
         self._latest.clear()
 
     def frame(self, binding: Binding) -> Frame:
-        """Return a TPDO with the objects' present values."""
+        """Return a PDO with the objects' present values."""
         self.settle()
         word = 0
         for entry, offset in _placed(binding):
@@ -213,6 +269,35 @@ def _placed(binding: Binding) -> Iterator[tuple[MappedObject, int]]:
     mapping = binding.pdo.mapping
     offsets = accumulate((entry.bits for entry in mapping), initial=0)
     return ((entry, offset) for entry, offset in zip(mapping, offsets) if not entry.is_padding)
+
+
+def _meant(entry: MappedObject, bits: int) -> Value:
+    """Return the value of an entry's bits, the lowest of `bits`; mapped in part, all but an integer is a number."""
+    raw, type_ = bits & (1 << entry.bits) - 1, entry.type
+    if type_.is_signed:
+        sign = 1 << entry.bits - 1
+        return (raw ^ sign) - sign
+    whole = not type_.is_integer and (entry.bits == type_.bits if type_.bits else entry.bits % 8 == 0)
+    return type_.read(raw.to_bytes(entry.bits // 8, "little")) if whole else raw
+
+
+class Changes:
+    """Notices PDOs that carry something else than when they were looked at last; `frame` gives what they carry now."""
+
+    def __init__(self, frame: Callable[[Binding], Frame]) -> None:
+        self._frame = frame
+        self._seen: dict[int, Frame] = {}
+
+    def restart(self) -> None:
+        """Begin anew: every PDO counts as changed."""
+        self._seen.clear()
+
+    def since(self, bindings: Iterable[Binding]) -> list[tuple[Binding, Frame]]:
+        """Return those of these PDOs that have changed, with their frames; one without data never does."""
+        looked_at = [(each, self._frame(each)) for each in bindings if each.layout.length]
+        changed = [(each, frame) for each, frame in looked_at if self._seen.get(each.pdo.index) != frame]
+        self._seen |= {each.pdo.index: frame for each, frame in changed}
+        return changed
 
 
 class Pacing:

@@ -22,8 +22,8 @@ class Station:
     """One node with its own gatekeeper, to which more listeners may be added.
 
     Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
-    `has_failed` takes an exception that `tick` has raised, and when: it counts and is reported like one that the node
-    raises when it gets a frame.
+    `has_failed` takes an exception that `tick` or `requested` has raised, and when: it counts and is reported like one
+    that the node raises when it gets a frame.
     """
 
     def __init__(
@@ -53,6 +53,11 @@ class Station:
         """Let the node do what is due."""
         with self.node.guard:
             self._submit(self.node.tick(now), now)
+
+    def requested(self, cob_id: int, now: float) -> None:
+        """Hand the node a remote frame: no listener hears those, but a node may be asked by them."""
+        with self.node.guard:
+            self._submit(self.node.requested(cob_id, now), now)
 
     @property
     def next_wakeup(self) -> float:

@@ -1,4 +1,4 @@
-"""What waits for SYNC: TPDOs that go with every n-th one, RPDOs that take effect with the next (CiA 301, 7.2.2.3).
+"""SYNC: its producer, TPDOs that go with every n-th one, RPDOs that wait for the next (CiA 301, 7.2.2.3 and 7.2.5).
 
 Rule of this file: of one PDO's frames that wait for a SYNC the newest counts, and nothing is kept beyond the next SYNC.
 """
@@ -6,6 +6,7 @@ Rule of this file: of one PDO's frames that wait for a SYNC the newest counts, a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from math import inf
 from typing import NamedTuple
 
 from eurobot_od.od.values import Address
@@ -18,8 +19,41 @@ SYNC: Address = (0x1005, 0)
 PRODUCER = 1 << 30
 """Bit of 0x1005: the device itself sends SYNC."""
 
+PERIOD: Address = (0x1006, 0)
+"""Microseconds from one SYNC to the next (CiA 301, 7.5.2.6)."""
+
+COUNTER_OVERFLOW: Address = (0x1019, 0)
+"""Up to which number SYNC is counted in its data; 0: it has no data (CiA 301, 7.5.2.22)."""
+
+COUNTERS = (0, *range(2, 241))
+"""What 0x1019 may be."""
+
 ACYCLIC, SYNCHRONOUS = 0, range(241)
 """Transmission types that follow SYNC: n with every n-th one, 0 with the next one (CiA 301, Tables 68 and 72)."""
+
+
+class SyncProducer:
+    """Sends SYNC; `next` is when, infinite if it does not."""
+
+    def __init__(self) -> None:
+        self.next = inf
+        self._period = 0.0
+        self._overflow = self._count = 0
+
+    def restart(self, period: float, overflow: int, now: float) -> None:
+        """Begin anew, with the first one after a `period` in seconds, 0.0 for none; the counter begins with 1."""
+        self.next = now + period if period else inf
+        self._period, self._overflow, self._count = period, overflow, 0
+
+    def due(self, now: float) -> list[bytes]:
+        """Return the data of the SYNC to be sent now."""
+        if now < self.next:
+            return []
+        self.next += self._period  # from the time it was due: a late call makes no later one late as well
+        if not self._overflow:
+            return [b""]
+        self._count = self._count % self._overflow + 1
+        return [bytes([self._count])]
 
 
 class Arrival(NamedTuple):

@@ -183,19 +183,36 @@ class Live:
         interpreter, and what is left to do here takes twice as long.
         """
         self.gatekeeper.receive_data(cob_id, data, now)
+        self._answered()
+
+    def _answered(self) -> None:
         if self.station is not None and self.station.plan.soonest < self._looks_at:
             self._wake()
         self._sender.pump()
 
     def _note_foreign(self, message: can.Message) -> None:
-        """Count what is not a classic base data frame, and tell the node what the controller reports."""
+        """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
         self.foreign += 1
-        if self.station is None or not message.is_error_frame:
+        if self.station is None:
             return
+        if message.is_error_frame:
+            self._note_error(self.station, message)
+        elif message.is_remote_frame and not message.is_extended_id:
+            self._request(self.station, message.arbitration_id)
+
+    def _request(self, station: Station, cob_id: int) -> None:
+        """Have the node answer a remote frame; an exception of its own does not end the reading."""
+        try:
+            station.requested(cob_id, self.clock())
+        except Exception as error:
+            station.has_failed(error, self.clock())
+        self._answered()
+
+    def _note_error(self, station: Station, message: can.Message) -> None:
         details = int.from_bytes(message.data[1:2], "little")
         for class_bit, bits, code in ERROR_FRAMES:
             if message.arbitration_id & class_bit and (details & bits or not bits):
-                self.station.bus_error(code, self.clock())
+                station.bus_error(code, self.clock())
 
     # The keeper's thread
 

@@ -122,7 +122,6 @@ REFUSED: list[tuple[str, Address, int, int, AbortCode, str]] = [
     ("core", (0x1803, 2), 252, 1, AbortCode.VALUE, "on remote request"),
     ("core", (0x1803, 3), 10, 2, AbortCode.STATE, "an inhibit time while the PDO is valid"),
     ("drive", (0x1403, 3), 10, 2, AbortCode.VALUE, "an inhibit time of an RPDO"),
-    ("drive", (0x1403, 5), 10, 2, AbortCode.VALUE, "a deadline of an RPDO"),
     ("core", (0x1A03, 0), 0, 1, AbortCode.STATE, "the mapping's length while the PDO is valid"),
     ("core", (0x1A03, 1), 0x20000110, 4, AbortCode.STATE, "a mapping entry while the PDO is valid"),
     ("core", (0x1A03, 0), 99, 1, AbortCode.TOO_HIGH, "more entries than there are"),

@@ -1,0 +1,136 @@
+"""Anybody's device, run from its file: it has the values that it is given, and sends what changes.
+
+Theory of operation. The device itself (`device.Device`) does all that CANopen asks for. What an application would add
+is here: where values come from, and when an event-driven TPDO is sent. After each frame and each tick the device is
+asked for the TPDOs that would carry something else than before, and those go, as their transmission type, inhibit time
+and NMT state allow. A value that changes by itself is looked at every `SAMPLING` seconds; an SDO, a SYNC, an event timer
+and a remote frame ask for it when they come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+
+from eurobot_od.device.bound import Application
+from eurobot_od.device.node import Node
+from eurobot_od.device.storage import Store
+from eurobot_od.device.waveforms import Waveform, fitted
+from eurobot_od.errors import DictionaryError
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.values import Address, Value
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+NamedObject: TypeAlias = str | Address
+"""An object by its ParameterNames, `Motor.Speed`, or by index and sub-index."""
+
+
+class SimulatedDevice(Node):
+    """A device, made from its EDS or DCF.
+
+    A program of its own is a class with `READERS`, which give the values of objects, and `WRITERS`, which are told each
+    new value that an SDO or an RPDO brings, and raise Refused for one they do not take. Both get the device, whose
+    `now` is the time in seconds. Without either, and for all other objects: `given` values count in place of the
+    file's, `waveforms` are asked for theirs. Raises DictionaryError for an object that the file does not have.
+    """
+
+    READERS: ClassVar[Mapping[NamedObject, Callable[[Any], Value]]] = {}
+    WRITERS: ClassVar[Mapping[NamedObject, Callable[[Any, Any], object]]] = {}
+    SAMPLING: ClassVar[float] = 0.01
+
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        *,
+        store: Store | None = None,
+        given: Mapping[NamedObject, Value] | None = None,
+        waveforms: Mapping[NamedObject, Waveform] | None = None,
+    ) -> None:
+        self._dictionary, self._given, self._waveforms = dictionary, given or {}, waveforms or {}
+        self._switched_on = 0.0
+        super().__init__(dictionary, store=store)
+
+    @classmethod
+    def load(cls, file: str | Path, node_id: int | None = None, **options: Any) -> Self:
+        """Make a device of an EDS or DCF file; `options` are those of the class. Raises DictionaryError."""
+        return cls(Dictionary.load(file, node_id), **options)
+
+    # Values
+
+    def value(self, name: NamedObject) -> Value:
+        """Return an object's present value; raises DictionaryError for one that the file does not have."""
+        with self.guard:
+            return self.device.objects.value(self._address(name))
+
+    def set_value(self, name: NamedObject, value: Value) -> None:
+        """Give an object a value, from any thread: what it changes is sent. Raises as `value`."""
+        with self.guard:
+            self.device.objects.put(self._address(name), value)
+            self.soon(lambda _: None)
+
+    def _application(self) -> Application:
+        return (
+            super()
+            ._application()
+            ._replace(
+                given={self._address(name): value for name, value in self._given.items()},
+                measured={**self._measured(self._waveforms, self._wave), **self._measured(self.READERS, self._read)},
+                told={self._address(name): partial(write, self) for name, write in self.WRITERS.items()},
+            )
+        )
+
+    def _measured(
+        self, sources: Mapping[NamedObject, Any], measure: Callable[[Address, Any], Value]
+    ) -> dict[Address, Callable[[], Value]]:
+        addresses = {self._address(name): source for name, source in sources.items()}
+        return {address: partial(measure, address, source) for address, source in addresses.items()}
+
+    def _wave(self, address: Address, waveform: Waveform) -> Value:
+        return self._fitted(address, waveform(self.now - self._switched_on))
+
+    def _read(self, address: Address, read: Callable[[Any], Value]) -> Value:
+        return self._fitted(address, read(self))
+
+    def _fitted(self, address: Address, value: Value) -> Value:
+        return fitted(value, data_type(self._variable(address))) if isinstance(value, (int, float)) else value
+
+    def _address(self, name: NamedObject) -> Address:
+        address = self._dictionary.address(name) if isinstance(name, str) else name
+        self._variable(address)
+        return address
+
+    def _variable(self, address: Address) -> Any:
+        variable = self._dictionary.variable(address)
+        if variable is None:
+            raise DictionaryError(self._dictionary.file, address[0], f"sub {address[1]} is missing")
+        return variable
+
+    # What is sent
+
+    def start(self, now: float) -> list[Frame]:
+        return super().start(now) + self._changed()
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        return super().receive(frame, now) + self._changed()
+
+    def tick(self, now: float) -> list[Frame]:
+        return super().tick(now) + self._changed()
+
+    def _changed(self) -> list[Frame]:
+        return self.outgoing(self.device.changed(self.now))
+
+    def reset(self) -> None:
+        """Begin anew: waveforms as well."""
+        super().reset()
+        self._switched_on = self.now
+        if self._waveforms or self.READERS:
+            self._sample(self.now)
+
+    def _sample(self, now: float) -> None:
+        """Look at what changes by itself: each `tick` does."""
+        self.at(now + self.SAMPLING, self._sample)

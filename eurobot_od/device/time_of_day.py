@@ -1,0 +1,72 @@
+"""TIME: the time of day that a network shares, heard and sent (CiA 301, 7.2.6, 7.1.6.6 and 7.5.2.16).
+
+Rule of this file: there is no clock. The device's own time in seconds comes in; here is how far it is behind.
+"""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from math import inf
+
+from eurobot_od.od.values import Address
+
+TIME: Address = (0x1012, 0)
+"""COB-ID of TIME; a device without this object knows none."""
+
+CONSUMER, PRODUCER = 1 << 31, 1 << 30
+"""Bits of 0x1012: the device sets its clock by TIME, or sends it."""
+
+PERIOD = 1.0
+"""Seconds from one TIME to the next: CiA 301 has no object for that."""
+
+EPOCH = datetime(1984, 1, 1)  # a time of day in the place where the network is
+"""Day 0 of TIME_OF_DAY."""
+
+DAY = 24 * 60 * 60
+LENGTH = 6
+MILLISECONDS = (1 << 28) - 1
+"""Bits of the first four bytes that hold the milliseconds after midnight; the others are reserved."""
+
+MOST_DAYS = 0xFFFF
+
+
+class TimeOfDay:
+    """The device's clock, at day 0 until it is set, and when it is told next."""
+
+    def __init__(self) -> None:
+        self.next = inf
+        self._ahead = 0.0
+
+    def at(self, now: float) -> datetime:
+        """Return what the clock shows."""
+        return EPOCH + timedelta(seconds=self._ahead + now)
+
+    def set(self, time: datetime, now: float) -> None:
+        """Set the clock."""
+        self._ahead = (time - EPOCH).total_seconds() - now
+
+    def hear(self, data: bytes, now: float) -> None:
+        """Set the clock by a TIME message; one of another length, or of no time of a day, says nothing."""
+        milliseconds = int.from_bytes(data[:4], "little") & MILLISECONDS
+        if len(data) == LENGTH and milliseconds < DAY * 1000:
+            self._ahead = int.from_bytes(data[4:], "little") * DAY + milliseconds / 1000 - now
+
+    def told(self, now: float) -> bytes:
+        """Return the data of a TIME message."""
+        days, milliseconds = divmod(round((self._ahead + now) * 1000), DAY * 1000)
+        return milliseconds.to_bytes(4, "little") + (days & MOST_DAYS).to_bytes(2, "little")
+
+    def produce(self, now: float) -> None:
+        """Plan to tell the time from now on."""
+        self.next = now + PERIOD
+
+    def rest(self) -> None:
+        """Tell the time no more."""
+        self.next = inf
+
+    def due(self, now: float) -> list[bytes]:
+        """Return the data of what is to be sent now."""
+        if now < self.next:
+            return []
+        self.next += PERIOD
+        return [self.told(now)]
