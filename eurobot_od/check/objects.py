@@ -19,6 +19,9 @@ from eurobot_od.pdo.kinds import Kind
 
 ADDRESS = re.compile(r"0[xX](?P<index>[0-9A-Fa-f]{1,4})(?::(?P<subindex>0x[0-9A-Fa-f]{1,2}|\d{1,3}))?")
 
+ANY_BYTES = "surrogateescape"
+"""How bytes that are no text are kept in one, so that they can be written back."""
+
 TEXT_TYPES = (values.VISIBLE_STRING.code, values.OCTET_STRING.code)
 
 
@@ -46,13 +49,13 @@ class ObjectType(NamedTuple):
     def encode(self, value: Any) -> bytes:
         """Return a value's bytes."""
         if not self.type.is_integer:
-            return str(value).encode()
+            return str(value).encode(errors=ANY_BYTES)
         return int(value).to_bytes(self.type.size, "little", signed=self.type.is_signed)
 
     def decode(self, data: bytes) -> Any:
         """Return the value in bytes from a node; raises ValueProblem for another length than the type's."""
         if not self.type.is_integer:
-            return data.decode(errors="replace")
+            return data.decode(errors=ANY_BYTES)
         if len(data) != self.type.size:
             raise ValueProblem(f"{len(data)} bytes came, the object has {self.type.size}")
         return int.from_bytes(data, "little", signed=self.type.is_signed)
