@@ -51,11 +51,16 @@ def faulty_roles(names: Iterable[str]) -> dict[str, type[Node]]:
 
     Raises UnknownName.
     """
-    roles = dict(ROLES)
+    chosen = list(names)
+    return {node: with_faults(role, chosen) for node, role in ROLES.items()}
+
+
+def with_faults(role: type[NodeT], names: Iterable[str]) -> type[NodeT]:
+    """Return the class of a node with those of some faults that it can have; raises UnknownName."""
     for name in names:
-        owner, _ = find(name)
-        roles |= {node: faulty(role, name) for node, role in roles.items() if issubclass(role, owner)}
-    return roles
+        if issubclass(role, find(name)[0]):
+            role = faulty(role, name)
+    return role
 
 
-__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_roles", "find", "names"]
+__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_roles", "find", "names", "with_faults"]

@@ -1,0 +1,234 @@
+"""Every object: access, type, limits, default, and what is refused (CiA 301, 7.2.4.3.17, 7.4 and 7.5)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from eurobot_od.check.conformance.subject import (
+    BUSY,
+    Chapter,
+    Clause,
+    Object,
+    Subject,
+    codes,
+    group,
+    put_back,
+    read,
+    save,
+    skip,
+    unchanged,
+    write,
+)
+from eurobot_od.check.conformance.writing import Data
+from eurobot_od.od import values
+from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, Address, label
+from eurobot_od.sdo.wire import AbortCode
+
+IDENTITY = {1: "vendornumber", 2: "productnumber", 3: "revisionnumber"}
+"""Sub-indices of 0x1018 that are the same in all devices of a kind, and the keys of [DeviceInfo] that have them."""
+
+FREE = (0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
+"""Indices where mostly nothing is, one in each area."""
+
+FIXED = (0x1000, 0x1008)
+"""Read-only objects whose value does not depend on what the device does."""
+
+ACTING = {0x1003, 0x1010, 0x1011, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
+"""Objects whose writing does something: their own clauses look at them, or nobody should."""
+
+MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
+
+CONFIGURED = ("const", "rw", "rww")
+"""Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
+
+WRONG_LENGTH = (AbortCode.LENGTH, AbortCode.TOO_LONG, AbortCode.TOO_SHORT)
+
+
+def _plain(each: Object) -> bool:
+    """Whether writing an object means nothing but its value."""
+    return each.address[0] not in ACTING and each.address[0] not in MAPPINGS
+
+
+def _writable(subject: Subject) -> Iterator[Object]:
+    return (each for each in subject.objects.values() if each.writable and _plain(each))
+
+
+# Identity
+
+
+def _identity(subject: Subject) -> Iterator[Data]:
+    for subindex, key in IDENTITY.items():
+        each = subject.find((0x1018, subindex))
+        if each is None:
+            continue
+        said = subject.number(each.address) or _device_info(subject, key)
+        if said:
+            yield read(f"{each} is the file's", each.address, expect=said)
+        else:
+            yield skip(str(each), "the file does not say it")
+
+
+def _device_info(subject: Subject, key: str) -> int:
+    number = values.parse_number(subject.dictionary.device.document.text("deviceinfo", key))
+    return number.value if number else 0
+
+
+# Values
+
+
+def _readable(subject: Subject) -> Iterator[Data]:
+    """Read everything; the value must have the length of its type. What has no value now may say so."""
+    for each in subject.objects.values():
+        if each.readable:
+            none_now = [AbortCode.NO_DATA, *([AbortCode.NO_SUBINDEX] if each.address[0] == 0x1003 else [])]
+            yield read(str(each), each.address, optional=codes(*none_now), **_length(each))
+
+
+def _length(each: Object) -> dict[str, object]:
+    """Have the length looked at: reading a number as a number does."""
+    return {"save": "read"} if each.typed else {}
+
+
+def _defaults(subject: Subject) -> Iterator[Data]:
+    for each in subject.objects.values():
+        configured = each.access in CONFIGURED or each.address[0] in FIXED
+        if each.readable and configured and each.address[0] not in ACTING:
+            yield from _default(each)
+
+
+def _default(each: Object) -> Iterator[Data]:
+    content = each.default_bytes
+    if content is None or (not content and not each.type.size):
+        return
+    if isinstance(each.default, int) and each.typed:
+        yield read(str(each), each.address, expect=int(each.default))
+    elif len(content) <= 200:  # a file within the file is compared nowhere
+        yield read(str(each), each.address, data=content.hex(" ").upper())
+
+
+# Access
+
+
+def _write_only(subject: Subject) -> Iterator[Data]:
+    for each in subject.objects.values():
+        if not each.readable:
+            yield read(f"{each} is write-only", each.address, abort=codes(AbortCode.WRITE_ONLY))
+
+
+def _read_only(subject: Subject) -> Iterator[Data]:
+    for each in subject.objects.values():
+        if not each.writable:
+            zeros = bytes(each.type.size or 1).hex(" ")
+            yield write(f"{each} is read-only", each.address, data=zeros, abort=codes(AbortCode.READ_ONLY))
+
+
+def _own_values(subject: Subject) -> Iterator[Data]:
+    """Write what is there already, and read it again."""
+    for each in _writable(subject):
+        if not each.readable:
+            yield skip(str(each), "write-only: what is there is not known, so nothing is written")
+        elif each.type is values.DOMAIN:
+            yield skip(str(each), "a DOMAIN may be a program: nothing is written")
+        else:
+            written = {**put_back(each, optional=codes(*BUSY)), "name": "it is written"}
+            yield group(f"{each} takes its own value", save(each), written, unchanged(each))
+
+
+# Refusals
+
+
+def _unknown_objects(subject: Subject) -> Iterator[Data]:
+    for index in FREE:
+        if index not in subject.dictionary.members:
+            yield read(f"read {label((index, 0))}, which is not there", (index, 0), abort=codes(AbortCode.NO_OBJECT))
+            yield write(
+                f"write {label((index, 0))}, which is not there",
+                (index, 0),
+                data="00",
+                abort=codes(AbortCode.NO_OBJECT),
+            )
+
+
+def _unknown_subindices(subject: Subject) -> Iterator[Data]:
+    for index, members in subject.dictionary.members.items():
+        free = next((sub for sub in range(max(members) + 1, MOST_SUBS)), None)
+        if free is not None:
+            address: Address = index, free
+            yield read(f"read {label(address)}, which is not there", address, abort=codes(AbortCode.NO_SUBINDEX))
+
+
+def _wrong_lengths(subject: Subject) -> Iterator[Data]:
+    for each in _writable(subject):
+        size = each.type.size
+        if size:
+            yield _of_length(each, size + 1, "too long")
+        if size > 1:
+            yield _of_length(each, size - 1, "too short")
+
+
+def _of_length(each: Object, size: int, what: str) -> Data:
+    content = bytes(size).hex(" ")
+    return write(f"{each}: {size} bytes are {what}", each.address, data=content, abort=codes(*WRONG_LENGTH))
+
+
+def _limits(subject: Subject) -> Iterator[Data]:
+    for each in _writable(subject):
+        if not each.typed or not each.type.is_integer:
+            continue
+        if each.low is not None:
+            yield _outside(each, each.low - 1, "too low", AbortCode.TOO_LOW)
+        if each.high is not None:
+            yield _outside(each, each.high + 1, "too high", AbortCode.TOO_HIGH)
+
+
+def _outside(each: Object, value: int, what: str, code: AbortCode) -> Data:
+    refused = write(f"{value} is {what}", each.address, value=value, abort=codes(code, AbortCode.VALUE))
+    if not each.readable:
+        return {**refused, "name": f"{each}: {value} is {what}"}
+    return group(f"{each}: its limits", save(each), refused, unchanged(each))
+
+
+# Other values: destructive
+
+
+def _other_values(subject: Subject) -> Iterator[Data]:
+    """Write another value to each configuration object, and put back the one it had."""
+    if not subject.destructive:
+        yield skip("configuration objects take other values", "only with --destructive")
+        return
+    for each in _writable(subject):
+        if each.address[0] >= values.MANUFACTURER[0] and each.access == "rw" and not each.mappable and each.typed:
+            other = _other(each)
+            if other is not None:
+                written = write(f"{other} is written", each.address, value=other, optional=codes(*BUSY))
+                seen = read("and read again", each.address, expect=other)
+                yield group(f"{each} takes another value", save(each), written, seen, put_back(each))
+
+
+def _other(each: Object) -> int | None:
+    """Return a value that an object may have besides its default, None if there is none, or if it is a text."""
+    if not each.type.is_integer:
+        return None
+    low = each.type.low if each.low is None else each.low
+    high = each.type.high if each.high is None else each.high
+    present = each.default if isinstance(each.default, int) else 0
+    return next((value for value in (present + 1, present - 1) if low <= value <= high), None)
+
+
+CHAPTER = Chapter(
+    "objects",
+    "objects",
+    (
+        Clause("7.5.2.21", "Identity", _identity),
+        Clause("7.4.4", "Readable, with the length of its type", _readable),
+        Clause("7.3.2.2.3", "Default after a reset", _defaults),
+        Clause("7.4.5", "Access", _write_only),
+        Clause("7.4.5", "Access", _read_only),
+        Clause("7.4.5", "Access", _own_values),
+        Clause("7.2.4.3.17", "Abort", _unknown_objects),
+        Clause("7.2.4.3.17", "Abort", _unknown_subindices),
+        Clause("7.2.4.3.17", "Abort", _wrong_lengths),
+        Clause("7.2.4.3.17", "Abort", _limits),
+        Clause("7.4.5", "Access", _other_values),
+    ),
+)
