@@ -28,7 +28,7 @@ LAYERS = (
     {"pdo"},
     {"sdo"},
     {"device", "gatekeeper"},
-    {"live", "simulation"},
+    {"live", "simulation", "faults"},
     {"client", "lint", "logs", "export"},
     {"monitor", "check"},
     {"robot"},

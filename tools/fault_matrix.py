@@ -56,7 +56,7 @@ def shipped(dialect: str) -> dict[str, Suite]:
 def do(run: Run) -> Outcome:
     """Run a suite."""
     suite = shipped(run.dialect)[run.suite]
-    make_nodes = partial(nodes_under_test, roles=faults.faulty_roles([run.fault] if run.fault else []))
+    make_nodes = partial(nodes_under_test, kinds=faults.faulty_kinds([run.fault] if run.fault else []))
     options = RunOptions(keep_going=True)
     result = run_simulated(suite, options, make_nodes, run.seed)
     return Outcome(run, tuple(step.name for step in result.steps if step.status is not Status.PASSED))

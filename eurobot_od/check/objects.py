@@ -93,11 +93,13 @@ def object_type(dictionary: Dictionary, address: values.Address) -> ObjectType |
 
 
 def services(dictionary: Dictionary) -> NodeServices:
-    """Return where a node's services are; without 0x1200 its SDO server is the default one (CiA 301, 7.5.2.33)."""
-    request, answer = dictionary.default(SDO_REQUEST_ENTRY), dictionary.default(SDO_ANSWER_ENTRY)
-    return NodeServices(
-        dictionary.name,
-        dictionary.node_id,
-        request & values.BASE_IDENTIFIER if isinstance(request, int) else values.SDO_REQUEST_BASE + dictionary.node_id,
-        answer & values.BASE_IDENTIFIER if isinstance(answer, int) else values.SDO_RESPONSE_BASE + dictionary.node_id,
-    )
+    """Return where a node's services are."""
+    request = _sdo_cob_id(dictionary, SDO_REQUEST_ENTRY, values.SDO_REQUEST_BASE)
+    answer = _sdo_cob_id(dictionary, SDO_ANSWER_ENTRY, values.SDO_RESPONSE_BASE)
+    return NodeServices(dictionary.name, dictionary.node_id, request, answer)
+
+
+def _sdo_cob_id(dictionary: Dictionary, entry: values.Address, base: int) -> int:
+    """Return an identifier of the default SDO server, which is there whatever the file says (CiA 301, 7.5.2.33)."""
+    said = dictionary.number(entry)
+    return base + dictionary.node_id if said is None or said & values.NOT_VALID else said & values.BASE_IDENTIFIER

@@ -201,12 +201,10 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     options = RunOptions(arguments.keep_going or arguments.conformance, chosen, interrupt, show)
     if arguments.simulate:
         from eurobot_od.check.simulated import run_simulated
-        from eurobot_od.device.simulated import SimulatedDevice
         from eurobot_od.robot.check.partners import nodes_under_test
-        from eurobot_od.robot.faults import faulty_roles, with_faults
+        from eurobot_od.robot.faults import faulty_kinds
 
-        other = with_faults(SimulatedDevice, arguments.fault)
-        make_nodes = partial(nodes_under_test, roles=faulty_roles(arguments.fault), other=other)
+        make_nodes = partial(nodes_under_test, kinds=faulty_kinds(arguments.fault))
         return run_simulated(suite, options, make_nodes, seed)
     from eurobot_od.check.live import run_live
 

@@ -1,40 +1,56 @@
-"""Run one node of the robot on a CAN bus, until it is interrupted."""
+"""Run one device on a CAN bus until it is interrupted: a node of the robot, or anybody's device from its EDS."""
 
 from __future__ import annotations
 
 import argparse
 import signal
 import time
+from collections.abc import Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
+    from eurobot_od.device.waveforms import Waveform
     from eurobot_od.frame import Frame
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.network_file import NodeFile
+    from eurobot_od.od.values import Address, Value
     from eurobot_od.robot.nodes import Core, Node
 
 
-ONLY = {"team": "core", "drill": "core", "beacons": "navigation"}
-"""Options that make sense for one node only."""
+ONLY = {"team": "core", "drill": "core", "beacons": "navigation", "set": "", "values": ""}
+"""Options that make sense for one node of the robot only, or (``) for none of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("node", choices=("core", "drive", "navigation"), help="which node")
-    parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the EDS file's)")
+    parser.add_argument("node", nargs="?", help="which one of the devices; left out: the only one")
+    parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the file's)")
     parser.add_argument("--store", metavar="FILE", help="DCF that keeps the settings which a master has it store")
     parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
     parser.add_argument("-v", "--verbose", action="store_true", help="print every message the node hears")
-    colours = [colour.name.lower() for colour in TeamColour]
-    parser.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
-    parser.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
-    parser.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `eurobot-od faults` lists them")
-    shared.add_dialect(parser)
+    device = parser.add_argument_group("any device")
+    device.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="OBJECT=VALUE",
+        help="value in place of the file's, such as 0x2000:1=5 or Motor.Speed=5; repeatable",
+    )
+    device.add_argument("--values", type=Path, metavar="FILE", help="YAML of waveforms: what the device measures")
+    robot = parser.add_argument_group("the robot's nodes")
+    colours = [colour.name.lower() for colour in TeamColour]
+    robot.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
+    robot.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
+    robot.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
+    shared.add_network(parser)
     shared.add_bus(parser)
 
 
@@ -47,7 +63,8 @@ def run(arguments: argparse.Namespace) -> None:
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the drive stopped, the bus closed
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, with the bus closed
+    _set_clock(node, live.clock())
     if arguments.beacons:
         from eurobot_od.robot.assembly import assemble
         from eurobot_od.robot.options import MatchOptions
@@ -64,20 +81,84 @@ def run(arguments: argparse.Namespace) -> None:
             raise live.failure
 
 
-def _make(arguments: argparse.Namespace) -> Node:
-    """Make the node from its EDS file and what was stored; raises UnknownName, LocalError, DictionaryError."""
-    from eurobot_od.device.storage import FileStore
-    from eurobot_od.robot import dialects, faults
-    from eurobot_od.robot.nodes import ROLES
+def _set_clock(node: Node, now: float) -> None:
+    from datetime import datetime
 
-    for option, node in ONLY.items():
-        if getattr(arguments, option) and arguments.node != node:
-            raise LocalError(f"--{option} is for the {node}, not for the {arguments.node}")
-    role = ROLES[arguments.node]
-    if arguments.fault:
-        role = faults.faulty(role, arguments.fault)
-    dictionary = dialects.load(arguments.node, arguments.dialect, arguments.node_id)
-    return role(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None)
+    node.device.time_of_day.set(datetime.now(), now)
+
+
+def _make(arguments: argparse.Namespace) -> Node:
+    """Make the node from its file and what was stored; raises UnknownName, LocalError, DictionaryError."""
+    from eurobot_od.device.storage import FileStore
+    from eurobot_od.robot import faults
+    from eurobot_od.robot.nodes import ANY_DEVICE, KINDS, role_of
+
+    dictionary = _dictionary(arguments)
+    role = role_of(dictionary)
+    for option, only in ONLY.items():
+        if getattr(arguments, option) and role != only:
+            raise LocalError(f"--{option} is for {_spoken(only)}, not for {_spoken(role)}")
+    kind = faults.faulty(KINDS[role], arguments.fault) if arguments.fault else KINDS[role]
+    values: Mapping[str, Any] = _values(arguments, dictionary) if role == ANY_DEVICE else {}
+    return kind(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None, **values)
+
+
+def _spoken(role: str) -> str:
+    return f"the {role}" if role else "devices that are none of the robot's"
+
+
+def _dictionary(arguments: argparse.Namespace) -> Dictionary:
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.robot import dialects
+
+    files = shared.named_files(arguments)
+    if not files:
+        if arguments.node is None:
+            raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
+        return dialects.load(arguments.node, arguments.dialect, arguments.node_id)
+    file = _chosen(files, arguments.node)
+    node_id = file.node_id if arguments.node_id is None else arguments.node_id
+    dictionary = Dictionary.load(file.file, node_id, file.name)
+    shared.tell_repairs([dictionary])
+    return dictionary
+
+
+def _chosen(files: list[NodeFile], name: str | None) -> NodeFile:
+    """Return the file of the device with a name, of the only one without; raises UnknownName, LocalError."""
+    named = {each.name or Path(each.file).stem: each for each in files}
+    if name is None and len(files) > 1:
+        raise LocalError(f"which node? Name one of {', '.join(named)}")
+    if name is not None and name not in named:
+        raise UnknownName("node", name, named)
+    return files[0] if name is None else named[name]
+
+
+def _values(arguments: argparse.Namespace, dictionary: Dictionary) -> Mapping[str, Mapping[Address, Any]]:
+    """Return the values of a device that the command line gives; raises LocalError, FieldError, UnknownName."""
+    return {
+        "given": dict(_given(text, dictionary) for text in arguments.set),
+        "waveforms": _waveforms(arguments.values, dictionary) if arguments.values else {},
+    }
+
+
+def _given(text: str, dictionary: Dictionary) -> tuple[Address, Value]:
+    from eurobot_od.client.objects import encode, find_one, parse
+
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise LocalError(f"--set {text}: write OBJECT=VALUE")
+    thing = find_one(name, dictionary)
+    given = parse(thing, value)
+    encode(thing, given)  # says what the object allows
+    return thing.address, given
+
+
+def _waveforms(file: Path, dictionary: Dictionary) -> dict[Address, Waveform]:
+    from eurobot_od.client.objects import find_one
+    from eurobot_od.device.waveforms import read_waveforms
+
+    found = read_waveforms(file.read_text(encoding="utf-8"), str(file))
+    return {find_one(name, dictionary).address: waveform for name, waveform in found.items()}
 
 
 def _show(node: Node, frame: Frame, now: float) -> None:

@@ -100,8 +100,8 @@ class Device:
     objects are bound to. `operational` tells whether its NMT `state` allows PDOs. `objects` has its values, `protocol`
     its messages as they are mapped now, `identifiers` the COB-IDs of all frames, remote ones too, that it listens to.
     Both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
-    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server, None without one; no master changes them (CiA
-    301, 7.5.2.33: ro). `plan` has what frames have made it plan, and `next_wakeup` everything.
+    `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; no master changes them (CiA 301, 7.5.2.33: ro).
+    `plan` has what frames have made it plan, and `next_wakeup` everything.
     """
 
     def __init__(
@@ -134,9 +134,7 @@ class Device:
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
-        self.emergencies = Emergencies(
-            lambda: self._cob_id(EMCY_COB_ID, EMCY_BASE), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
-        )
+        self.emergencies = Emergencies(lambda: self.emcy_cob_id, lambda: self.objects.raw(EMCY_INHIBIT) / 10_000)
         readers: dict[int, OnRead] = {}
         writers: dict[int, OnWrite] = {}
         given, told = self._application.given, self._application.told
@@ -223,6 +221,12 @@ class Device:
         """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
         return self._pdos.always_sent
 
+    @property
+    def emcy_cob_id(self) -> int | None:
+        """The COB-ID of its emergency messages, the predefined one if the file names none; None if it sends none."""
+        unsaid = EMCY_COB_ID[0] in self.dictionary.members and self.objects.value(EMCY_COB_ID) is None
+        return EMCY_BASE + self.node_id if unsaid else self.objects.cob_id(EMCY_COB_ID)
+
     # Values
 
     def number(self, address: Address) -> int:
@@ -236,14 +240,10 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
-    def _sdo_cob_id(self, address: Address, base: int) -> int | None:
-        """Return an identifier of the SDO server; one without 0x1200 is the default one (CiA 301, 7.5.2.33)."""
-        return self._cob_id(address, base) if address[0] in self.dictionary.members else base + self.node_id
-
-    def _cob_id(self, address: Address, base: int) -> int | None:
-        """Return the identifier in an object; one that the file gives no value has the predefined one."""
-        unsaid = address[0] in self.dictionary.members and self.objects.value(address) is None
-        return base + self.node_id if unsaid else self.objects.cob_id(address)
+    def _sdo_cob_id(self, address: Address, base: int) -> int:
+        """Return an identifier of the SDO server; the predefined one is there whatever 0x1200 says of its validity."""
+        cob_id = self.objects.cob_id(address)
+        return base + self.node_id if cob_id is None else cob_id
 
     # Objects that do more than keep a value
 
@@ -477,7 +477,7 @@ class Device:
         return Reaction(self._sdo_frames(self._server.receive(frame.data, self._now)))
 
     def _sdo_frames(self, answers: list[bytes]) -> list[Frame]:
-        return [Frame(self.sdo_answers, data) for data in answers] if self.sdo_answers is not None else []
+        return [Frame(self.sdo_answers, data) for data in answers]
 
     def _receive_pdo(self, frame: Frame) -> Reaction:
         binding = self._pdos.received[frame.cob_id]

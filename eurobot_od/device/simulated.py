@@ -3,8 +3,8 @@
 Theory of operation. The device itself (`device.Device`) does all that CANopen asks for. What an application would add
 is here: where values come from, and when an event-driven TPDO is sent. After each frame and each tick the device is
 asked for the TPDOs that would carry something else than before, and those go, as their transmission type, inhibit time
-and NMT state allow. A value that changes by itself is looked at every `SAMPLING` seconds; an SDO, a SYNC, an event timer
-and a remote frame ask for it when they come.
+and NMT state allow. A value that changes by itself is looked at every `SAMPLING` seconds; an SDO, a SYNC, an event
+timer and a remote frame ask for it when they come.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from eurobot_od.od.values import Address, Value
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-NamedObject: TypeAlias = str | Address
+NamedObject: TypeAlias = "str | Address"
 """An object by its ParameterNames, `Motor.Speed`, or by index and sub-index."""
 
 
@@ -34,7 +34,7 @@ class SimulatedDevice(Node):
     """A device, made from its EDS or DCF.
 
     A program of its own is a class with `READERS`, which give the values of objects, and `WRITERS`, which are told each
-    new value that an SDO or an RPDO brings, and raise Refused for one they do not take. Both get the device, whose
+    new value, such as an SDO or an RPDO brings, and raise Refused for one they do not take. Both get the device, whose
     `now` is the time in seconds. Without either, and for all other objects: `given` values count in place of the
     file's, `waveforms` are asked for theirs. Raises DictionaryError for an object that the file does not have.
     """

@@ -68,12 +68,16 @@ def steps(values: Sequence[float], every: float) -> Waveform:
 
 def walk(start: float, step: float, every: float, seed: int = 1, low: float = -inf, high: float = inf) -> Waveform:
     """A random walk: up to `step` up or down every so many seconds, the same for the same seed; it stays inside."""
-    chance, places = Random(seed), [start]
+    chance, steps_done, place = Random(seed), 0, start
 
     def at(time: float) -> float:
-        while len(places) <= time / every:
-            places.append(min(max(places[-1] + chance.uniform(-step, step), low), high))
-        return places[int(time / every)]
+        nonlocal chance, steps_done, place
+        if time < steps_done * every:  # the time has begun anew
+            chance, steps_done, place = Random(seed), 0, start
+        for _ in range(int(time / every) - steps_done):
+            place = min(max(place + chance.uniform(-step, step), low), high)
+            steps_done += 1
+        return place
 
     return at
 

@@ -10,9 +10,9 @@ import pytest
 from eurobot_od.check.results import Reason, Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
+from eurobot_od.faults.hooks import leaving, sdo_answer
 from eurobot_od.frame import Frame
 from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.faults.hooks import leaving, sdo_answer
 from eurobot_od.robot.nodes import ROLES, Drive
 from tests.check.suites import document, results, run, suite
 
@@ -25,7 +25,7 @@ def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, 
         return [] if data is None else [Frame(frame.cob_id, data)]
 
     broken = type("Broken", (leaving(sdo_answer, changed), Drive), {})
-    make_nodes = partial(nodes_under_test, roles={**ROLES, "drive": broken})
+    make_nodes = partial(nodes_under_test, kinds={**ROLES, "drive": broken})
     (result,) = run_simulated(suite(document(step)), RunOptions(), make_nodes).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]

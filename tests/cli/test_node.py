@@ -131,8 +131,15 @@ def test_a_node_id_out_of_range_is_refused(capsys: pytest.CaptureFixture[str], n
     assert said.err.endswith(f"drive.eds: node-ID {node_id} is not in 1..127\n")
 
 
-@pytest.mark.parametrize("words", [[], ["engine"], ["drive", "--team", "blue"]])
-def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+WRONG_USAGE = [
+    ([], "eurobot-od: which node? Name one of the robot's, or give a device's file with --eds"),
+    (["engine"], "eurobot-od: unknown node 'engine'; known: core, drive, navigation"),
+    (["drive", "--team", "blue"], "eurobot-od node: error: "),
+]
+
+
+@pytest.mark.parametrize(("words", "complaint"), WRONG_USAGE)
+def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str], complaint: str) -> None:
     said = run(capsys, "node", *words)
     assert said.status == 2
-    assert said.complaint.startswith("eurobot-od node: error: ")
+    assert said.complaint.startswith(complaint)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from math import ceil
 
 from eurobot_od.check.conformance.subject import (
-    DEVICE_TYPE,
     Chapter,
     Clause,
     Object,
@@ -85,7 +84,7 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         nmt("reset communication"),
         wait("200 ms"),
         nmt("pre-operational"),
-        read("it is there again", DEVICE_TYPE),
+        read("it is there again", subject.probe),
     )
 
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from eurobot_od.check.conformance.subject import (
     BOOT_TIME,
-    DEVICE_TYPE,
     HEARTBEAT_TIME,
     Chapter,
     Clause,
@@ -27,6 +26,7 @@ from eurobot_od.check.conformance.subject import (
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.nmt import STATE_NAMES, boot_state
 from eurobot_od.od.values import NMT_COB_ID, NODE_IDS
+from eurobot_od.sdo.wire import ClientCommand, initiate
 
 NMT_STARTUP = (0x1F80, 0)
 
@@ -139,8 +139,8 @@ def _raw(data: bytes) -> Data:
 
 
 def _services(subject: Subject) -> Iterator[Data]:
-    request = subject.request(b"\x40" + DEVICE_TYPE[0].to_bytes(2, "little") + bytes(5))
-    answered = read("an SDO is answered", DEVICE_TYPE)
+    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
+    answered = read("an SDO is answered", subject.probe)
     yield group("SDO in PRE-OPERATIONAL", answered)
     yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
     yield group(

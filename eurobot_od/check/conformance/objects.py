@@ -38,8 +38,14 @@ ACTING = {0x1003, 0x1010, 0x1011, 0x1013, *range(0x1023, 0x1028), *range(0x1F50,
 
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
 
+COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
+SYNC: Address = (0x1005, 0)
+
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
+
+OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
+"""Aborts for the present value of an object to which the file gives none, or none within its limits."""
 
 WRONG_LENGTH = (AbortCode.LENGTH, AbortCode.TOO_LONG, AbortCode.TOO_SHORT)
 
@@ -92,7 +98,8 @@ def _length(each: Object) -> dict[str, object]:
 def _defaults(subject: Subject) -> Iterator[Data]:
     for each in subject.objects.values():
         configured = each.access in CONFIGURED or each.address[0] in FIXED
-        if each.readable and configured and each.address[0] not in ACTING:
+        own = each.address == subject.dictionary.node_id_address  # what the suite was given, not what the file says
+        if each.readable and configured and not own and each.address[0] not in ACTING:
             yield from _default(each)
 
 
@@ -130,8 +137,19 @@ def _own_values(subject: Subject) -> Iterator[Data]:
         elif each.type is values.DOMAIN:
             yield skip(str(each), "a DOMAIN may be a program: nothing is written")
         else:
-            written = {**put_back(each, optional=codes(*BUSY)), "name": "it is written"}
+            refused = BUSY if _has_value(subject, each) else (*BUSY, *OUTSIDE)
+            written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
             yield group(f"{each} takes its own value", save(each), written, unchanged(each))
+
+
+def _has_value(subject: Subject, each: Object) -> bool:
+    """Whether the file gives an object a value that it may have: a PDO cannot be synchronous without SYNC."""
+    if not isinstance(each.default, int):
+        return each.default is not None
+    is_type = each.address[0] in COMMUNICATIONS and each.address[1] == values.TRANSMISSION_TYPE
+    if is_type and each.default in values.SYNCHRONOUS and SYNC not in subject.objects:
+        return False
+    return not ((each.low is not None and each.default < each.low) or (each.high is not None and each.default > each.high))
 
 
 # Refusals
@@ -151,8 +169,8 @@ def _unknown_objects(subject: Subject) -> Iterator[Data]:
 
 def _unknown_subindices(subject: Subject) -> Iterator[Data]:
     for index, members in subject.dictionary.members.items():
-        free = next((sub for sub in range(max(members) + 1, MOST_SUBS)), None)
-        if free is not None:
+        free = max(members, default=MOST_SUBS) + 1
+        if free <= MOST_SUBS:
             address: Address = index, free
             yield read(f"read {label(address)}, which is not there", address, abort=codes(AbortCode.NO_SUBINDEX))
 
@@ -197,12 +215,17 @@ def _other_values(subject: Subject) -> Iterator[Data]:
         yield skip("configuration objects take other values", "only with --destructive")
         return
     for each in _writable(subject):
-        if each.address[0] >= values.MANUFACTURER[0] and each.access == "rw" and not each.mappable and each.typed:
-            other = _other(each)
-            if other is not None:
-                written = write(f"{other} is written", each.address, value=other, optional=codes(*BUSY))
-                seen = read("and read again", each.address, expect=other)
-                yield group(f"{each} takes another value", save(each), written, seen, put_back(each))
+        other = _other(each) if _is_setting(subject, each) else None
+        if other is not None:
+            written = write(f"{other} is written", each.address, value=other, optional=codes(*BUSY))
+            seen = read("and read again", each.address, expect=other)
+            yield group(f"{each} takes another value", save(each), written, seen, put_back(each))
+
+
+def _is_setting(subject: Subject, each: Object) -> bool:
+    """Whether an object is one of the device's own settings, and not its node-ID."""
+    own = each.address[0] >= values.MANUFACTURER[0] and each.address != subject.dictionary.node_id_address
+    return own and each.access == "rw" and not each.mappable
 
 
 def _other(each: Object) -> int | None:

@@ -115,7 +115,7 @@ def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 
 def _room(subject: Subject, pdo: Pdo) -> int:
     """Return the number of entries that the file has for a mapping."""
-    return max(subject.dictionary.members.get(pdo.mapping_index, [0]))
+    return max(subject.dictionary.members.get(pdo.mapping_index, ()), default=0)
 
 
 def _remapped(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:

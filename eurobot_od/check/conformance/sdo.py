@@ -69,6 +69,9 @@ def _harmless(each: Object) -> bool:
 
 
 def _expedited_upload(subject: Subject) -> Iterator[Data]:
+    if subject.find(DEVICE_TYPE) is None:
+        yield skip("the device type in one answer", "the file has no device type (0x1000)")
+        return
     yield group(
         "the device type in one answer",
         _asked(subject, ClientCommand.UPLOAD << 5, DEVICE_TYPE),
@@ -140,7 +143,7 @@ def _block_download(subject: Subject) -> Iterator[Data]:
 def _unknown_command(subject: Subject) -> Iterator[Data]:
     yield group(
         "an unknown command is refused",
-        _sent(subject, "command specifier 7", initiate(0xE0, DEVICE_TYPE)),
+        _sent(subject, "command specifier 7", initiate(0xE0, subject.probe)),
         _aborted(subject, AbortCode.UNKNOWN_COMMAND),
     )
 
@@ -148,9 +151,9 @@ def _unknown_command(subject: Subject) -> Iterator[Data]:
 def _unfinished(subject: Subject) -> Iterator[Data]:
     yield group(
         "a client's abort is not answered",
-        _sent(subject, "abort", wire.aborted(DEVICE_TYPE, AbortCode.GENERAL)),
+        _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
         never("no answer", subject.answer("?" * 16), QUIET),
-        read("the next request is", DEVICE_TYPE),
+        read("the next request is", subject.probe),
     )
     each = _number(subject)
     if each is None:

@@ -12,7 +12,7 @@ from eurobot_od.check.objects import object_type, services
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import WRITABLE, Address, DataType, Value, label
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
 DEVICE_TYPE: Address = (0x1000, 0)
 HEARTBEAT_TIME: Address = (0x1017, 0)
@@ -94,6 +94,12 @@ class Subject:
             high if high is not None and high < type_.high else None,
             typed is not None,
         )
+
+    @property
+    def probe(self) -> Address:
+        """An object to ask for, to see whether the device answers: the device type, else the first that is readable."""
+        readable = (each.address for each in self.objects.values() if each.readable)
+        return DEVICE_TYPE if DEVICE_TYPE in self.objects else next(readable, DEVICE_TYPE)
 
     def find(self, address: Address) -> Object | None:
         """Return a variable, None if the file does not have it."""
@@ -220,11 +226,10 @@ def never(name: str, pattern: object, span: str) -> Data:
 
 
 def awake(subject: Subject) -> Data:
-    """Ask for the device type until it is answered: the device is up after a reset."""
-    request = b"\x40" + DEVICE_TYPE[0].to_bytes(2, "little") + bytes(5)
+    """Ask for an object until it is answered: the device is up after a reset."""
     return {
         "name": "answers an SDO request",
-        "poll": {**subject.request(request), "every": "100 ms"},
+        "poll": {**subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe)), "every": "100 ms"},
         "until": subject.answer("?" * 16),
         "within": BOOT_TIME,
     }

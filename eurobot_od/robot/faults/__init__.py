@@ -1,4 +1,4 @@
-"""Faults on demand: what can be wrong with a node, each as a class of node that does just that.
+"""Faults of the robot's nodes, and of any device; see `eurobot_od.faults`.
 
 Every fault names the step of the shipped suite that finds it; `tools/fault_matrix.py` proves it for all of them, which
 shows that the suites would find such a fault in a real node.
@@ -10,9 +10,10 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.robot.faults import core, device, drive, navigation
-from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.faults import device
+from eurobot_od.faults.fault import Caught, Fault
+from eurobot_od.robot.faults import any_node, core, drive, navigation
+from eurobot_od.robot.nodes import KINDS, ROLES, Core, Drive, Navigation, Node
 
 NodeT = TypeVar("NodeT", bound=Node)
 
@@ -20,7 +21,7 @@ FAULTS: dict[type[Node], dict[str, Fault]] = {
     Core: core.FAULTS,
     Drive: drive.FAULTS,
     Navigation: navigation.FAULTS,
-    Node: device.FAULTS,
+    Node: device.FAULTS | any_node.FAULTS,
 }
 """The faults with their names, by the class of node that can have them; those of Node any node can have."""
 
@@ -42,25 +43,21 @@ def faulty(role: type[NodeT], name: str) -> type[NodeT]:
     """Return the class of a node that has a fault; raises UnknownName, LocalError if such a node cannot have it."""
     owner, fault = find(name)
     if not issubclass(role, owner):
-        raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of the {role.__name__.lower()}")
-    return type(role.__name__, (fault.mixin, role), {})
+        node = role.__name__.lower() if role in ROLES.values() else "other devices"
+        raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of the {node}")
+    return fault.given_to(role)
 
 
-def faulty_roles(names: Iterable[str]) -> dict[str, type[Node]]:
-    """Return the classes of the robot's nodes, where those that can have one of some faults have it.
+def faulty_kinds(names: Iterable[str]) -> dict[str, type[Node]]:
+    """Return the classes of all nodes by their roles, where those that can have one of some faults have it.
 
     Raises UnknownName.
     """
-    chosen = list(names)
-    return {node: with_faults(role, chosen) for node, role in ROLES.items()}
-
-
-def with_faults(role: type[NodeT], names: Iterable[str]) -> type[NodeT]:
-    """Return the class of a node with those of some faults that it can have; raises UnknownName."""
+    kinds = dict(KINDS)
     for name in names:
-        if issubclass(role, find(name)[0]):
-            role = faulty(role, name)
-    return role
+        owner, _ = find(name)
+        kinds |= {role: faulty(kind, name) for role, kind in kinds.items() if issubclass(kind, owner)}
+    return kinds
 
 
-__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_roles", "find", "names", "with_faults"]
+__all__ = ["FAULTS", "Caught", "Fault", "faulty", "faulty_kinds", "find", "names"]

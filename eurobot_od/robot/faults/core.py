@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from eurobot_od.device.flow import Call
+from eurobot_od.faults import hooks
+from eurobot_od.faults.fault import Caught
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.faults import hooks
-from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import MOVED, NOT_SENT, REVERSED, TWICE, message_faults, sent_late
 from eurobot_od.robot.messages import (
     CheckDriveRequest,

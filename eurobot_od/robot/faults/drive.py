@@ -7,9 +7,9 @@ from contextlib import suppress
 from typing import Any, ClassVar
 
 from eurobot_od.errors import Refused
+from eurobot_od.faults import hooks
+from eurobot_od.faults.fault import Caught
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.faults import hooks
-from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
     DRIVES_ON,
     MOVED,

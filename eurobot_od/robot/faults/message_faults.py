@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od import durations
+from eurobot_od.device.node import Node
+from eurobot_od.faults.fault import Caught, Fault
+from eurobot_od.faults.hooks import FrameChange, Mixin, arriving, data, late, leaving, lost, moved, twice
+from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.faults.fault import Caught, Fault
-from eurobot_od.robot.faults.hooks import Mixin, arriving, data, foreign, late, leaving, lost, moved, twice
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.protocol import EurobotProtocol
 
 
 class Wrong(NamedTuple):
@@ -36,6 +42,20 @@ def sent_late(seconds: float) -> Wrong:
 def replaced_by(other: Message) -> Wrong:
     """Return what is wrong with a message that another node's is sent for."""
     return Wrong(f"sends {_words(type(other))} for {{}}", lambda message: leaving(message, foreign(other)))
+
+
+def foreign(message: Message) -> FrameChange:
+    """Send a message of another node in a frame's place."""
+
+    def changed(node: Node, _frame: Frame) -> Iterable[Frame]:
+        return [_whole_protocol(node.device.dictionary.file.parent).encode(message)]
+
+    return changed
+
+
+@cache
+def _whole_protocol(folder: Path) -> Protocol:
+    return EurobotProtocol.load(folder)
 
 
 def message_faults(suite: str, *rows: tuple[str, Wrong, type[Message], str]) -> dict[str, Fault]:

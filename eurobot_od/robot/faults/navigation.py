@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from eurobot_od.robot.faults import hooks
-from eurobot_od.robot.faults.fault import Caught
+from eurobot_od.faults import hooks
+from eurobot_od.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
     NOT_ANSWERED,
     NOT_SENT,

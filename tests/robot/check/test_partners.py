@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import pytest
-
-from eurobot_od.errors import UnknownName
+from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects, faults
 from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.nodes import ANY_DEVICE, Core, Drive, Navigation
 
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
 
@@ -22,13 +20,21 @@ def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
 
 
 def test_the_nodes_that_can_have_a_fault_have_it() -> None:
-    roles = faults.faulty_roles(["goto-not-confirmed"])
-    nodes = [each.node for each in nodes_under_test(DICTIONARIES, 1, lambda: 0.0, roles)]
-    assert [type(node) for node in nodes] == [Core, roles["drive"], Navigation]
-    assert issubclass(roles["drive"], Drive)
-    assert roles["drive"] is not Drive
+    kinds = faults.faulty_kinds(["goto-not-confirmed"])
+    nodes = [each.node for each in nodes_under_test(DICTIONARIES, 1, lambda: 0.0, kinds)]
+    assert [type(node) for node in nodes] == [Core, kinds["drive"], Navigation]
+    assert issubclass(kinds["drive"], Drive)
+    assert kinds["drive"] is not Drive
 
 
-def test_a_node_that_the_robot_does_not_have_is_refused() -> None:
-    with pytest.raises(UnknownName, match="unknown simulated node 'lift'; known: core, drive, navigation"):
-        nodes_under_test({"lift": DICTIONARIES["drive"]}, 1, lambda: 0.0)
+def test_a_node_that_the_robot_does_not_have_is_run_from_its_file() -> None:
+    lift = DICTIONARIES["drive"].renumbered(7)
+    lift.name = "lift"
+    (tested,) = nodes_under_test({"lift": lift}, 1, lambda: 0.0)
+    assert type(tested.node) is SimulatedDevice
+
+
+def test_a_fault_of_any_device_is_one_of_a_device_from_its_file() -> None:
+    kind = faults.faulty_kinds(["heartbeat-missing"])[ANY_DEVICE]
+    assert issubclass(kind, SimulatedDevice)
+    assert kind is not SimulatedDevice

@@ -8,12 +8,13 @@ import pytest
 
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.faults import hooks
+from eurobot_od.faults.hooks import Mixin
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects, faults
-from eurobot_od.robot.faults import hooks
-from eurobot_od.robot.faults.hooks import Mixin
+from eurobot_od.robot.faults.message_faults import foreign
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -65,7 +66,7 @@ LEAVING = [
     (hooks.moved(1), [Frame(CHECKED.cob_id + 1)]),
     (hooks.data(lambda data: data + b"\x07"), [Frame(CHECKED.cob_id, b"\x07")]),
     (hooks.only(lambda data: len(data) > 0), []),
-    (hooks.foreign(CheckNaviResponse()), [Frame(PROTOCOL.cob_id(CheckNaviResponse))]),
+    (foreign(CheckNaviResponse()), [Frame(PROTOCOL.cob_id(CheckNaviResponse))]),
 ]
 
 

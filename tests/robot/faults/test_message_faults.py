@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.faults.fault import Caught
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.robot.faults.message_faults import (
     MOVED,
     NOT_ANSWERED,

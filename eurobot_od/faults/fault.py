@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
-from eurobot_od.robot.faults.hooks import Mixin
+from eurobot_od.device.node import Node
+from eurobot_od.faults.hooks import Mixin
+
+NodeT = TypeVar("NodeT", bound=Node)
 
 
 class Caught(NamedTuple):
-    """The step of a shipped suite that turns red: the one whose name says what is wrong."""
+    """The step of a suite that turns red: the one whose name says what is wrong."""
 
     suite: str
     step: str
@@ -27,3 +30,7 @@ class Fault(NamedTuple):
     text: str
     mixin: Mixin
     caught_by: Caught
+
+    def given_to(self, role: type[NodeT]) -> type[NodeT]:
+        """Return the class of a node that has this fault."""
+        return type(role.__name__, (self.mixin, role), {})

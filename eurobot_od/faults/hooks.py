@@ -8,19 +8,13 @@ faults. Several hooks can stand in front of one node: what arrives passes the fi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import cache
-from pathlib import Path
 from typing import Any, TypeAlias
 
-from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT
 from eurobot_od.device.node import Node
-from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NMT_COB_ID
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.pdo.message import Message
-from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot.protocol import EurobotProtocol
 
 Mixin: TypeAlias = type[Node]
 """A class that goes in front of a node's class."""
@@ -28,10 +22,10 @@ Mixin: TypeAlias = type[Node]
 FrameChange: TypeAlias = Callable[[Any, Frame], Iterable[Frame]]
 """What becomes of a frame: nothing, itself, another one, several."""
 
-ServiceCobId: TypeAlias = Callable[[Node], int]
-"""The COB-ID of a CANopen service of a node."""
+ServiceCobId: TypeAlias = "Callable[[Node], int | None]"
+"""The COB-ID of a CANopen service of a node, None if it does not have that."""
 
-Which: TypeAlias = type[Message] | ServiceCobId
+Which: TypeAlias = "type[Message] | ServiceCobId"
 """Which frames: those of a message, or those of a service."""
 
 React: TypeAlias = Callable[[Any, Any, Callable[[Any], None]], object]
@@ -46,19 +40,19 @@ def heartbeat(node: Node) -> int:
     return ERROR_CONTROL_BASE + node.device.node_id
 
 
-def emcy(node: Node) -> int:
+def emcy(node: Node) -> int | None:
     """Emergency messages."""
-    return node.device.number(EMCY_COB_ID) & BASE_IDENTIFIER
+    return node.device.emcy_cob_id
 
 
 def sdo_answer(node: Node) -> int:
     """Answers of the SDO server."""
-    return node.device.number(SDO_TRANSMIT) & BASE_IDENTIFIER
+    return node.device.sdo_answers
 
 
 def sdo_request(node: Node) -> int:
     """Requests to the SDO server."""
-    return node.device.number(SDO_RECEIVE) & BASE_IDENTIFIER
+    return node.device.sdo_requests
 
 
 def nmt(_node: Node) -> int:
@@ -66,7 +60,7 @@ def nmt(_node: Node) -> int:
     return NMT_COB_ID
 
 
-def _cob_id(node: Node, which: Which) -> int:
+def _cob_id(node: Node, which: Which) -> int | None:
     return node.device.protocol.cob_id(which) if isinstance(which, type) else which(node)
 
 
@@ -196,7 +190,7 @@ def both(one: Mixin, other: Mixin) -> Mixin:
     return type("Both", (one, other), {})
 
 
-def _changed(frames: Iterable[Frame], cob_id: int, change: Callable[[Frame], Iterable[Frame]]) -> list[Frame]:
+def _changed(frames: Iterable[Frame], cob_id: int | None, change: Callable[[Frame], Iterable[Frame]]) -> list[Frame]:
     """Return the frames with what becomes of those that have a COB-ID."""
     return [left for frame in frames for left in (change(frame) if frame.cob_id == cob_id else [frame])]
 
@@ -242,20 +236,6 @@ def unawaited(answer: Message) -> FrameChange:
         return [frame]
 
     return changed
-
-
-def foreign(message: Message) -> FrameChange:
-    """Send a message of another node in a frame's place."""
-
-    def changed(node: Node, _frame: Frame) -> Iterable[Frame]:
-        return [_whole_protocol(node.device.dictionary.file.parent).encode(message)]
-
-    return changed
-
-
-@cache
-def _whole_protocol(folder: Path) -> Protocol:
-    return EurobotProtocol.load(folder)
 
 
 def meaning(change: Callable[[Any], Any]) -> FrameChange:

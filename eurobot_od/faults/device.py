@@ -1,4 +1,4 @@
-"""Faults that any node can have: network management, heartbeat, emergencies, SDO, frames of a wrong length."""
+"""Faults that any device can have: network management, heartbeat, emergencies, SDO."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.node import Node
+from eurobot_od.faults import hooks
+from eurobot_od.faults.fault import Caught
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.robot.faults import hooks
-from eurobot_od.robot.faults.fault import Caught
 from eurobot_od.sdo.wire import ABORT, LENGTH, AbortCode, ClientCommand, Initiate, ServerCommand, aborted, initiate
 
 BOOT_UP = NmtState.INITIALISING
@@ -38,28 +38,9 @@ class WritesForgotten(Node):
     def receive(self, frame: Frame, now: float) -> list[Frame]:
         is_request = frame.cob_id == hooks.sdo_request(self) and len(frame.data) == LENGTH
         if is_request and frame.data[0] >> 5 == ClientCommand.DOWNLOAD:
-            return [
-                Frame(hooks.sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, Initiate.of(frame.data).address))
-            ]
+            address = Initiate.of(frame.data).address
+            return [Frame(hooks.sdo_answer(self), initiate(ServerCommand.DOWNLOAD << 5, address))]
         return super().receive(frame, now)
-
-
-class DeafWhenStopped(Node):
-    """Heeds emergencies and stops only in OPERATIONAL, like any other message."""
-
-    def receive(self, frame: Frame, now: float) -> list[Frame]:
-        always = {self.device.protocol.cob_id(each) for each in self.CATALOGUE.always if each in self.HANDLERS}
-        if self.device.state is not NmtState.OPERATIONAL and frame.cob_id in always:
-            return []
-        return super().receive(frame, now)
-
-
-class Padded(Node):
-    """Fills up short messages with what is left in the buffer, and acts on them (2014 robot)."""
-
-    def receive(self, frame: Frame, now: float) -> list[Frame]:
-        lengths = {each.cob_id: each.layout.length for each in self.device.protocol.bindings}
-        return super().receive(Frame(frame.cob_id, frame.data.ljust(lengths.get(frame.cob_id, 0), b"\x01")), now)
 
 
 def _always_well(node: Node, frame: Frame) -> Iterable[Frame]:
@@ -121,9 +102,6 @@ FAULTS = {
     "works-when-stopped": Caught("canopen", "7.3.2.2.4 NMT: no PDOs in PRE-OPERATIONAL").fault(
         "answers messages in every NMT state", AlwaysOperational
     ),
-    "deaf-when-stopped": Caught("canopen", "4.2.2 Emergency mushroom: acts in every NMT state").fault(
-        "heeds stops and shutdowns only in OPERATIONAL", DeafWhenStopped
-    ),
     "emcy-missing": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
         "sends no EMCY", hooks.leaving(hooks.emcy, hooks.lost)
     ),
@@ -137,9 +115,6 @@ FAULTS = {
     "emcy-not-cleared": Caught("canopen", "7.2.7 EMCY: the error is gone").fault(
         "does not say that an error is gone",
         hooks.leaving(hooks.emcy, hooks.only(lambda data: data[:2] != ErrorCode.NO_ERROR.to_bytes(2, "little"))),
-    ),
-    "short-frame-filled-up": Caught("canopen", "7.2.7 EMCY: a frame that is too short").fault(
-        "fills up short messages with left-over bytes and acts on them (2014 robot)", Padded
     ),
     "sdo-not-answered": Caught("canopen", "7.5.2.1 SDO: the device type is readable").fault(
         "answers no SDO request", hooks.arriving(hooks.sdo_request, hooks.lost)
