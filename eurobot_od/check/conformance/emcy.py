@@ -32,7 +32,7 @@ EMCY_COB_ID: Address = (0x1014, 0)
 COMMUNICATION_ERROR = 0x11
 """The error register after an error of the communication: generic, and communication (CiA 301, Table 48)."""
 
-QUIET = "500 ms"
+QUIET, ONCE = "500 ms", "100 ms"
 NO_HISTORY = "the file has no error history (0x1003)"
 
 
@@ -79,6 +79,7 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         wait("50 ms"),
         {"name": "the frame", "send": {"raw": frame}},
         {"name": f"EMCY 0x{code:04X}", "emcy": f"0x{code:04X}"},
+        never("it is told once", {"emcy": f"0x{code:04X}"}, ONCE),
         read("the error register says so", REGISTER, expect=COMMUNICATION_ERROR),
         *_remembered(subject, code),
         nmt("reset communication"),

@@ -206,12 +206,12 @@ CHAPTER = Chapter(
     "NMT states, boot-up and heartbeat",
     (
         Clause("7.2.8.3.3", "Boot-up", _boot_ups),
+        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times),
+        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file),
+        Clause("7.2.8.3.2", "Guarding", _life_guarding),
         Clause("7.3.2.2", "NMT state", _first_state),
         Clause("7.2.8.2.1", "NMT commands", _walk),
         Clause("7.2.8.2.1", "NMT commands", _other_commands),
         Clause("7.3.2.2.4", "NMT state", _services),
-        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times),
-        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file),
-        Clause("7.2.8.3.2", "Guarding", _life_guarding),
     ),
 )

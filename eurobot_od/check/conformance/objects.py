@@ -69,7 +69,7 @@ def _identity(subject: Subject) -> Iterator[Data]:
             continue
         said = subject.number(each.address) or _device_info(subject, key)
         if said:
-            yield read(f"{each} is the file's", each.address, expect=said)
+            yield read(str(each), each.address, expect=said)
         else:
             yield skip(str(each), "the file does not say it")
 
@@ -107,7 +107,7 @@ def _default(each: Object) -> Iterator[Data]:
     content = each.default_bytes
     if content is None or (not content and not each.type.size):
         return
-    if isinstance(each.default, int) and each.typed:
+    if isinstance(each.default, int) and each.typed and each.in_limits:
         yield read(str(each), each.address, expect=int(each.default))
     elif len(content) <= 200:  # a file within the file is compared nowhere
         yield read(str(each), each.address, data=content.hex(" ").upper())
@@ -119,14 +119,14 @@ def _default(each: Object) -> Iterator[Data]:
 def _write_only(subject: Subject) -> Iterator[Data]:
     for each in subject.objects.values():
         if not each.readable:
-            yield read(f"{each} is write-only", each.address, abort=codes(AbortCode.WRITE_ONLY))
+            yield read(str(each), each.address, abort=codes(AbortCode.WRITE_ONLY))
 
 
 def _read_only(subject: Subject) -> Iterator[Data]:
     for each in subject.objects.values():
         if not each.writable:
             zeros = bytes(each.type.size or 1).hex(" ")
-            yield write(f"{each} is read-only", each.address, data=zeros, abort=codes(AbortCode.READ_ONLY))
+            yield write(str(each), each.address, data=zeros, abort=codes(AbortCode.READ_ONLY))
 
 
 def _own_values(subject: Subject) -> Iterator[Data]:
@@ -139,7 +139,7 @@ def _own_values(subject: Subject) -> Iterator[Data]:
         else:
             refused = BUSY if _has_value(subject, each) else (*BUSY, *OUTSIDE)
             written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
-            yield group(f"{each} takes its own value", save(each), written, unchanged(each))
+            yield group(f"{each}: the value it has", save(each), written, unchanged(each))
 
 
 def _has_value(subject: Subject, each: Object) -> bool:
@@ -147,9 +147,8 @@ def _has_value(subject: Subject, each: Object) -> bool:
     if not isinstance(each.default, int):
         return each.default is not None
     is_type = each.address[0] in COMMUNICATIONS and each.address[1] == values.TRANSMISSION_TYPE
-    if is_type and each.default in values.SYNCHRONOUS and SYNC not in subject.objects:
-        return False
-    return not ((each.low is not None and each.default < each.low) or (each.high is not None and each.default > each.high))
+    cannot_be = is_type and each.default in values.SYNCHRONOUS and SYNC not in subject.objects
+    return each.in_limits and not cannot_be
 
 
 # Refusals
@@ -158,9 +157,9 @@ def _has_value(subject: Subject, each: Object) -> bool:
 def _unknown_objects(subject: Subject) -> Iterator[Data]:
     for index in FREE:
         if index not in subject.dictionary.members:
-            yield read(f"read {label((index, 0))}, which is not there", (index, 0), abort=codes(AbortCode.NO_OBJECT))
+            yield read(f"read {label((index, 0))}", (index, 0), abort=codes(AbortCode.NO_OBJECT))
             yield write(
-                f"write {label((index, 0))}, which is not there",
+                f"write {label((index, 0))}",
                 (index, 0),
                 data="00",
                 abort=codes(AbortCode.NO_OBJECT),
@@ -172,7 +171,7 @@ def _unknown_subindices(subject: Subject) -> Iterator[Data]:
         free = max(members, default=MOST_SUBS) + 1
         if free <= MOST_SUBS:
             address: Address = index, free
-            yield read(f"read {label(address)}, which is not there", address, abort=codes(AbortCode.NO_SUBINDEX))
+            yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_SUBINDEX))
 
 
 def _wrong_lengths(subject: Subject) -> Iterator[Data]:
@@ -191,19 +190,21 @@ def _of_length(each: Object, size: int, what: str) -> Data:
 
 def _limits(subject: Subject) -> Iterator[Data]:
     for each in _writable(subject):
-        if not each.typed or not each.type.is_integer:
-            continue
-        if each.low is not None:
-            yield _outside(each, each.low - 1, "too low", AbortCode.TOO_LOW)
-        if each.high is not None:
-            yield _outside(each, each.high + 1, "too high", AbortCode.TOO_HIGH)
+        refused = list(_outside(each))
+        if refused and each.readable:
+            yield group(str(each), save(each), *refused, unchanged(each))
+        elif refused:
+            yield group(str(each), *refused)
 
 
-def _outside(each: Object, value: int, what: str, code: AbortCode) -> Data:
-    refused = write(f"{value} is {what}", each.address, value=value, abort=codes(code, AbortCode.VALUE))
-    if not each.readable:
-        return {**refused, "name": f"{each}: {value} is {what}"}
-    return group(f"{each}: its limits", save(each), refused, unchanged(each))
+def _outside(each: Object) -> Iterator[Data]:
+    """Write the values next to the limits, and have them refused."""
+    for value, what, code in (
+        (None if each.low is None else each.low - 1, "too low", AbortCode.TOO_LOW),
+        (None if each.high is None else each.high + 1, "too high", AbortCode.TOO_HIGH),
+    ):
+        if value is not None and each.typed:
+            yield write(f"{value} is {what}", each.address, value=value, abort=codes(code, AbortCode.VALUE))
 
 
 # Other values: destructive
@@ -219,7 +220,7 @@ def _other_values(subject: Subject) -> Iterator[Data]:
         if other is not None:
             written = write(f"{other} is written", each.address, value=other, optional=codes(*BUSY))
             seen = read("and read again", each.address, expect=other)
-            yield group(f"{each} takes another value", save(each), written, seen, put_back(each))
+            yield group(f"{each}: another value", save(each), written, seen, put_back(each))
 
 
 def _is_setting(subject: Subject, each: Object) -> bool:
@@ -242,16 +243,16 @@ CHAPTER = Chapter(
     "objects",
     "objects",
     (
+        Clause("7.2.4.3.17", "Unknown object", _unknown_objects),
+        Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices),
         Clause("7.5.2.21", "Identity", _identity),
-        Clause("7.4.4", "Readable, with the length of its type", _readable),
+        Clause("7.4.4", "Length of the type", _readable),
         Clause("7.3.2.2.3", "Default after a reset", _defaults),
-        Clause("7.4.5", "Access", _write_only),
-        Clause("7.4.5", "Access", _read_only),
-        Clause("7.4.5", "Access", _own_values),
-        Clause("7.2.4.3.17", "Abort", _unknown_objects),
-        Clause("7.2.4.3.17", "Abort", _unknown_subindices),
-        Clause("7.2.4.3.17", "Abort", _wrong_lengths),
-        Clause("7.2.4.3.17", "Abort", _limits),
-        Clause("7.4.5", "Access", _other_values),
+        Clause("7.4.5", "Write-only", _write_only),
+        Clause("7.4.5", "Read-only", _read_only),
+        Clause("7.4.5", "Writable", _own_values),
+        Clause("7.2.4.3.17", "Wrong length", _wrong_lengths),
+        Clause("7.2.4.3.17", "Limits", _limits),
+        Clause("7.4.5", "Writable", _other_values),
     ),
 )

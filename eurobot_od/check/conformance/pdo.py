@@ -154,6 +154,7 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: Object) -> Data:
     if wide is None or MAX_BITS // wide.type.bits >= _room(subject, pdo):
         return skip(name, "the file has too few entries in it to map more")
     count = MAX_BITS // wide.type.bits + 1
+    spare = {sub: subject.number((record, sub)) for sub in range(len(pdo.mapping) + 1, count + 1)}
     too_long = codes(AbortCode.MAPPING_TOO_LONG)
     return group(
         name,
@@ -162,6 +163,7 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: Object) -> Data:
         write("2. sub-index 0 is 0", (record, 0), value=0),
         *(write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in range(1, count + 1)),
         write(f"{count * wide.type.bits} bits", (record, 0), value=count, abort=too_long),
+        *(write(f"spare entry {sub}", (record, sub), value=hexadecimal(spare[sub], 8)) for sub in spare),
         *_mapped_again(subject, pdo, cob_id),
     )
 

@@ -55,6 +55,14 @@ class Object(NamedTuple):
         return label(self.address, shown(self.name))
 
     @property
+    def in_limits(self) -> bool:
+        """Whether the default, if it is a number, is one that the limits allow."""
+        if not isinstance(self.default, int):
+            return True
+        low, high = (self.default if limit is None else limit for limit in (self.low, self.high))
+        return low <= self.default <= high
+
+    @property
     def default_bytes(self) -> bytes | None:
         """The default as an SDO carries it, None if there is none, or none of its type."""
         if self.default is None:
