@@ -32,6 +32,9 @@ from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, Serve
 SUITE = "conformance"
 """The suite that finds these faults; it is made from the file of the device."""
 
+UNKNOWN = 7
+"""A command specifier that no SDO request has."""
+
 ERROR_REGISTER: Address = (0x1001, 0)
 HISTORY: Address = (0x1003, 0)
 SYNC: Address = (0x1005, 0)
@@ -176,9 +179,14 @@ def _unknown_as_zero(_: Node, frame: Frame) -> Iterable[Frame]:
     return [Frame(frame.cob_id, wire.carrying(ServerCommand.UPLOAD, answer.address, bytes(4)))]
 
 
+def _specifier(data: bytes) -> int | None:
+    """Return the command specifier of an SDO frame, None for a frame that is none."""
+    return data[0] >> 5 if len(data) == wire.LENGTH else None
+
+
 def _where(specifier: int, change: Callable[[bytes], bytes]) -> FrameChange:
     """Change frames whose command byte begins with a specifier."""
-    return hooks.data(lambda data: change(data) if data[0] >> 5 == specifier else data)
+    return hooks.data(lambda data: change(data) if _specifier(data) == specifier else data)
 
 
 def _no_error(data: bytes) -> bytes:
@@ -218,7 +226,7 @@ class Blocked(Node):
         self._waits = False
 
     def receive(self, frame: Frame, now: float) -> list[Frame]:
-        if frame.cob_id != hooks.sdo_request(self):
+        if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
             return super().receive(frame, now)
         command = frame.data[0]
         if self._waits and command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
@@ -434,13 +442,14 @@ FAULTS: Mapping[str, Fault] = {
     "unknown-command-ignored": _fault(
         "7.2.4.3.17 SDO abort: an unknown command is refused",
         "does not answer an SDO command that it does not know",
-        hooks.arriving(hooks.sdo_request, hooks.only(lambda data: data[0] >> 5 != 7)),
+        hooks.arriving(hooks.sdo_request, hooks.only(lambda data: _specifier(data) != UNKNOWN)),
     ),
     "abort-answered": _fault(
         "7.2.4.3.17 SDO abort: a client's abort is not answered",
         "answers a client's abort",
         hooks.arriving(
-            hooks.sdo_request, hooks.data(lambda data: b"\xe0" + data[1:] if data[0] == wire.ABORT else data)
+            hooks.sdo_request,
+            hooks.data(lambda data: b"\xe0" + data[1:] if _specifier(data) == ClientCommand.ABORT else data),
         ),
     ),
     "blocked-by-a-transfer": _fault(

@@ -13,7 +13,7 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.robot import dialects, faults
 
 SUITES = [(dialect, name) for dialect in dialects.names() for name in fault_matrix.shipped(dialect)]
-SAMPLE = faults.names()[::15]
+SAMPLE = fault_matrix.robot_faults()[::15]
 
 SENTENCES = (
     # 2.1 GoTo-Protokoll
