@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from eurobot_od.device.simulated import SimulatedDevice as SimulatedDevice
     from eurobot_od.frame import Frame as Frame
     from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
     from eurobot_od.live import Live as Live
@@ -29,6 +30,7 @@ _HOMES = {
     "Navigation": "robot.nodes",
     "Protocol": "robot.protocol",
     "Robot": "robot.facade",
+    "SimulatedDevice": "device.simulated",
     "messages": "robot.messages",
     "open_bus": "live",
     "rehearse": "robot.match",
@@ -47,6 +49,7 @@ __all__ = [  # noqa: RUF022 (as documented; each is loaded by __getattr__)
     "Gatekeeper",
     "Live",
     "open_bus",
+    "SimulatedDevice",
 ]
 
 

@@ -14,10 +14,10 @@ from collections.abc import Callable
 from enum import Enum, auto
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
-from eurobot_od.device.device import SDO_RECEIVE, SDO_TRANSMIT, Device
+from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address
+from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.sdo.wire import AbortCode
 
@@ -221,17 +221,19 @@ class Judge:
 def _cause_not_to_write(variable: ODVariable, request: bytes, kind: Initiate) -> AbortCode | None:
     if not variable.writable:
         return AbortCode.READ_ONLY
-    size, value = kind.size(request), int.from_bytes(request[4:], "little")
+    size = kind.size(request)
     if size is None or not variable.fixed_size:
         return None
     if size != len(variable) // 8:
         return AbortCode.TOO_LONG if size > len(variable) // 8 else AbortCode.TOO_SHORT
     if kind.phase is Phase.DOWNLOAD and request[0] & 2:
-        return _cause_in_value(variable, value & (1 << 8 * size) - 1)
+        return _cause_in_value(variable, data_type(variable).read(request[4 : 4 + size]))
     return None
 
 
-def _cause_in_value(variable: ODVariable, value: int) -> AbortCode | None:
+def _cause_in_value(variable: ODVariable, value: Value) -> AbortCode | None:
+    if not isinstance(value, (int, float)):
+        return None
     if variable.max is not None and value > variable.max:
         return AbortCode.TOO_HIGH
     return AbortCode.TOO_LOW if variable.min is not None and value < variable.min else None
@@ -367,13 +369,14 @@ class RandomClient:
 
 # A run
 
+ANY_NODE_ID = 5
 
-def run(node: str, dialect: str | None, requests: int, seed: int) -> int:
-    """Send so many requests to a node; return how many it answered with an abort. Raises Fault."""
+
+def run(dictionary: Dictionary, requests: int, seed: int) -> int:
+    """Send so many requests to a device; return how many it answered with an abort. Raises Fault."""
     chance = random.Random(seed)
-    dictionary = dialects.load(node, dialect)
     device, judge, client = Device(dictionary), Judge(dictionary), RandomClient(dictionary, chance)
-    rx, tx = device.number(SDO_RECEIVE), device.number(SDO_TRANSMIT)
+    rx, tx = device.sdo_requests, device.sdo_answers
     device.start(0.0)
     aborts = 0
     for number in range(requests):
@@ -391,18 +394,21 @@ def main() -> int:
     """Run from the command line; exit status 1 at the first wrong answer."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("node", nargs="?", default="core", help="the node (default core)")
+    parser.add_argument("--eds", metavar="FILE", help="anybody's device instead, with node-ID 5")
     parser.add_argument("--dialect", help=f"its dialect (default {dialects.DEFAULT})")
     parser.add_argument("--requests", type=int, default=10_000, help="how many (default 10000)")
     parser.add_argument("--seed", type=int, default=1, help="which ones (default 1)")
     arguments = parser.parse_args()
     started = time.perf_counter()
+    eds, node = arguments.eds, arguments.node
+    dictionary = Dictionary.load(eds, ANY_NODE_ID) if eds else dialects.load(node, arguments.dialect)
     try:
-        aborts = run(arguments.node, arguments.dialect, arguments.requests, arguments.seed)
+        aborts = run(dictionary, arguments.requests, arguments.seed)
     except Fault as fault:
         print(f"wrong: {fault}")
         return 1
     took = time.perf_counter() - started
-    print(f"{arguments.requests} requests to {arguments.node}, {aborts} aborts, no wrong answer, {took:.1f} s")
+    print(f"{arguments.requests} requests to {dictionary.name}, {aborts} aborts, no wrong answer, {took:.1f} s")
     return 0
 
 

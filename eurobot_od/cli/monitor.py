@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from eurobot_od.cli import options
 from eurobot_od.cli.keyboard import keys
 from eurobot_od.cli.logs import entries
+from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Meaning
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
     parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
     parser.add_argument("--plain", action="store_true", help="lines as decode writes them, and the table at the end")
+    parser.add_argument("--ask", action="store_true", help="read the PDOs as the devices have them now, by SDO")
     options.add_network(parser)
     options.add_bus(parser)
 
@@ -60,7 +62,10 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.monitor.controls import Controls
     from eurobot_od.monitor.traffic import Traffic, selected
 
-    traffic = Traffic(options.decoder(arguments), arguments.bitrate or runtime.BITRATE)
+    if arguments.ask and arguments.logs:
+        raise LocalError("--ask is for a bus: a log has nobody to ask")
+    decoder = (options.asking_decoder if arguments.ask else options.decoder)(arguments)
+    traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE)
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:

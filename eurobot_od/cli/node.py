@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> None:
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does, with the bus closed
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the drive stopped, the bus closed
     _set_clock(node, live.clock())
     if arguments.beacons:
         from eurobot_od.robot.assembly import assemble

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from eurobot_od.errors import LocalError, MappingError
+from eurobot_od.errors import LocalError, MappingError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.network_file import NodeFile
 from eurobot_od.od.outline import Outline
@@ -105,11 +105,35 @@ def tell_repairs(outlines: Iterable[Outline]) -> None:
 
 def decoder(arguments: argparse.Namespace) -> Decoder:
     """Return what tells the meaning of these devices' frames; says which PDOs are left out. Raises as `devices`."""
+    return decoder_of(_told(arguments))
+
+
+def asking_decoder(arguments: argparse.Namespace) -> Decoder:
+    """Return what `decoder` does, but for PDOs as the devices on the bus have them now; says who does not answer.
+
+    Raises as `devices`, BusError.
+    """
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.pdo_parameters import pdo_parameters
+
+    asked = []
+    with Master(open_bus(arguments)) as master:
+        for outline in _told(arguments):
+            try:
+                asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
+            except RemoteError as error:
+                print(f"eurobot-od: {outline.name}: PDOs as in {outline.file}: {error}", file=sys.stderr)
+                asked.append(outline)
+    return decoder_of(asked)
+
+
+def decoder_of(outlines: Iterable[Outline]) -> Decoder:
+    """Return what tells the meaning of some devices' frames; says which PDOs are left out."""
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.robot.messages import CATALOGUE
 
     with left_out() as refused:
-        return Decoder(_told(arguments), CATALOGUE, refused)
+        return Decoder(outlines, CATALOGUE, refused)
 
 
 def protocol(arguments: argparse.Namespace) -> Protocol:

@@ -17,9 +17,10 @@ from eurobot_od.device.emergency import Emergencies, ErrorCode
 from eurobot_od.device.guarding import GUARD_TIME, LIFE_TIME_FACTOR, NodeGuarding
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
+from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, predefined
 from eurobot_od.device.storage import Store
 from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, TimeOfDay
@@ -28,11 +29,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
-    EMCY_BASE,
     ERROR_CONTROL_BASE,
     NMT_COB_ID,
-    SDO_REQUEST_BASE,
-    SDO_RESPONSE_BASE,
     Address,
     Value,
 )
@@ -52,17 +50,12 @@ EMCY_INHIBIT: Address = (0x1015, 0)
 CONSUMED_HEARTBEATS = 0x1016
 HEARTBEAT_TIME: Address = (0x1017, 0)
 COMMUNICATION_ERROR: Address = (0x1029, 1)
-SDO_RECEIVE: Address = (0x1200, 1)
-SDO_TRANSMIT: Address = (0x1200, 2)
 SDO_CLIENTS = range(0x1280, 0x1300)
 NMT_STARTUP: Address = (0x1F80, 0)
 
 SAVE = int.from_bytes(b"save", "little")
 LOAD = int.from_bytes(b"load", "little")
 """Signatures that 0x1010 and 0x1011 want to see (CiA 301, 7.5.2.13 and 7.5.2.14)."""
-
-COMMUNICATION_PROFILE = range(0x1000, 0x2000)
-"""Indices that a reset of the communication restores (CiA 301, 7.3.2.2.3)."""
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,
@@ -134,11 +127,13 @@ class Device:
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
-        self.emergencies = Emergencies(lambda: self.emcy_cob_id, lambda: self.objects.raw(EMCY_INHIBIT) / 10_000)
+        self.emergencies = Emergencies(
+            lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
+        )
         readers: dict[int, OnRead] = {}
         writers: dict[int, OnWrite] = {}
-        given, told = self._application.given, self._application.told
-        self.objects = Objects(self.dictionary, readers, writers, given, told)
+        given = {**predefined(self.dictionary), **self._application.given}
+        self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
         self.objects.values = values
         self._pdos = Pdos(self.objects, self._catalogue)
         bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
@@ -167,14 +162,15 @@ class Device:
         self._server = SdoServer(self.objects)
         self._consumer = HeartbeatConsumer()
         self._next_heartbeat = inf
+        self._beating = False
         self._configure()
 
     def _configure(self) -> None:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
         self._guarding.configure(self._life_time())
-        self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE, SDO_REQUEST_BASE)
-        self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT, SDO_RESPONSE_BASE)
+        self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE)
+        self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT)
         time = self.objects.raw(TIME)
         answers = {self.objects.cob_id((index, 2)) for index in SDO_CLIENTS}
         # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
@@ -221,12 +217,6 @@ class Device:
         """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
         return self._pdos.always_sent
 
-    @property
-    def emcy_cob_id(self) -> int | None:
-        """The COB-ID of its emergency messages, the predefined one if the file names none; None if it sends none."""
-        unsaid = EMCY_COB_ID[0] in self.dictionary.members and self.objects.value(EMCY_COB_ID) is None
-        return EMCY_BASE + self.node_id if unsaid else self.objects.cob_id(EMCY_COB_ID)
-
     # Values
 
     def number(self, address: Address) -> int:
@@ -240,10 +230,10 @@ class Device:
         """
         return self.objects.number(self.dictionary.address(name))
 
-    def _sdo_cob_id(self, address: Address, base: int) -> int:
+    def _sdo_cob_id(self, address: Address) -> int:
         """Return an identifier of the SDO server; the predefined one is there whatever 0x1200 says of its validity."""
         cob_id = self.objects.cob_id(address)
-        return base + self.node_id if cob_id is None else cob_id
+        return BASES[address] + self.node_id if cob_id is None else cob_id
 
     # Objects that do more than keep a value
 
@@ -321,6 +311,7 @@ class Device:
     def start(self, now: float) -> list[Frame]:
         """Boot: send the boot-up message and enter the state that NMT startup 0x1F80 says (CiA 301, 7.3.2.2)."""
         self._now = now
+        self._beating = False
         self._plan_heartbeat(now)
         self._enter(boot_state(self.objects.value(NMT_STARTUP)))
         return [error_control(self.node_id, NmtState.INITIALISING)]
@@ -337,6 +328,16 @@ class Device:
     def _plan_heartbeat(self, now: float) -> None:
         period = self.objects.raw(HEARTBEAT_TIME)
         self._next_heartbeat = now + period / 1000 if period else inf
+
+    def first_heartbeat(self) -> list[Frame]:
+        """Return a heartbeat to send now if there has been none since the boot-up, and if there will be any.
+
+        For a node that others have to miss from now on: they watch it from its first heartbeat.
+        """
+        if self._beating or self._next_heartbeat == inf:
+            return []
+        self._beating = True
+        return [error_control(self.node_id, self.state)]
 
     def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
@@ -366,6 +367,7 @@ class Device:
         if now >= self._next_heartbeat:
             # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
             self._plan_heartbeat(self._next_heartbeat)
+            self._beating = True
             frames.append(error_control(self.node_id, self.state))
         own = self._broadcast(now)
         frames += own.frames
@@ -447,9 +449,10 @@ class Device:
 
     def _receive_heartbeat(self, frame: Frame) -> Reaction:
         node_id = frame.cob_id - ERROR_CONTROL_BASE
-        if self._consumer.heard(node_id, self._now):
+        boot_up = frame == error_control(node_id, NmtState.INITIALISING)
+        if self._consumer.heard(node_id, self._now, boot_up=boot_up):
             self.emergencies.cleared((HeartbeatConsumer, node_id))
-        return Reaction([], booted=node_id if frame == error_control(node_id, NmtState.INITIALISING) else None)
+        return Reaction([], booted=node_id if boot_up else None)
 
     def _answer_guard(self, _: Frame) -> Reaction:
         """Say that the device is there; one that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""

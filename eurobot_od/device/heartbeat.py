@@ -1,6 +1,7 @@
 """The heartbeat consumer: notices nodes that fall silent (CiA 301, 7.2.8.2.2 and 7.5.2.19).
 
-Rule of this file: a node is watched from its first heartbeat on, never before; times are in seconds.
+Rule of this file: a node is watched from its first heartbeat on, never before; times are in seconds. A boot-up message
+is none, although it has the same identifier: a node that has 0 in its 0x1017 boots as well.
 """
 
 from __future__ import annotations
@@ -38,11 +39,12 @@ class HeartbeatConsumer:
         """COB-IDs of the heartbeats that are watched."""
         return {ERROR_CONTROL_BASE + node_id for node_id in self._times}
 
-    def heard(self, node_id: int, now: float) -> bool:
-        """Note a heartbeat; return whether its node had been lost."""
+    def heard(self, node_id: int, now: float, *, boot_up: bool = False) -> bool:
+        """Note a heartbeat or boot-up message; return whether its node had been lost."""
         if node_id not in self._times:
             return False
-        self._deadlines[node_id] = now + self._times[node_id]
+        if not boot_up or node_id in self._deadlines:
+            self._deadlines[node_id] = now + self._times[node_id]
         was_lost = node_id in self.lost
         self.lost.discard(node_id)
         return was_lost

@@ -172,6 +172,9 @@ class Node:
         """
         return None
 
+    def switched_off(self) -> None:
+        """Give up whatever somebody may still wait for: nobody will call `receive` and `tick` any more."""
+
     def answered(self, frame: Frame) -> None:
         """Take in another node's answer to an SDO request of ours; the nodes that ask say what."""
 

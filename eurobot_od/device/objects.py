@@ -20,8 +20,12 @@ from eurobot_od.sdo.wire import Abort, AbortCode
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
-CONFIGURATION = (range(0x1000, 0x2000), range(0x2100, 0x3000))
-"""Indices of a device's configuration: communication objects and its own settings; the rest is what it measures."""
+COMMUNICATION_PROFILE = range(0x1000, 0x2000)
+"""Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
+7.3.2.2.3)."""
+
+SETTINGS = ("rw", "wo")
+"""Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is none."""
 
 EMCY_COB_ID: Address = (0x1014, 0)
 """Identifier of the device's own emergency messages (CiA 301, 7.5.2.15)."""
@@ -45,9 +49,10 @@ NO_VALUES: Mapping[Address, Value] = MappingProxyType({})
 TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
 
-def is_configuration(address: Address) -> bool:
+def is_configuration(dictionary: Dictionary, address: Address) -> bool:
     """Tell whether an object belongs to what 0x1010 stores."""
-    return any(address[0] in indices for indices in CONFIGURATION)
+    variable = dictionary.variable(address)
+    return address[0] in COMMUNICATION_PROFILE or (variable is not None and variable.access_type in SETTINGS)
 
 
 class Objects:
@@ -135,7 +140,7 @@ class Objects:
 
     def configuration(self) -> dict[Address, Value]:
         """Return what was changed in the configuration, for 0x1010 to store."""
-        return {address: value for address, value in self.values.items() if is_configuration(address)}
+        return {address: value for address, value in self.values.items() if is_configuration(self.dictionary, address)}
 
     # For the SDO server
 
@@ -179,7 +184,8 @@ class Objects:
             self._writers.get(address[0], self.put)(address, value)
         except Refused as refused:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
-        if is_configuration(address) and address not in VERIFY_CONFIGURATION and self.kept(address) != before:
+        is_setting = address not in VERIFY_CONFIGURATION and is_configuration(self.dictionary, address)
+        if is_setting and self.kept(address) != before:
             # A changed configuration is not the verified one any more (CiA 301, 7.5.2.21).
             for mark in VERIFY_CONFIGURATION:
                 self.values.pop(mark, None)

@@ -12,12 +12,24 @@ from itertools import accumulate
 from math import inf
 
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
-from eurobot_od.device.sync import COUNTER_OVERFLOW, COUNTERS, PERIOD, PRODUCER, SYNC, SYNCHRONOUS
+from eurobot_od.device.sync import COUNTER_OVERFLOW, COUNTERS, PERIOD, PRODUCER, SYNC
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
 from eurobot_od.od.pdos import MappedObject
-from eurobot_od.od.values import DUMMIES, MAPPABLE, Address, PdoDirection, Value, owner
+from eurobot_od.od.values import (
+    COB_ID,
+    DUMMIES,
+    EVENT_TIMER,
+    INHIBIT_TIME,
+    MAPPABLE,
+    SYNCHRONOUS,
+    TRANSMISSION_TYPE,
+    Address,
+    PdoDirection,
+    Value,
+    owner,
+)
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.layout import MAX_BITS
@@ -32,9 +44,6 @@ EVENT_DRIVEN = (254, 255)
 
 SAMPLED, REQUESTED = 252, 253
 """Transmission types of TPDOs that go only when a remote frame asks: with the values of the last SYNC, or of now."""
-
-COB_ID, TRANSMISSION_TYPE, INHIBIT_TIME, EVENT_TIMER = 1, 2, 3, 5
-"""Sub-indices of a communication record (CiA 301, Tables 66 and 70)."""
 
 
 class Pdos:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 from eurobot_od.device.objects import is_configuration
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.files import write_whole
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
@@ -49,23 +49,28 @@ class FileStore:
         if not self.file.exists():
             return {}
         stored = Dictionary.load(self.file)
-        missing = dcf.missing(stored.content.decode(ANY_BYTES))
-        if missing:
-            raise DictionaryError(self.file, None, f"incomplete: [{missing[0]}] is missing")
+        never_there = dcf.missing(self._dictionary.content.decode(ANY_BYTES))
+        for section in dcf.missing(stored.content.decode(ANY_BYTES)):
+            if section not in never_there:
+                raise DictionaryError(self.file, None, f"incomplete: [{section}] is missing")
         for index, sub in IDENTITY:
             ours, theirs = self._dictionary.default((index, sub)), stored.default((index, sub))
             if ours != theirs:
                 what = f"sub {sub} is {theirs!r}, not {ours!r}: the configuration of another device"
                 raise DictionaryError(self.file, index, what)
-        variables = {address: stored.variable(address) for address in stored.addresses() if is_configuration(address)}
+        variables = {each: stored.variable(each) for each in stored.addresses() if is_configuration(stored, each)}
         # what the file's own EDS says by DefaultValue alone is not stored: a later EDS may say something else
         return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
 
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Replace the file by one with these settings.
 
-        Raises OSError, or DictionaryError if the EDS is gone, and leaves the old one then.
+        Raises OSError, or DictionaryError if the EDS is gone or has no place for a value, and leaves the old one then.
         """
         eds = self._dictionary.content.decode(ANY_BYTES)
-        text = dcf.with_values(eds, values, node_id, self._dictionary.name, self._baudrate)
-        write_whole(self.file, text.encode(ANY_BYTES))
+        try:
+            text = dcf.with_values(eds, values, node_id, self._dictionary.name, self._baudrate)
+            content = text.encode(ANY_BYTES)
+        except (UnknownName, UnicodeEncodeError) as error:  # a member of a compact array, a text beyond Latin-1
+            raise DictionaryError(self._dictionary.file, None, f"no place in its DCF: {error}") from error
+        write_whole(self.file, content)

@@ -28,8 +28,8 @@ COUNTER_OVERFLOW: Address = (0x1019, 0)
 COUNTERS = (0, *range(2, 241))
 """What 0x1019 may be."""
 
-ACYCLIC, SYNCHRONOUS = 0, range(241)
-"""Transmission types that follow SYNC: n with every n-th one, 0 with the next one (CiA 301, Tables 68 and 72)."""
+ACYCLIC = 0
+"""Transmission type of what goes with the next SYNC; n goes with every n-th one (CiA 301, Tables 68 and 72)."""
 
 
 class SyncProducer:

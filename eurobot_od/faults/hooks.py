@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 from eurobot_od.device.node import Node
+from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
@@ -42,7 +43,7 @@ def heartbeat(node: Node) -> int:
 
 def emcy(node: Node) -> int | None:
     """Emergency messages."""
-    return node.device.emcy_cob_id
+    return node.device.objects.cob_id(EMCY_COB_ID)
 
 
 def sdo_answer(node: Node) -> int:

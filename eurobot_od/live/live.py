@@ -115,6 +115,18 @@ class Live:
         """
         try:
             self._take_leave()
+        finally:
+            self._end()
+
+    def _take_leave(self) -> None:
+        """Have the node do what it has to before it is switched off, while there are threads to do it."""
+        farewell = self.station.node.leave() if self.station is not None and self._running else None
+        if farewell is not None:
+            farewell.result()
+
+    def _end(self) -> None:
+        """End the threads and shut the bus down, whatever became of the leave."""
+        try:
             self._functions.stop()  # first: what the last functions send still needs the other two threads
             self._sender.retry()
             with self._changed:
@@ -123,6 +135,8 @@ class Live:
             for thread in self._threads:
                 if thread is not threading.current_thread():
                     thread.join(PATIENCE)
+            if self.station is not None:
+                self.station.node.switched_off()
         finally:
             try:
                 self.bus.shutdown()
@@ -130,12 +144,6 @@ class Live:
                 if self.failure is None:  # else it is only a consequence
                     self.failure = failure(self.bus, error)
                     raise self.failure from error
-
-    def _take_leave(self) -> None:
-        """Have the node do what it has to before it is switched off, while there are threads to do it."""
-        farewell = self.station.node.leave() if self.station is not None and self._running else None
-        if farewell is not None:
-            farewell.result()
 
     def __enter__(self) -> Live:
         return self.start()

@@ -4,29 +4,43 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import FrameType
 
 TOLD_TO_END = 128 + signal.SIGTERM
 """Exit status of a program that SIGTERM has ended, as shells write it."""
 
 
-@contextmanager
-def ended_by_sigterm() -> Iterator[None]:
-    """Have SIGTERM raise SystemExit in the block, unless the program has a handler of its own.
+class EndedBySigterm:
+    """A context manager: SIGTERM raises SystemExit in the block, unless the program has a handler of its own.
 
-    Outside the main thread, where Python takes no signals, it does nothing.
+    It does so once, and not any more after `hold`: what the program does at its end is not to be cut short. One that
+    comes then raises SystemExit at the end of the block. Outside the main thread, where Python takes no signals, it
+    does nothing.
     """
-    if threading.current_thread() is not threading.main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
-        yield
-        return
-    signal.signal(signal.SIGTERM, _end)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
+    def __init__(self) -> None:
+        self._held = self._missed = self._installed = False
 
-def _end(_signal: int, _frame: FrameType | None) -> None:
-    raise SystemExit(TOLD_TO_END)
+    def __enter__(self) -> EndedBySigterm:
+        in_main_thread = threading.current_thread() is threading.main_thread()
+        self._installed = in_main_thread and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+        if self._installed:
+            signal.signal(signal.SIGTERM, self._told)
+        return self
+
+    def hold(self) -> None:
+        """Raise nothing before the end of the block."""
+        self._held = True
+
+    def _told(self, _signal: int, _frame: FrameType | None) -> None:
+        if self._held:
+            self._missed = True
+        else:
+            self._held = True
+            raise SystemExit(TOLD_TO_END)
+
+    def __exit__(self, cause: object, *_: object) -> None:
+        if self._installed:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        if self._missed and cause is None:
+            raise SystemExit(TOLD_TO_END)

@@ -9,7 +9,8 @@ meant (a byte order mark, comments after values, sections twice, numbers in any 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from copy import copy
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -195,6 +196,13 @@ class Outline:
             said = (self.typed(variable, key) for key in ("parametervalue", "defaultvalue") if variable)
             self._defaults[address] = next((each for each in said if each is not None), None)
         return self._defaults[address]
+
+    def configured(self, present: Mapping[Address, Value]) -> Self:
+        """Return the same device with values that it has at `present` in place of the file's."""
+        other = copy(self)
+        other._defaults = {**self._defaults, **present}
+        other.__dict__.pop("pdos", None)  # made of the values, and kept
+        return other
 
     def number(self, address: Address) -> int | None:
         """Return the number that an object has by default; None if it has none."""

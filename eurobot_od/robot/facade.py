@@ -16,7 +16,7 @@ from typing import Any, Concatenate, ParamSpec
 
 from eurobot_od import live as runtime
 from eurobot_od.device.flow import Call, Result
-from eurobot_od.live.signals import ended_by_sigterm
+from eurobot_od.live.signals import EndedBySigterm
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes.core import Core
 
@@ -68,8 +68,9 @@ class Robot:
 
     def __enter__(self) -> Robot:
         self._leaving = ExitStack()
+        sigterm = self._leaving.enter_context(EndedBySigterm())
         self._leaving.enter_context(self.live)
-        self._leaving.enter_context(ended_by_sigterm())
+        self._leaving.callback(sigterm.hold)
         return self
 
     def __exit__(

@@ -16,6 +16,7 @@ from eurobot_od import cli
 from eurobot_od.robot.check import shipped
 from tests.check.suites import HEAD, document, reader
 from tests.cli.console import run
+from tests.device import io_module
 
 GREEN = document("- send: Check Drive Request\n- expect: Check Drive Response", HEAD + "tags: [quick, first]\n")
 RED = document("- expect: Goto Confirm\n- send: Stop Drive", HEAD.replace("a suite", "red") + "tags: slow\n")
@@ -187,3 +188,23 @@ def test_the_guides_first_suite_runs_at_the_first_try(folder: Path, capsys: pyte
     (folder / "first.yaml").write_text(first)
     said = run(capsys, "check", "first.yaml", "--simulate")
     assert said.status == 0, said.out
+
+
+def test_a_device_that_is_none_of_the_robots_is_run_from_its_file(tmp_path: Path) -> None:
+    (tmp_path / "module.eds").write_text(io_module.TEXT, encoding="ascii")
+    (tmp_path / "network.yaml").write_text("nodes: {module: {file: module.eds, node_id: 5}}", encoding="ascii")
+    text = """\
+spec: 1
+name: a device that nobody here wrote
+node: module
+steps:
+  - nmt: start
+  - name: its first values
+    expect: {module.TPDO1: {entry_1: -5, set_point: 0}}
+  - sdo: {write: 0x2100, value: -2}
+  - name: a change
+    expect: {module.TPDO1: {entry_1: -5, set_point: -2}}
+"""
+    (tmp_path / "suite.yaml").write_text(text, encoding="ascii")
+    words = ["check", str(tmp_path / "suite.yaml"), "--simulate", "--network", str(tmp_path / "network.yaml")]
+    assert (cli.main(words), cli.main([*words, "--fault", "sdo-not-answered"])) == (0, 1)

@@ -6,14 +6,22 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 from can_remote.server import RemoteServer
 
+from eurobot_od.live import Live, open_bus
+from eurobot_od.robot import dialects
+from eurobot_od.robot.field import START_POSES
+from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.nodes import Drive, Navigation
+from eurobot_od.robot.values import TeamColour
 from tests.cli.console import run
+from tests.device import io_module
 
 PATIENCE = 60.0
 """Seconds after which a process that hangs is killed."""
@@ -32,9 +40,7 @@ def shared_bus() -> Iterator[str]:
 
 
 @contextmanager
-def node(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a node in a process of its own, and kill it if it hangs."""
-    command = [sys.executable, "-m", "eurobot_od", "node", *words]
+def killed_if_it_hangs(command: list[str]) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         watchdog = threading.Timer(PATIENCE, process.kill)
         watchdog.start()
@@ -43,6 +49,13 @@ def node(*words: str) -> Iterator[subprocess.Popen[str]]:
         finally:
             watchdog.cancel()
             process.kill()
+
+
+@contextmanager
+def node(*words: str) -> Iterator[subprocess.Popen[str]]:
+    """Run a node in a process of its own, and kill it if it hangs."""
+    with killed_if_it_hangs([sys.executable, "-m", "eurobot_od", "node", *words]) as process:
+        yield process
 
 
 def line(process: subprocess.Popen[str], what: str) -> str:
@@ -86,6 +99,74 @@ def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
         assert navigation.wait(PATIENCE) == 130
         assert navigation.stderr is not None
         assert navigation.stderr.read() == ""
+
+
+# A core that is told to end while its goto is under way
+
+SCRIPT = """
+import sys
+from eurobot_od import Robot
+from eurobot_od.robot.values import TeamColour
+
+with Robot("remote", sys.argv[1]) as robot:
+    robot.check_nodes()
+    robot.configure_start(TeamColour.RED)
+    print(robot.goto(2700, 1700, 0, speed=30))
+"""
+
+
+@contextmanager
+def partners(channel: str) -> Iterator[Drive]:
+    """Run a drive and a navigation in this process; gives the drive."""
+    drive = Drive(dialects.load("drive"))
+    with ExitStack() as stack:
+        for node in (drive, Navigation(dialects.load("navigation"))):
+            stack.enter_context(Live.node(open_bus("remote", channel), node))
+        yield drive
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def is_on_its_way(drive: Drive) -> bool:
+    """Tell whether the drive has left its start place; it takes some 100 ms for that."""
+    pose = drive.estimate.pose
+    return drive.goto is not None and pose is not None and pose.distance(START_POSES[TeamColour.RED].point) > 10
+
+
+@pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
+def test_a_script_that_is_told_to_end_leaves_a_robot_that_stands(
+    shared_bus: str, told: signal.Signals, status: int
+) -> None:
+    with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
+        wait_for(lambda: is_on_its_way(drive))
+        script.send_signal(told)
+        assert script.wait(PATIENCE) == status
+        assert not drive.moving
+        assert drive.stopped_by == StopDrive()
+        assert drive.device.emergencies.errors == {}  # it was stopped before anybody missed the core
+
+
+def test_a_script_that_is_killed_leaves_a_robot_that_stands_soon(shared_bus: str) -> None:
+    with partners(shared_bus) as drive, killed_if_it_hangs([sys.executable, "-c", SCRIPT, shared_bus]) as script:
+        wait_for(lambda: is_on_its_way(drive))
+        script.kill()
+        wait_for(lambda: not drive.moving)
+        assert 0x8130 in drive.device.emergencies.errors.values()
+
+
+def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) -> None:
+    with partners(shared_bus) as drive, node("core", "--drill", "-i", "remote", "-c", shared_bus) as core:
+        wait_for(lambda: is_on_its_way(drive))
+        core.send_signal(signal.SIGTERM)
+        assert core.wait(PATIENCE) == 130
+        assert not drive.moving
+        assert drive.stopped_by == StopDrive()
+        assert drive.device.emergencies.errors == {}
 
 
 @pytest.mark.parametrize(
@@ -143,3 +224,70 @@ def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str], compl
     said = run(capsys, "node", *words)
     assert said.status == 2
     assert said.complaint.startswith(complaint)
+
+
+# Anybody's device
+
+
+@pytest.fixture(autouse=True)
+def _sigterm() -> Iterator[None]:
+    """Put back what SIGTERM does: the command takes it for its whole process."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture
+def eds(tmp_path: Path) -> str:
+    file = tmp_path / "module.eds"
+    file.write_text(f"[FileInfo]\nFileName=module.eds\n{io_module.TEXT}", encoding="ascii")
+    return str(file)
+
+
+def test_a_device_from_its_file_has_the_values_that_it_is_given(
+    capsys: pytest.CaptureFixture[str], shared_bus: str, eds: str, tmp_path: Path
+) -> None:
+    bus, values = ("-i", "remote", "-c", shared_bus), tmp_path / "values.yaml"
+    values.write_text("Channel.Entry 1: 17\n", encoding="ascii")
+    given = ("--set", "Channel.Entry 4=a=b", "--set", "0x2100=-3", "--values", str(values))
+    with node("--eds", eds, "--node-id", "7", *given, *bus) as device:
+        line(device, "module (node-ID 7) on ")
+        for name, said in (("Channel.Entry 1", " 17"), ("Channel.Entry 4", " a=b"), ("Set point", " -3")):
+            assert run(capsys, "read", "7", name, "--eds", f"7={eds}", *bus).out.rstrip().endswith(said)
+        device.send_signal(signal.SIGTERM)
+        assert device.wait(PATIENCE) == 130
+
+
+@pytest.mark.usefixtures("eds")
+def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    file = tmp_path / "network.yaml"
+    file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
+    said = run(capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling")
+    assert (said.status, said.out.partition(" on ")[0]) == (0, "gate (node-ID 6)")
+    assert run(capsys, "node", "--network", str(file)).complaint == "eurobot-od: which node? Name one of io, gate"
+
+
+def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = str(dialects.folder("canopen"))
+    assert run(capsys, "node", "drive", "--network", folder, "--duration", "1 ms").out.startswith("drive (node-ID 2)")
+    said = run(capsys, "node", "drive", "--network", folder, "--set", "0x1017=5")
+    assert said.complaint == "eurobot-od: --set is for devices that are none of the robot's, not for the drive"
+
+
+WRONG_DEVICES = [
+    (["--set", "Colour=1"], "unknown object 'Colour'"),
+    (["--set", "Set point"], "--set Set point: write OBJECT=VALUE"),
+    (["--set", "Set point=40000"], "0x2100:0: Set point = 40000 is not allowed; allowed: -32768..32767"),
+    (["--set", "Channel=1"], "'Channel' is not one object but a record of "),
+    (["--team", "red"], "--team is for the core, not for devices that are none of the robot's"),
+    (["--fault", "goto-not-confirmed"], "the fault goto-not-confirmed is one of the drive, not of other devices"),
+    (["motor"], "unknown node 'motor'; known: module"),
+]
+
+
+@pytest.mark.parametrize(("words", "complaint"), WRONG_DEVICES)
+def test_a_device_that_cannot_run_says_why_in_one_line(
+    capsys: pytest.CaptureFixture[str], eds: str, words: list[str], complaint: str
+) -> None:
+    said = run(capsys, "node", "--eds", f"5={eds}", *words)
+    assert (said.status, said.complaint.partition(complaint)[:2]) == (2, ("eurobot-od: ", complaint))

@@ -41,6 +41,19 @@ def test_a_node_is_watched_from_its_first_heartbeat_on() -> None:
     assert consumer.next == 1002.0
 
 
+def test_a_boot_up_message_alone_begins_nothing_and_ends_nothing() -> None:
+    consumer = HeartbeatConsumer()
+    consumer.configure([0x000207D0])
+    assert consumer.heard(DRIVE, 0.0, boot_up=True) is False
+    assert consumer.next == inf
+    consumer.heard(DRIVE, 1.0)
+    consumer.heard(DRIVE, 2.0, boot_up=True)  # it has heartbeats: they are awaited from here on
+    assert consumer.next == 4.0
+    assert consumer.overdue(4.0) == [DRIVE]
+    assert consumer.heard(DRIVE, 5.0, boot_up=True) is True
+    assert consumer.next == inf
+
+
 def test_a_silent_node_is_lost_once_and_comes_back() -> None:
     consumer = HeartbeatConsumer()
     consumer.configure([0x000207D0])

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, ClassVar
 
 import can
 import canopen
 import pytest
 from can.interfaces.virtual import VirtualBus
 
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.gatekeeper import Report
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CheckDriveRequest
 from eurobot_od.robot.nodes import ROLES
+from tests.device import io_module
 
 PATIENCE = 5.0
 """Seconds after which an answer that has not come does not come."""
@@ -138,3 +142,91 @@ def test_what_the_controller_reports_becomes_an_emergency(
     assert network.bus is not None
     network.bus.send(message)
     assert emergency.data()[:2] == bytes.fromhex(code), why
+
+
+# Anybody's device
+
+
+@pytest.fixture
+def module(channel: str) -> Iterator[Live]:
+    with Live.node(bus(channel), SimulatedDevice(io_module.dictionary())) as live:
+        yield live
+
+
+@pytest.fixture
+def eds(tmp_path: Path) -> str:
+    file = tmp_path / "module.eds"
+    file.write_text(io_module.TEXT, encoding="ascii")
+    return str(file)
+
+
+CHANGED, CYCLICAL, REQUESTED = 0x185, 0x285, 0x385
+
+
+@pytest.mark.usefixtures("module")
+def test_a_master_uses_every_transfer_with_anybodys_device(network: canopen.Network, eds: str) -> None:
+    remote: Any = network.add_node(5, eds)
+    channel = remote.sdo["Channel"]
+    channel[1].raw = -1234
+    assert (channel[1].raw, channel[2].raw, channel[3].raw, channel[4].raw) == (-1234, 1.5, True, "valve A")
+    content = bytes(range(256)) * 5
+    remote.sdo.download(0x2200, 0, content)
+    assert remote.sdo.upload(0x2200, 0) == content
+    with remote.sdo["Firmware"].open("wb", size=2000, block_transfer=True) as file:
+        file.write(bytes(2000))
+    with remote.sdo["Firmware"].open("rb", block_transfer=True) as file:
+        assert file.read() == bytes(2000)
+    with pytest.raises(canopen.SdoAbortedError, match="Object does not exist"):
+        remote.sdo.upload(0x4000, 0)
+
+
+@pytest.mark.usefixtures("module")
+def test_a_master_switches_anybodys_device_and_hears_its_heartbeat(network: canopen.Network, eds: str) -> None:
+    remote: Any = network.add_node(5, eds)
+    remote.sdo["Producer heartbeat time"].raw = 20
+    for state in ("OPERATIONAL", "STOPPED", "PRE-OPERATIONAL"):
+        remote.nmt.state = state
+        heard = {remote.nmt.wait_for_heartbeat(PATIENCE) for _ in range(3)}
+        assert state in heard
+
+
+@pytest.mark.usefixtures("module")
+def test_a_master_hears_changes_syncs_and_asks(network: canopen.Network, eds: str) -> None:
+    remote: Any = network.add_node(5, eds)
+    remote.tpdo.read()
+    changed = Expected(network, CHANGED)
+    remote.nmt.state = "OPERATIONAL"
+    assert changed.data() == bytes.fromhex("fbff0000")
+    changed = Expected(network, CHANGED)
+    network.send_message(0x205, b"\x07\x00")
+    assert changed.data() == bytes.fromhex("fbff0700")
+    cyclical = Expected(network, CYCLICAL)
+    network.sync.transmit()
+    assert cyclical.data() == bytes.fromhex("0000c03f01")
+    requested = Expected(network, REQUESTED)
+    remote.tpdo[3].remote_request()
+    assert requested.data() == b"valve A\0"
+
+
+@pytest.mark.usefixtures("module")
+def test_a_master_guards_anybodys_device(network: canopen.Network) -> None:
+    for answer in (b"\x7f", b"\xff"):
+        guarded = Expected(network, 0x705)
+        network.send_message(0x705, b"", remote=True)
+        assert guarded.data() == answer
+
+
+def test_a_program_that_fails_at_a_remote_frame_is_reported_and_the_device_lives(channel: str) -> None:
+    class Broken(SimulatedDevice):
+        READERS: ClassVar = {"Channel.Entry 4": lambda _: 1 / 0}
+
+    reports: list[Report] = []
+    live = Live.node(bus(channel), Broken(io_module.dictionary()), report=reports.append)
+    with live, canopen.Network(bus(channel)) as network:
+        connected(network)
+        network.send_message(0x000, b"\x01\x05")
+        network.send_message(REQUESTED, b"", remote=True)
+        guarded = Expected(network, 0x705)
+        network.send_message(0x705, b"", remote=True)
+        assert guarded.data() == b"\x05"
+    assert any("division by zero" in report.text for report in reports)

@@ -14,8 +14,12 @@ from eurobot_od.device.device import SAVE, Device
 from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import DictionaryError
 from eurobot_od.files import write_whole
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
+from eurobot_od.sdo.wire import Abort, AbortCode
+from tests.device import io_module
+from tests.eds_text import record, variable
 
 DRIVE = dialects.load("drive")
 SETTINGS: dict[Address, Value] = {(0x2101, 1): 333, (0x1017, 0): 250, (0x1403, 1): 0x8000_0123, (0x2100, 1): 9}
@@ -93,3 +97,37 @@ def test_a_file_that_is_no_dcf_is_refused(store: FileStore) -> None:
     store.file.write_bytes(b"\x00\xff nothing to see here")
     with pytest.raises(DictionaryError, match="not a"):
         store.load()
+
+
+def test_anybodys_device_keeps_its_settings_and_not_what_pdos_bring(tmp_path: Path) -> None:
+    text = f"[FileInfo]\n{io_module.TEXT}" + variable("6000", "Output", "UNSIGNED8", "0").replace("=rw\n", "=rww\n")
+    file = tmp_path / "module.eds"
+    file.write_text(text, encoding="ascii")
+    dictionary = Dictionary.load(file, io_module.NODE_ID)
+    stored = FileStore(tmp_path / "stored.dcf", dictionary)
+    device = Device(dictionary, stored)
+    for address, data in (((0x2000, 4), b"hall 3"), ((0x2100, 0), b"\xf0\xff"), ((0x6000, 0), b"\x07")):
+        device.objects.write(address, data)
+    stored.save(device.objects.configuration(), io_module.NODE_ID)
+    assert stored.load() == {(0x2000, 4): "hall 3", (0x2100, 0): -16}
+
+
+COMPACT = "[2300]\nParameterName=Gains\nObjectType=8\nDataType=0x0005\nAccessType=rw\nCompactSubObj=4\nDefaultValue=1\n"
+NO_PLACE = [
+    ((0x2300, 2), b"\x07", "a member of a compact array"),
+    ((0x2301, 0), "\u2713".encode("utf-16-le"), "a text that no DCF in Latin-1 can hold"),
+]
+
+
+@pytest.mark.parametrize(("address", "data", "why"), NO_PLACE)
+def test_what_has_no_place_in_a_dcf_is_an_abort(tmp_path: Path, address: Address, data: bytes, why: str) -> None:
+    file = tmp_path / "module.eds"
+    store = record(0x1010, "Store parameters", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "1"))
+    text = io_module.TEXT + COMPACT + variable("2301", "Note", "UNICODE_STRING", "") + store
+    file.write_text(text, encoding="ascii")
+    dictionary = Dictionary.load(file, io_module.NODE_ID)
+    device = Device(dictionary, FileStore(tmp_path / "stored.dcf", dictionary))
+    device.objects.write(address, data)
+    with pytest.raises(Abort) as abort:
+        device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+    assert abort.value.code == AbortCode.HARDWARE, why

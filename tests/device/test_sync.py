@@ -8,12 +8,14 @@ import pytest
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.sync import PRODUCER
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
 from eurobot_od.robot.values import Obstacle
 from eurobot_od.sdo.wire import AbortCode
-from tests.device.master import SYNC_COB_ID, Wire, dictionary_with_sync, wired
+from tests.device.io_module import module
+from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
 
 STATE_TPDO, GOTO_RPDO, STOP_RPDO = 0x1801, 0x1403, 0x1401
 """Communication records of the drive's Goto State Response, Goto XY and Emergency Stop."""
@@ -147,3 +149,68 @@ def test_no_pdo_may_have_the_identifier_of_sync() -> None:
     wire = synchronous()
     wire.write(STATE_TPDO, 1, 1 << 31 | STATE)
     assert wire.refused((STATE_TPDO, 1), SYNC_COB_ID, size=4) == AbortCode.VALUE
+
+
+# The producer: a device with a period
+
+
+def producer(*settings: tuple[int, int, int]) -> NodeWire:
+    """Return an I/O module that is told, by index, value and size, to send SYNC."""
+    wire = module()
+    for index, value, size in settings:
+        wire.write(index, 0, value, size)
+    wire.sent()
+    return wire
+
+
+EVERY_100_MS, SENDS = (0x1006, 100_000, 4), (0x1005, PRODUCER | 0x080, 4)
+
+
+def syncs(wire: NodeWire, seconds: float) -> list[bytes]:
+    wire.sent()
+    wire.run(seconds)
+    return [frame.data for frame in wire.sent() if frame.cob_id == 0x080]
+
+
+def test_a_producer_sends_sync_at_its_period_unless_stopped() -> None:
+    wire = producer(EVERY_100_MS, SENDS)
+    assert syncs(wire, 0.35) == [b""] * 3
+    wire.command(NmtCommand.START)
+    assert syncs(wire, 0.1) == [b""], "the period goes on"
+    wire.command(NmtCommand.STOP)
+    assert syncs(wire, 1.0) == []
+
+
+@pytest.mark.parametrize("settings", [(EVERY_100_MS,), (SENDS,)], ids=["no producer", "no period"])
+def test_without_both_no_sync_is_sent(settings: tuple[tuple[int, int, int], ...]) -> None:
+    assert syncs(producer(*settings), 1.0) == []
+
+
+def test_a_producer_counts_up_to_the_overflow() -> None:
+    wire = producer((0x1019, 3, 1), EVERY_100_MS, SENDS)
+    assert syncs(wire, 0.45) == [b"\1", b"\2", b"\3", b"\1"]
+
+
+def test_a_producers_own_pdos_follow_its_sync() -> None:
+    wire = producer(EVERY_100_MS, SENDS)
+    wire.command(NmtCommand.START)
+    wire.sent()
+    wire.run(0.25)
+    assert [frame.cob_id for frame in wire.sent()] == [0x080, 0x285, 0x080, 0x285]
+
+
+REFUSED_SETTINGS = [
+    ([SENDS], (0x1005, PRODUCER | 0x081, 4), AbortCode.STATE, "another identifier while it sends"),
+    ([EVERY_100_MS], (0x1019, 3, 1), AbortCode.STATE, "a counter while there is a period"),
+    ([], (0x1019, 1, 1), AbortCode.VALUE, "a counter up to 1"),
+    ([], (0x1019, 241, 1), AbortCode.VALUE, "a counter above 240"),
+    ([], (0x1005, 1 << 29 | 0x080, 4), AbortCode.VALUE, "a 29-bit identifier"),
+]
+
+
+@pytest.mark.parametrize(("before", "setting", "code", "why"), REFUSED_SETTINGS)
+def test_a_producer_refuses(
+    before: list[tuple[int, int, int]], setting: tuple[int, int, int], code: AbortCode, why: str
+) -> None:
+    index, value, size = setting
+    assert producer(*before).refused((index, 0), value, size) == code, why

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import sdo_fuzz
 
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot import dialects
+from tests.device import io_module
 
 
 @pytest.mark.parametrize("dialect", ["canopen", "firmware2014"])
 @pytest.mark.parametrize("node", ["core", "drive", "navigation"])
 def test_every_node_answers_by_the_standard(node: str, dialect: str) -> None:
-    assert sdo_fuzz.run(node, dialect, requests=1500, seed=7) > 0
+    assert sdo_fuzz.run(dialects.load(node, dialect), requests=1500, seed=7) > 0
+
+
+SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
+FOREIGN = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
+
+
+@pytest.mark.parametrize("file", FOREIGN, ids=lambda file: file.name)
+def test_anybodys_device_answers_by_the_standard(file: Path) -> None:
+    assert sdo_fuzz.run(Dictionary.load(file, 5), requests=1500, seed=7) > 0
+
+
+def test_a_device_with_values_of_all_types_answers_by_the_standard() -> None:
+    assert sdo_fuzz.run(io_module.dictionary(), requests=5000, seed=7) > 0
 
 
 UPLOAD = bytes.fromhex("4000100000000000")

@@ -43,8 +43,8 @@ def faulty(role: type[NodeT], name: str) -> type[NodeT]:
     """Return the class of a node that has a fault; raises UnknownName, LocalError if such a node cannot have it."""
     owner, fault = find(name)
     if not issubclass(role, owner):
-        node = role.__name__.lower() if role in ROLES.values() else "other devices"
-        raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of the {node}")
+        node = f"the {role.__name__.lower()}" if role in ROLES.values() else "other devices"
+        raise LocalError(f"the fault {name} is one of the {owner.__name__.lower()}, not of {node}")
     return fault.given_to(role)
 
 

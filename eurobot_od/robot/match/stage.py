@@ -15,7 +15,7 @@ from eurobot_od import live as runtime
 from eurobot_od.device.flow import Result
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
-from eurobot_od.live.signals import ended_by_sigterm
+from eurobot_od.live.signals import EndedBySigterm
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
@@ -153,9 +153,10 @@ def play_live(
     match = Performance(options, EdsFiles.read(options.dialect), clock, show, watch)
     reports: list[Report] = []
     with ExitStack() as stack:
-        stack.enter_context(ended_by_sigterm())
+        sigterm = stack.enter_context(EndedBySigterm())
         stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))
         for node in reversed(match.nodes):  # the core leaves first: it stops the drive, and sees that it stands
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
+        stack.callback(sigterm.hold)
         asyncio.run(match.play(runtime.BITRATE, "in real time"))
     return match.result(clock(), runtime.BITRATE, reports)

@@ -9,7 +9,12 @@ and one stop that is watched at a time, though; a newer one ends the older by an
 The robot stands whenever nobody can command it. A goto is left alone only if it arrived, was replaced, or if the drive
 itself gave it up. Whatever else ends it, an answer that never came, a caller who has gone, a node that was lost, sends
 Stop Drive. A stop leaves at once, ends the goto, and is repeated by a flow of its own until the robot is seen to stand
-(see `standstill`); if it is not, Emergency Shutdown is sent until it is.
+(see `standstill`); if it is not, Emergency Shutdown is sent until it is. Nothing but a goto or a start configuration
+ends that watch: a goto when it is really sent, and a configuration that fails gives it back.
+
+A node that was lost may have forgotten everything. So the next goto begins with its recovery: checks, configuration,
+and a look whether the drive is where it was seen last. `_place` is that place. It is kept apart from the sightings, as
+a drive that has booted says "unknown", and after its configuration the start place; `_astray` tells that it does.
 
 A stop's lower identifier lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and
 the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm, or
@@ -35,7 +40,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
-from eurobot_od.robot.field import is_near
+from eurobot_od.robot.field import Place, is_near
 from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
 from eurobot_od.robot.nodes.identity import Channel
@@ -54,6 +59,9 @@ POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
 
 ANY_ANGLE = 180.0
 """Two headings are never further apart, degrees."""
+
+
+LEAVING = "the core is being switched off"
 
 
 class Sighting(NamedTuple):
@@ -93,14 +101,15 @@ class Core(RobotNode):
         self._keeping_on: Flow[None] | None = None
         self._stopped: messages.StopMessage | None = None
         self._lost = ""
+        self._place: Place | None = None
+        self._astray = self._leaving = self._gone = False
         self._match: Timer | None = None
         self._polling = 0
 
     def reset(self) -> None:
         """Give up what is going on and forget everything, as after power-on; a goto under way is stopped."""
         driving = self.is_commanding
-        for flow in list(self._flows):  # a copy: a flow that ends takes itself off the list
-            flow.fail(StateError("the core was reset"), self.now)
+        self._end_all("the core was reset")
         super().reset()
         self._forget()
         if driving:
@@ -140,22 +149,25 @@ class Core(RobotNode):
         identifier: one of them is enough, and both nodes are checked once more. The drive starts anew from the team's
         start place, so a goto under way is stopped. Position polling starts after the `Start delay` setting. Raises
         FieldError, NoAnswer; StateError if a newer start configuration or an Emergency Shutdown comes before the
-        confirm.
+        confirm, and when the core is being switched off.
         """
         configuration = messages.StartConfigurationSet(
             team_colour, enemies, confederates, enemy_1_diameter, enemy_2_diameter
         )
         with self.guard:
+            self._check_present()
             self.device.transmit(configuration)  # raises what is wrong with it, and sends nothing yet
             if wrong := configuration.contradiction():
                 raise wrong
+            # The older one first: as it fails, it goes back to stopping.
+            self._end(self._configuring, StateError("replaced by a newer start configuration"))
             if self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
+            watched = self._standing is not None
             self._end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
             self._end(self._keeping_on, StateError("a new start configuration"))
-            self._end(self._configuring, StateError("replaced by a newer start configuration"))
             self.positions.clear()
-            self._configuring = self._begin(self._configure_start(configuration))
+            self._configuring = self._begin(self._configure_start(configuration, watched))
             return self._configuring.call
 
     def goto(
@@ -175,19 +187,22 @@ class Core(RobotNode):
         `Time-out`. A goto that is under way ends as REPLACED. The drive is stopped unless the goto arrived, was
         replaced, or was given up by the drive; also when the call is cancelled.
 
-        If a node has been lost since the last goto, both are checked and configured anew first; that takes as long as
-        their answers, at most all attempts of the checks and the configuration. Raises FieldError before anything is
-        sent, StateError after an Emergency Shutdown, after the match, and if the drive has lost its place, NoAnswer if
-        the drive does not confirm or does not say its state.
+        If a node has been lost since the last goto, the drive is stopped, and both are checked and configured anew
+        first; that takes as long as their answers, at most all attempts of the checks and the configuration. Raises
+        FieldError before anything is sent; StateError after an Emergency Shutdown, after the match, when the core is
+        being switched off, and if the drive has lost its place; NoAnswer if the drive does not confirm or does not say
+        its state, or a lost node its check; NotStanding if the robot does not stand before lost nodes are configured.
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
         with self.guard:
+            self._check_present()
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
                 raise StateError("no goto after an emergency shutdown: configure the start first")
             if self.match_over:
                 raise StateError("no goto after the match")
-            self._end(self._standing, StateError("a new goto came before the robot was seen to stand"))
+            if self._has_to_recover and self.is_commanding:
+                self._stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
             self._end(self._driving, _Ended(Outcome.REPLACED))
             self._driving, self._stopped = self._begin(self._goto(goto, timeout)), messages.StopDrive()
             return self._driving.call
@@ -227,16 +242,34 @@ class Core(RobotNode):
             self.soon(lambda now: self._end_match_at(now + seconds))
 
     def leave(self) -> Call[Standstill] | None:
-        """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`."""
-        return None if self._stopped is None else self.stop()
+        """Stop the drive before the node is switched off, if it was ever sent anywhere; see `stop`.
+
+        From now on there is no goto and no start configuration: they would end the watch over the stop.
+        """
+        with self.guard:
+            self._leaving = True
+            self._end(self._configuring, StateError(LEAVING))
+            return None if self._stopped is None else self.stop()
+
+    def switched_off(self) -> None:
+        """End all calls: nobody else would."""
+        with self.guard:
+            self._leaving = self._gone = True
+            self._end_all(LEAVING)
 
     def _begin(self, script: Script[Result]) -> Flow[Result]:
         flow = Flow(script, self._timers, self._put, self._ended)
         with self.guard:
             self._flows.append(flow)
             self.soon(flow.start)
+            if self._gone:
+                self._end(flow, StateError(LEAVING))
         flow.call.add_done_callback(lambda call: self._drop(flow) if call.cancelled() else None)
         return flow
+
+    def _check_present(self) -> None:
+        if self._leaving:
+            raise StateError(LEAVING)
 
     def _drop(self, flow: Flow[Any]) -> None:
         """End a flow whose caller has gone, on the node's thread."""
@@ -261,8 +294,12 @@ class Core(RobotNode):
             self._keeping_on = None
 
     def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
-        if flow is not None:
+        if flow is not None and flow in self._flows:
             flow.fail(error, self.now)
+
+    def _end_all(self, why: str) -> None:
+        while self._flows:  # one that ends may begin another, such as the watch over a goto that is given up
+            self._end(self._flows[-1], StateError(why))
 
     # Stops
 
@@ -285,7 +322,7 @@ class Core(RobotNode):
             return shielded(self._standing.call)  # a stop is not taken back because nobody waits for it any more
 
     def _latest_stop(self) -> messages.StopMessage:
-        return self._stopped or messages.StopDrive()
+        return messages.StopDrive() if self._stopped is None else self._stopped  # a message without data is false
 
     def _see_standing(self) -> Script[Standstill]:
         patience = self.seconds("Standstill.Standstill wait")
@@ -296,6 +333,7 @@ class Core(RobotNode):
             self.raise_error(RobotError.NOT_STANDING, Standstill)
             self.shut_down = True
             self._keep_stopping()
+            self._end(self._driving, error)  # one that waits for lost nodes
             raise error
         self.clear_error(Standstill)
         return standstill
@@ -312,19 +350,29 @@ class Core(RobotNode):
 
     # Flows
 
-    def _configure_start(self, configuration: messages.StartConfigurationSet) -> Script[float]:
+    def _configure_start(self, configuration: messages.StartConfigurationSet, watched: bool) -> Script[float]:
+        """Configure the start; a stop that was `watched` until then is watched again if that fails."""
         try:
             seconds = yield from self._configure(configuration)
         except BaseException:  # nothing has changed: what had to be stopped still has to be
             if self.shut_down:
                 self._keep_stopping()
+            elif watched:
+                self._halt(messages.StopDrive())
             raise
+        self._place, self._astray = None, False
         return seconds
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Script[float]:
         asked: float = yield START
-        confirmed = yield from startup.configure(self, configuration)
-        self.configuration, self.shut_down, self._lost = configuration, False, ""
+        before, self._lost = self._lost, ""  # who is lost from here on may not have heard of it
+        try:
+            confirmed = yield from startup.configure(self, configuration)
+        except BaseException:
+            self._lost = self._lost or before
+            raise
+        self.configuration, self.shut_down = configuration, False
+        self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
         self._start_polling(configuration, confirmed + self.seconds("Position polling.Start delay"))
         return confirmed - asked
@@ -332,13 +380,16 @@ class Core(RobotNode):
     def _goto(self, goto: messages.GotoXY, timeout: float | None) -> Script[GotoReport]:
         try:
             yield START
-            if self._lost and self.configuration is not None:
+            if self._has_to_recover and self.configuration is not None:
                 yield from self._recover(self.configuration)
         except _Ended as ended:
             return GotoReport(goto, ended.end.outcome, None, 0.0, ended.end.why)
         return (yield from self._drive(goto, self.setting("Goto handshake.Time-out") if timeout is None else timeout))
 
     def _drive(self, goto: messages.GotoXY, timeout: float) -> Script[GotoReport]:
+        self._end(self._standing, StateError("a new goto came before the robot was seen to stand"))
+        for frame in self.device.first_heartbeat():  # from now on the drive has to miss us
+            self.put(frame)
         started, confirmed = self.now, None
         limit = self.at(started + timeout, self._run_out_of_time)
         try:
@@ -361,21 +412,27 @@ class Core(RobotNode):
     def _run_out_of_time(self, _: float) -> None:
         self._stop(messages.StopDrive(), Outcome.TIMED_OUT)
 
+    @property
+    def _has_to_recover(self) -> bool:
+        """Whether the nodes have to be checked and configured anew before the next goto."""
+        return bool(self._lost) and self.configuration is not None
+
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         """Check and configure the nodes anew after one was lost, and see that the drive knows where it is.
 
         A drive that has booted believes in its team's start place, until the navigation says otherwise.
         """
-        seen, displacement = self.positions.get(messages.KalmanPositionResponse), self.setting("Recovery.Displacement")
+        self._astray = True
         yield from startup.check_nodes(self)
         yield from self._configure(configuration)
         self.offer(messages.NaviPositionRequest())
         yield Pause(self.seconds("Goto handshake.State request period"))
-        place = yield from drive_position(self)
-        if seen and seen.position.x is not None and not is_near(seen.position[:3], place[:3], displacement, ANY_ANGLE):
+        here, there = (yield from drive_position(self))[:3], self._place
+        if there is not None and not is_near(there, here, self.setting("Recovery.Displacement"), ANY_ANGLE):
             self._lost = "the drive has lost its place"
-            there, here = seen.position[:2], place[:2]
-            raise StateError(f"{self._lost}: it was last seen at {there}, and is at {here} now; configure the start")
+            text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"
+            raise StateError(f"{self._lost}: {text}")
+        self._astray = False
 
     def _position(self) -> Script[messages.KalmanPositionResponse]:
         yield START
@@ -457,6 +514,8 @@ class Core(RobotNode):
 
     def _saw(self, position: messages.PositionResponse) -> None:
         self.positions[type(position)] = Sighting(position, self.now)
+        if isinstance(position, messages.KalmanPositionResponse) and position.x is not None and not self._astray:
+            self._place = position[:3]
 
     OBJECTS: ClassVar[Objects] = {
         "Goto state": BoundObject(write=messages.GotoStateResponse),

@@ -5,6 +5,7 @@ Rule of this file: nothing here behaves like a node; what a stand-in sends is wh
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Coroutine
 from typing import Any, NamedTuple, TypeVar
 
@@ -31,7 +32,7 @@ from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.simulation import loop
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.network import ON_TIME, Network
 
 Result = TypeVar("Result")
 
@@ -167,6 +168,26 @@ class Bench:
         self.check()
         self.run(0.005)
 
+    def replace(self, name: str, node: Node) -> None:
+        """Put another node in the place of one, switched on now; a drive that boots anew, for example."""
+        self.network.detach(self.stations[name])
+        self.attach(name, node)
+
+    def attach(self, name: str, node: Node) -> None:
+        """Switch on a node that takes the place of one that is gone."""
+        self.nodes[name] = node
+        self.stations[name] = self.network.attach(node, start=self.now)
+
+    def lose(self, *message_types: type[Message], count: int | None = None) -> None:
+        """Have the next `count` frames of these messages reach nobody, None: all from now on; nothing else is lost."""
+        cob_ids = {PROTOCOL.cob_id(each) for each in message_types}
+        left = itertools.count() if count is None else iter(range(count))
+
+        def disturb(_: float, frame: Frame) -> tuple[float, ...]:
+            return () if frame.cob_id in cob_ids and next(left, None) is not None else ON_TIME
+
+        self.network.disturb = disturb
+
     def check(self) -> None:
         """Have stand-ins answer the node checks."""
         for name, answer in (("drive", CheckDriveResponse()), ("navigation", CheckNaviResponse())):
@@ -178,6 +199,11 @@ class Bench:
         self.say("drive", GotoStateResponse(0), KalmanPositionResponse(*place[:3], Source.INTERNAL))
 
     # What was sent
+
+    def emergencies(self, name: str) -> list[int]:
+        """Return the error codes that a node has reported by EMCY so far."""
+        cob_id = 0x080 + self.nodes[name].device.node_id
+        return [int.from_bytes(frame.data[:2], "little") for _, frame in self.others if frame.cob_id == cob_id]
 
     def messages(self) -> list[Message]:
         """Return all messages so far in the order they were on the bus."""

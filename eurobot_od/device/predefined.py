@@ -1,0 +1,44 @@
+"""The pre-defined connection set: identifiers that a device has where its file gives none (CiA 301, 7.3.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from eurobot_od.device.objects import EMCY_COB_ID
+from eurobot_od.device.sync import SYNC
+from eurobot_od.device.time_of_day import TIME
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import (
+    COB_ID,
+    DEFAULT_PDO_BASES,
+    EMCY_BASE,
+    SDO_REQUEST_BASE,
+    SDO_RESPONSE_BASE,
+    SYNC_COB_ID,
+    TIME_COB_ID,
+    Address,
+)
+
+SDO_RECEIVE: Address = (0x1200, 1)
+SDO_TRANSMIT: Address = (0x1200, 2)
+
+BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
+
+BASES: Mapping[Address, int] = {
+    EMCY_COB_ID: EMCY_BASE,
+    SDO_RECEIVE: SDO_REQUEST_BASE,
+    SDO_TRANSMIT: SDO_RESPONSE_BASE,
+    **{
+        (direction.value + number, COB_ID): base
+        for direction, bases in DEFAULT_PDO_BASES.items()
+        for number, base in enumerate(bases)
+    },
+}
+"""What the node-ID is added to."""
+
+
+def predefined(dictionary: Dictionary) -> dict[Address, int]:
+    """Return the identifiers of the objects that a file has and gives no value."""
+    identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
+    silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
+    return {address: identifiers[address] for address in silent if dictionary.default(address) is None}

@@ -1,0 +1,43 @@
+"""PDOs as a node has them now: what a master has moved is decoded where it is, and not where the file says."""
+
+from __future__ import annotations
+
+from eurobot_od.client.pdo_parameters import pdo_parameters
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.catalogue import NOTHING
+from eurobot_od.pdo.protocol import Protocol
+from tests.client.peers import DRIVE, master_on, robot
+
+STATE_TPDO = 0x1801
+MOVED = 0x155
+NO_RTR, NOT_VALID = 0x4000_0000, 0x8000_0000
+
+
+def test_a_pdo_that_a_master_has_moved() -> None:
+    outline = Outline.load(DRIVE)
+    with robot("drive") as channel, master_on(channel) as master:
+        node = master.node(2)
+        for address, value, size in (
+            ((STATE_TPDO, 1), NOT_VALID | NO_RTR | 0x014, 4),
+            ((STATE_TPDO + 0x200, 0), 0, 1),
+            ((STATE_TPDO + 0x200, 1), 0x2002_0118, 4),
+            ((STATE_TPDO + 0x200, 0), 1, 1),
+            ((STATE_TPDO, 1), NO_RTR | MOVED, 4),
+        ):
+            node.download(address, value.to_bytes(size, "little"))
+        present = outline.configured(pdo_parameters(node, outline))
+    [pdo] = [each for each in present.pdos if each.index == STATE_TPDO]
+    assert (pdo.cob_id, [(each.index, each.subindex, each.bits) for each in pdo.mapping]) == (MOVED, [(0x2002, 1, 24)])
+    assert Protocol.of_devices([present], NOTHING).unpack(MOVED, b"\xdc\x05\0") == (
+        "Goto State Response",
+        {"time": 1500},
+    )
+    assert {each.cob_id for each in outline.pdos} - {each.cob_id for each in present.pdos} == {0x014}
+
+
+def test_what_a_node_refuses_is_the_files() -> None:
+    outline = Outline.load(DRIVE)
+    present = outline.configured({(STATE_TPDO, 2): 255})
+    assert [each.cob_id for each in present.pdos] == [each.cob_id for each in outline.pdos]
+    assert present.number((STATE_TPDO, 2)) == 255
+    assert outline.number((STATE_TPDO, 2)) == 254

@@ -1,0 +1,288 @@
+"""A device from anybody's file: where its values come from, when its PDOs go, and what its own program does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import pytest
+from canopen import SdoAbortedError
+
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.device.waveforms import ramp, square
+from eurobot_od.errors import Cause, DictionaryError, Refused
+from eurobot_od.frame import Frame
+from eurobot_od.od.values import Address
+from eurobot_od.sdo.wire import AbortCode
+from tests.device.io_module import BIG, CYCLIC, NODE_ID, ON_CHANGE, ON_REQUEST, TEXT, module
+from tests.device.master import NodeWire
+from tests.eds_text import DEVICE_TYPE, pdo, variable
+
+SYNC, COMMAND = Frame(0x080), 0x200 + NODE_ID
+CHANGED, CYCLICAL, REQUESTED = 0x180 + NODE_ID, 0x280 + NODE_ID, 0x380 + NODE_ID
+LABEL = b"valve A\0"
+
+
+def operational(kind: type[SimulatedDevice] = SimulatedDevice, text: str = TEXT, **options: Any) -> NodeWire:
+    wire = module(kind, text, **options)
+    wire.command(NmtCommand.START)
+    return wire
+
+
+def sent(wire: NodeWire, cob_id: int) -> list[str]:
+    """Return the data of the frames so far with a COB-ID, and forget all."""
+    return [frame.data.hex() for frame in wire.sent() if frame.cob_id == cob_id]
+
+
+# TPDOs on change
+
+
+def test_an_event_driven_tpdo_goes_when_it_may_and_then_with_each_change() -> None:
+    wire = module()
+    wire.write(0x2100, 0, 1, size=2)
+    assert sent(wire, CHANGED) == []
+    wire.command(NmtCommand.START)
+    assert sent(wire, CHANGED) == ["fbff0100"]
+    wire.write(0x2100, 0, 2, size=2)
+    wire.write(0x2100, 0, 2, size=2)
+    wire.write(0x2000, 3, 0, size=1)
+    assert sent(wire, CHANGED) == ["fbff0200"]
+
+
+def test_what_an_rpdo_brings_is_a_change() -> None:
+    wire = operational()
+    wire.send(Frame(COMMAND, b"\xfe\xff"))
+    assert sent(wire, CHANGED) == ["fbff0000", "fbfffeff"]
+    assert wire.read(0x2100) == 0xFFFE
+
+
+def test_of_what_the_inhibit_time_holds_back_the_newest_goes() -> None:
+    wire = module()
+    wire.write(ON_CHANGE, 1, 1 << 31 | CHANGED)
+    wire.write(ON_CHANGE, 3, 1000, size=2)  # 100 ms
+    wire.write(ON_CHANGE, 1, CHANGED)
+    wire.command(NmtCommand.START)
+    for value in (1, 2, 3):
+        wire.run(0.02)
+        wire.write(0x2100, 0, value, size=2)
+    wire.run(0.039)
+    assert sent(wire, CHANGED) == ["fbff0000"]
+    wire.run(0.002)
+    assert sent(wire, CHANGED) == ["fbff0300"]
+
+
+def test_the_event_timer_begins_anew_with_each_change() -> None:
+    wire = operational()
+    wire.write(ON_CHANGE, 5, 100, size=2)
+    wire.run(0.09)
+    wire.write(0x2100, 0, 1, size=2)
+    wire.run(0.09)
+    assert sent(wire, CHANGED) == ["fbff0000", "fbff0100"]
+    wire.run(0.02)
+    assert sent(wire, CHANGED) == ["fbff0100"]
+
+
+def test_a_change_of_another_pdo_repeats_nothing() -> None:
+    wire = operational()
+    wire.sent()
+    wire.write(CYCLIC, 2, 2, size=2)
+    assert sent(wire, CHANGED) == []
+
+
+# TPDOs by SYNC and by remote frame
+
+SYNC_TYPES = [
+    (0, ["0000c03f01", "0000003f01"], "only after a change"),
+    (1, ["0000c03f01", "0000003f01", "0000003f01"], "each"),
+    (2, ["0000003f01"], "every second"),
+]
+
+
+@pytest.mark.parametrize(("transmission_type", "expected", "why"), SYNC_TYPES)
+def test_a_synchronous_tpdo(transmission_type: int, expected: list[str], why: str) -> None:
+    wire = module()
+    wire.write(CYCLIC, 2, transmission_type, size=2)
+    wire.command(NmtCommand.START)
+    wire.send(SYNC)
+    wire.sdo.sdo.download(0x2000, 2, b"\x00\x00\x00\x3f")
+    wire.send(SYNC)
+    wire.send(SYNC)
+    assert sent(wire, CYCLICAL) == expected, why
+
+
+def request(wire: NodeWire, cob_id: int) -> list[Frame]:
+    return wire.node.requested(cob_id, wire.now)
+
+
+def test_a_remote_frame_gets_the_tpdo_that_goes_no_other_way() -> None:
+    wire = operational()
+    wire.run(1.0)
+    assert sent(wire, REQUESTED) == []
+    assert request(wire, REQUESTED) == [Frame(REQUESTED, LABEL)]
+
+
+def test_a_sampled_tpdo_has_the_values_of_the_last_sync() -> None:
+    wire = module()
+    wire.write(ON_REQUEST, 2, 252, size=2)
+    wire.command(NmtCommand.START)
+    wire.send(SYNC)
+    wire.sdo.sdo.download(0x2000, 4, b"valve B")
+    assert request(wire, REQUESTED) == [Frame(REQUESTED, LABEL)]
+    wire.send(SYNC)
+    assert request(wire, REQUESTED) == [Frame(REQUESTED, b"valve B\0")]
+
+
+def not_allowed(wire: NodeWire) -> None:
+    wire.write(ON_REQUEST, 1, 1 << 31 | REQUESTED)
+    wire.write(ON_REQUEST, 1, 1 << 30 | REQUESTED)
+
+
+UNANSWERED: list[tuple[Callable[[NodeWire], object], int, str]] = [
+    (lambda wire: wire.command(NmtCommand.STOP), REQUESTED, "STOPPED"),
+    (not_allowed, REQUESTED, "no remote frames, says its COB-ID"),
+    (lambda _: None, COMMAND, "an RPDO"),
+    (lambda _: None, 0x123, "nobody's"),
+]
+
+
+@pytest.mark.parametrize(("change", "cob_id", "why"), UNANSWERED)
+def test_a_remote_frame_without_an_answer(change: Callable[[NodeWire], object], cob_id: int, why: str) -> None:
+    wire = operational()
+    change(wire)
+    assert request(wire, cob_id) == [], why
+
+
+def test_without_remote_frames_there_is_no_type_for_them() -> None:
+    wire = module()
+    not_allowed(wire)
+    assert wire.refused((ON_REQUEST, 2), 252, size=2) == AbortCode.VALUE
+
+
+# RPDOs
+
+
+def test_an_rpdo_that_does_not_come_in_time_is_reported_until_it_comes() -> None:
+    wire = operational()
+    emergencies = 0x080 + NODE_ID
+    wire.run(1.0)
+    assert sent(wire, emergencies) == [], "not missed before its first frame"
+    wire.send(Frame(COMMAND, bytes(2)))
+    wire.run(0.19)
+    wire.send(Frame(COMMAND, bytes(2)))
+    wire.run(0.21)
+    assert sent(wire, emergencies) == ["5082110502000000"]
+    wire.send(Frame(COMMAND, bytes(2)))
+    assert sent(wire, emergencies) == ["0000000000000000"]
+
+
+def test_a_deadline_ends_with_operational() -> None:
+    wire = operational()
+    wire.send(Frame(COMMAND, bytes(2)))
+    wire.command(NmtCommand.ENTER_PRE_OPERATIONAL)
+    wire.run(1.0)
+    assert sent(wire, 0x080 + NODE_ID) == []
+
+
+# Values
+
+
+def test_values_of_all_types_go_over_sdo() -> None:
+    sdo = module().sdo.sdo
+    assert [sdo.upload(0x2000, sub) for sub in range(1, 5)] == [b"\xfb\xff", b"\x00\x00\xc0\x3f", b"\x01", b"valve A"]
+    assert sdo.upload(0x2200, 0) == BIG
+
+
+def test_a_time_of_day_is_an_abort() -> None:
+    with pytest.raises(SdoAbortedError, match="No data available"):
+        module().sdo.sdo.upload(0x2201, 0)
+
+
+def test_values_of_all_types_come_by_pdo() -> None:
+    types = {"INTEGER8": "80", "BOOLEAN": "01", "UNSIGNED16": "3412", "OCTET_STRING": "abcd"}
+    bits = (8, 8, 16, 16)
+    text = DEVICE_TYPE + "".join(variable(f"{0x2000 + n:X}", f"V{n}", type_) for n, type_ in enumerate(types))
+    text += pdo(0x1400, *(hex((0x2000 + n) << 16 | bits[n]) for n in range(4)), settings={2: "255"})
+    wire = operational(text=text)
+    wire.send(Frame(COMMAND, bytes.fromhex("".join(types.values()))))
+    assert [wire.sdo.sdo.upload(0x2000 + n, 0).hex() for n in range(4)] == list(types.values())
+
+
+def test_given_values_count_in_place_of_the_files_also_after_a_reset() -> None:
+    wire = module(given={"Set point": -7, (0x1017, 0): 100})
+    wire.run(0.15)
+    assert sent(wire, 0x700 + NODE_ID) == ["00", "7f"]
+    for command in (NmtCommand.RESET_COMMUNICATION, NmtCommand.RESET_NODE):
+        wire.write(0x2100, 0, 1, size=2)
+        wire.write(0x1017, 0, 0, size=2)
+        wire.command(command)
+        assert wire.read(0x1017) == 100
+    assert wire.read(0x2100) == 0xFFF9
+
+
+def test_waveforms_are_sampled_sent_on_change_and_begin_anew_with_a_reset() -> None:
+    wire = operational(waveforms={"Channel.Entry 1": square(-1, 1, 0.2)})
+    wire.run(0.25)
+    assert sent(wire, CHANGED) == ["ffff0000", "01000000", "ffff0000"]
+    wire.run(0.1)
+    assert wire.read(0x2000, 1) == 1
+    wire.command(NmtCommand.RESET_NODE)
+    assert wire.read(0x2000, 1) == 0xFFFF
+
+
+def test_a_waveform_ends_where_its_type_ends() -> None:
+    wire = module(waveforms={"Channel.Entry 1": ramp(0, 1e6, 1.0)})
+    wire.run(0.5)
+    assert wire.read(0x2000, 1) == 0x7FFF
+
+
+class Oven(SimulatedDevice):
+    """Heats to its set point at once, and takes none above 300."""
+
+    heat = 20.0
+    READERS: ClassVar = {"Channel.Entry 1": lambda oven: oven.heat, "Channel.Entry 2": lambda oven: oven.now}
+    WRITERS: ClassVar = {"Set point": lambda oven, value: oven.set_heat(value)}
+
+    def set_heat(self, value: int) -> None:
+        if value > 300:
+            raise Refused(Cause.VALUES, "too hot")
+        self.heat = value
+
+
+def test_a_class_gives_and_takes_values_by_sdo_and_pdo() -> None:
+    wire = operational(Oven)
+    wire.write(0x2100, 0, 250, size=2)
+    assert wire.read(0x2000, 1) == 250
+    wire.send(Frame(COMMAND, b"\x64\x00"))
+    assert wire.read(0x2000, 1) == 100
+    assert sent(wire, CHANGED) == ["14000000", "fa00fa00", "64006400"]
+
+
+def test_what_a_class_refuses_is_an_abort_and_changes_nothing() -> None:
+    wire = operational(Oven)
+    assert wire.refused((0x2100, 0), 301, size=2) == AbortCode.INCOMPATIBLE
+    wire.send(Frame(COMMAND, b"\xff\x7f"))
+    assert wire.read(0x2100) == 0
+    assert wire.read(0x2000, 1) == 20
+
+
+def test_a_program_sets_and_reads_values() -> None:
+    wire = operational()
+    device = wire.node
+    assert isinstance(device, SimulatedDevice)
+    device.set_value("Set point", 3)
+    wire.run(0.0)
+    assert sent(wire, CHANGED) == ["fbff0000", "fbff0300"]
+    assert (device.value("Set point"), device.value((0x2000, 4))) == (3, "valve A")
+
+
+UNKNOWN: list[tuple[str | Address, str]] = [
+    ("Colour", "no object is named 'Colour'"),
+    ((0x2000, 9), "0x2000: sub 9 is missing"),
+]
+
+
+@pytest.mark.parametrize(("name", "complaint"), UNKNOWN)
+def test_an_object_that_the_file_does_not_have_is_refused(name: str | Address, complaint: str) -> None:
+    with pytest.raises(DictionaryError, match=complaint):
+        module(given={name: 1})
