@@ -449,7 +449,7 @@ FAULTS: Mapping[str, Fault] = {
         "answers a client's abort",
         hooks.arriving(
             hooks.sdo_request,
-            hooks.data(lambda data: b"\xe0" + data[1:] if _specifier(data) == ClientCommand.ABORT else data),
+            hooks.data(lambda data: b"\xe0" + data[1:] if data[:1] == bytes([wire.ABORT]) else data),
         ),
     ),
     "blocked-by-a-transfer": _fault(

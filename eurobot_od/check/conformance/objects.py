@@ -226,7 +226,7 @@ def _other_values(subject: Subject) -> Iterator[Data]:
 def _is_setting(subject: Subject, each: Object) -> bool:
     """Whether an object is one of the device's own settings, and not its node-ID."""
     own = each.address[0] >= values.MANUFACTURER[0] and each.address != subject.dictionary.node_id_address
-    return own and each.access == "rw" and not each.mappable
+    return own and each.access == "rw" and not each.mappable and _has_value(subject, each)
 
 
 def _other(each: Object) -> int | None:
