@@ -324,7 +324,9 @@ def _a_setting(node: Node) -> Address | None:
 
 def _is_setting(node: Node, address: Address) -> bool:
     variable, type_ = node.device.dictionary.variable(address), _type(node, address)
-    return variable is not None and variable.access_type == "rw" and type_ is not None and type_.is_integer
+    if variable is None or type_ is None or address == node.device.dictionary.node_id_address:
+        return False
+    return bool(variable.access_type == "rw" and type_.is_integer)
 
 
 def _sync(node: Node) -> int:
