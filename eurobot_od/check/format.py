@@ -92,6 +92,7 @@ class Format:
                 shapes.mapping(NAME, self._frames.field), suite.Save, "keep fields of the messages received last"
             ),
             "wait": ActionRow(DURATION, suite.Wait, "let time pass"),
+            "skip": ActionRow(TEXT, lambda text: suite.Skip(str(text)), "do nothing, for this reason"),
             "steps": ActionRow(shapes.listing(self._step), suite.Group, "steps that belong together"),
         }
 

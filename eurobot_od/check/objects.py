@@ -19,6 +19,9 @@ from eurobot_od.pdo.kinds import Kind
 
 ADDRESS = re.compile(r"0[xX](?P<index>[0-9A-Fa-f]{1,4})(?::(?P<subindex>0x[0-9A-Fa-f]{1,2}|\d{1,3}))?")
 
+ANY_BYTES = "surrogateescape"
+"""How bytes that are no text are kept in one, so that they can be written back."""
+
 TEXT_TYPES = (values.VISIBLE_STRING.code, values.OCTET_STRING.code)
 
 
@@ -46,13 +49,13 @@ class ObjectType(NamedTuple):
     def encode(self, value: Any) -> bytes:
         """Return a value's bytes."""
         if not self.type.is_integer:
-            return str(value).encode()
+            return str(value).encode(errors=ANY_BYTES)
         return int(value).to_bytes(self.type.size, "little", signed=self.type.is_signed)
 
     def decode(self, data: bytes) -> Any:
         """Return the value in bytes from a node; raises ValueProblem for another length than the type's."""
         if not self.type.is_integer:
-            return data.decode(errors="replace")
+            return data.decode(errors=ANY_BYTES)
         if len(data) != self.type.size:
             raise ValueProblem(f"{len(data)} bytes came, the object has {self.type.size}")
         return int.from_bytes(data, "little", signed=self.type.is_signed)
@@ -90,11 +93,13 @@ def object_type(dictionary: Dictionary, address: values.Address) -> ObjectType |
 
 
 def services(dictionary: Dictionary) -> NodeServices:
-    """Return where a node's services are; without 0x1200 its SDO server is the default one (CiA 301, 7.5.2.33)."""
-    request, answer = dictionary.default(SDO_REQUEST_ENTRY), dictionary.default(SDO_ANSWER_ENTRY)
-    return NodeServices(
-        dictionary.name,
-        dictionary.node_id,
-        request & values.BASE_IDENTIFIER if isinstance(request, int) else values.SDO_REQUEST_BASE + dictionary.node_id,
-        answer & values.BASE_IDENTIFIER if isinstance(answer, int) else values.SDO_RESPONSE_BASE + dictionary.node_id,
-    )
+    """Return where a node's services are."""
+    request = _sdo_cob_id(dictionary, SDO_REQUEST_ENTRY, values.SDO_REQUEST_BASE)
+    answer = _sdo_cob_id(dictionary, SDO_ANSWER_ENTRY, values.SDO_RESPONSE_BASE)
+    return NodeServices(dictionary.name, dictionary.node_id, request, answer)
+
+
+def _sdo_cob_id(dictionary: Dictionary, entry: values.Address, base: int) -> int:
+    """Return an identifier of the default SDO server, which is there whatever the file says (CiA 301, 7.5.2.33)."""
+    said = dictionary.number(entry)
+    return base + dictionary.node_id if said is None or said & values.NOT_VALID else said & values.BASE_IDENTIFIER

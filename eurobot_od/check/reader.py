@@ -5,7 +5,7 @@ Rule of this file: everything that is wrong in all files comes out in one error,
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import yaml
@@ -52,6 +52,18 @@ class SuiteReader:
                 problems.append(Problem(START, f"not UTF-8: byte 0x{error.object[error.start]:02X} at {error.start}"))
             else:
                 suites += self.read(file, source, problems)
+            wrong += ((file, problem) for problem in sorted(problems))
+        if wrong:
+            raise SuiteError(wrong)
+        return suites
+
+    def read_texts(self, texts: Mapping[Path, str]) -> list[Suite]:
+        """Read the suites of texts, by the files that errors and reports call them; raises SuiteError."""
+        suites: list[Suite] = []
+        wrong: list[tuple[Path, Problem]] = []
+        for file, text in texts.items():
+            problems: Problems = []
+            suites += self.read(file, text, problems)
             wrong += ((file, problem) for problem in sorted(problems))
         if wrong:
             raise SuiteError(wrong)

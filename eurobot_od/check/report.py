@@ -31,7 +31,7 @@ def step_line(step: StepResult, in_colour: bool = False) -> str:
 
 
 def reason_lines(reason: Reason) -> Iterator[str]:
-    """Yield the lines that say why a step failed: what was expected, what came, field by field, and the last frames."""
+    """Yield the lines that say why a step failed or was skipped: what was expected and came, and the last frames."""
     yield f"    {reason.what}"
     if reason.expected:
         yield f"      expected  {reason.expected}"
@@ -73,9 +73,10 @@ def tap(results: Iterable[SuiteResult]) -> Iterator[str]:
 
 def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[str]:
     verdict = "ok" if step.status in (Status.PASSED, Status.SKIPPED) else "not ok"
-    directive = " # SKIP a step before failed" if step.status is Status.SKIPPED else ""
+    skipped = f" # SKIP {step.reason.what if step.reason else 'a step before failed'}"
+    directive = skipped if step.status is Status.SKIPPED else ""
     yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
-    if step.reason is not None:
+    if step.reason is not None and not directive:
         yield "  ---"
         yield "  message: |"
         yield from (f"  {line}" for line in reason_lines(step.reason))

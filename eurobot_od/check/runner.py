@@ -13,12 +13,19 @@ from typing import Any
 
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
-from eurobot_od.check.steps import Doer, Failed
+from eurobot_od.check.steps import Doer, Failed, Skipped
 from eurobot_od.check.suite import Group, Step, Suite
 from eurobot_od.errors import BusError, LocalError, RemoteError
 
+AFTER_SKIPPED = Reason("it belongs to a step that is skipped")
+"""Why the rest of a group is skipped after one of its steps."""
+
 FRAMES_SHOWN = 8
 """How many frames a failed step shows, the last ones on the bus."""
+
+
+GOES_ON = (Status.PASSED, Status.SKIPPED)
+"""What a step may end as without ending its suite."""
 
 
 class Interrupt:
@@ -94,26 +101,33 @@ class Runner:
             else:
                 await self._step(section, step, keep_going, step.name)
 
-    async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> None:
+    async def _step(self, section: SuitePart, step: Step, keep_going: bool, name: str) -> Status:
+        """Do a step, tell its result, and return how it ended; a group passes whatever becomes of its steps."""
         if isinstance(step.action, Group):
             await self._group(section, step, step.action, keep_going, name)
-            return
+            return Status.PASSED
         started = self._since_start
         status, reason = Status.INTERRUPTED, None
         try:
             status, reason = await self._judge(step)
         finally:
-            ends_all = self._error is not None or not (status is Status.PASSED or keep_going)
+            ends_all = self._error is not None or not (status in GOES_ON or keep_going)
             self._stopped = self._stopped or ends_all
             took = self._since_start - started
             self._tell(StepResult(section, name, step.place, status, started, took, reason))
+        return status
 
     async def _group(self, section: SuitePart, step: Step, group: Group, keep_going: bool, name: str) -> None:
         for turn in range(1, step.repeat + 1):
             heading = f"{name} {turn}/{step.repeat}" if step.repeat > 1 else name
+            status = Status.PASSED
             for each in group.steps:
-                if not self._stopped:
-                    await self._step(section, each, keep_going, f"{heading}: {each.name}")
+                title = f"{heading}: {each.name}"
+                if status is Status.SKIPPED:
+                    now = self._since_start
+                    self._tell(StepResult(section, title, each.place, status, now, 0.0, AFTER_SKIPPED))
+                elif not self._stopped:
+                    status = await self._step(section, each, keep_going, title)
 
     async def _judge(self, step: Step) -> tuple[Status, Reason | None]:
         """Do a step as often as it says, and return how it ended."""
@@ -121,6 +135,8 @@ class Runner:
             for _ in range(step.repeat):
                 await self._doer.do(step.action)
             return Status.PASSED, None
+        except Skipped as skipped:
+            return Status.SKIPPED, skipped.reason
         except Failed as failed:
             status, reason = Status.FAILED, failed.reason
         except (LocalError, RemoteError) as error:

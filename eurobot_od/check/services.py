@@ -16,11 +16,19 @@ from eurobot_od.check import shapes
 from eurobot_od.check.objects import ObjectType, find_address, object_type, services
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
-from eurobot_od.check.suite import Action, Nmt, SdoRead, SdoWrite
-from eurobot_od.check.values import Expected, ValueProblem, Variables, expectation
+from eurobot_od.check.suite import AbortCodes, Action, Nmt, SdoRead, SdoWrite
+from eurobot_od.check.values import (
+    VARIABLE,
+    Expected,
+    ExpectedBytes,
+    NotSaved,
+    ValueProblem,
+    Variables,
+    expectation,
+)
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
-from eurobot_od.errors import LocalError
+from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.logs.services import EMCY_ENTRY
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address, Limits, label
@@ -31,6 +39,15 @@ T = TypeVar("T")
 NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
 BYTES = re.compile(r"(?:[0-9A-Fa-f]{2}\s*)*")
+
+
+def _read_aborts(node: yaml.Node, problems: Problems) -> AbortCodes:
+    if isinstance(node, yaml.ScalarNode) and node.value == ANY:
+        return AbortCodes(())
+    return AbortCodes(shapes.one_or_more(NUMBER).read(node, problems))
+
+
+ABORTS = Shape(_read_aborts, {"anyOf": [{"const": ANY}, shapes.one_or_more(NUMBER).schema]})
 
 
 class ServiceShapes:
@@ -54,9 +71,11 @@ class ServiceShapes:
             "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
             "write": Key(SCALAR, "object to write"),
             "value": Key(SCALAR, "value to write"),
-            "data": Key(TEXT, "bytes to write, in hexadecimal, instead of a value"),
+            "data": Key(TEXT, "bytes to write, or to be read, in hexadecimal, instead of a value"),
             "expect": Key(SCALAR, "the value to be read"),
-            "abort": Key(NUMBER, "the abort code with which the node has to refuse"),
+            "abort": Key(ABORTS, "the abort code, or one of several, or any, with which the node has to refuse"),
+            "optional": Key(ABORTS, "abort codes by which the node says that it cannot do this: the step is skipped"),
+            "transfer": Key(shapes.named({"block": True}, "transfer"), "transferred in blocks"),
             "save": Key(NAME, "variable that gets the value"),
             "node": Key(self._node, "whose object; left out: the node under test"),
         }
@@ -114,10 +133,21 @@ class ServiceShapes:
 
     def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
         expected = taken(given["expect"], problems, partial(self._expected, target)) if "expect" in given else None
-        decode = bytes.hex if target.type is None else target.type.decode
+        decode = bytes.hex if target.type is None or "data" in given else target.type.decode
+        wanted = ExpectedBytes(taken(given["data"], problems, self._bytes)) if "data" in given else expected
         return SdoRead(
-            services(target.node), target.address, target.label, decode, expected, given.get("abort"), given.get("save")
+            *(services(target.node), target.address, target.label, decode, wanted),
+            *(given.get("abort"), given.get("optional"), given.get("transfer", False), given.get("save")),
         )
+
+    def _bytes(self, text: str) -> Callable[[Variables], bytes]:
+        """Return what gives the bytes of hexadecimal digits, or those that a variable has."""
+        variable = VARIABLE.fullmatch(text)
+        if variable is not None and variable["name"] not in self._words.saved:
+            raise UnknownName("variable", variable["name"], sorted(self._words.saved))
+        if variable is None and not BYTES.fullmatch(text):
+            raise ValueProblem(f"{text!r} is not hexadecimal bytes such as 'E8 03'")
+        return (lambda _: bytes.fromhex(text)) if variable is None else partial(_saved_bytes, variable["name"])
 
     def _expected(self, target: Target, text: str) -> Expected:
         return expectation(text, self._words.scale(target.typed.kind, target.typed.limits))
@@ -125,10 +155,13 @@ class ServiceShapes:
     def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
         widened = "abort" in given
         if "data" in given:
-            encode = taken(given["data"], problems, _bytes)
+            encode = taken(given["data"], problems, self._bytes)
         else:
             encode = taken(given["value"], problems, lambda text: self._encoder(target.typed, text, widened))
-        return SdoWrite(services(target.node), target.address, target.label, encode, given.get("abort"))
+        return SdoWrite(
+            *(services(target.node), target.address, target.label, encode),
+            *(given.get("abort"), given.get("optional"), given.get("transfer", False)),
+        )
 
     def _encoder(self, kind: ObjectType, text: str, widened: bool) -> Callable[[Variables], bytes]:
         """Return what makes the bytes of a value; `widened` takes all that its type can carry."""
@@ -155,7 +188,7 @@ class Target(NamedTuple):
         return self.type
 
 
-EXCLUDED = {"read": ("value", "data"), "write": ("expect", "save")}
+EXCLUDED = {"read": ("value",), "write": ("expect", "save")}
 """Keys that an SDO step of a kind must not have."""
 
 
@@ -168,7 +201,9 @@ def _verb(given: Mapping[str, Any]) -> str:
         raise LocalError(f"'{wrong[0]}' does not belong to an SDO {verb}")
     if verb == "write":
         _one_of(given, "an SDO write", "value", "data")
-    elif "abort" in given and ("expect" in given or "save" in given):
+    elif "data" in given and "expect" in given:
+        raise LocalError("an SDO read expects either a value or bytes: 'expect' or 'data'")
+    elif "abort" in given and any(key in given for key in ("expect", "data", "save")):
         raise LocalError("an SDO read that is refused with 'abort' has nothing to expect or save")
     return verb
 
@@ -178,8 +213,11 @@ def _one_of(given: Mapping[str, Any], what: str, one: str, other: str) -> None:
         raise LocalError(f"{what} has either '{one}' or '{other}'")
 
 
-def _bytes(text: str) -> Callable[[Variables], bytes]:
-    if not BYTES.fullmatch(text):
-        raise ValueProblem(f"{text!r} is not hexadecimal bytes such as 'E8 03'")
-    data = bytes.fromhex(text)
-    return lambda _: data
+def _saved_bytes(name: str, variables: Variables) -> bytes:
+    """Return the bytes that a variable has; raises NotSaved, ValueProblem if it has a number or a text."""
+    if name not in variables:
+        raise NotSaved(name)
+    try:
+        return bytes.fromhex(variables[name])
+    except (TypeError, ValueError):
+        raise ValueProblem(f"{name!r} has no bytes, but {variables[name]!r}") from None

@@ -23,12 +23,29 @@ from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.values import NMT_COB_ID
-from eurobot_od.sdo.client import OddAnswer, Refused, Silence, Transfer, download, upload
+from eurobot_od.sdo.client import (
+    OddAnswer,
+    Refused,
+    Silence,
+    Transfer,
+    block_download,
+    block_upload,
+    download,
+    upload,
+)
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
 
 
 class Failed(Exception):
     """A step is red; `reason` says why."""
+
+    def __init__(self, reason: Reason) -> None:
+        super().__init__(reason.what)
+        self.reason = reason
+
+
+class Skipped(Exception):
+    """A step is not done; `reason` says why."""
 
     def __init__(self, reason: Reason) -> None:
         super().__init__(reason.what)
@@ -49,7 +66,7 @@ class Doer:
         self._trace.heard = self._heard
 
     async def do(self, action: suite.Action) -> None:
-        """Do one action; raises Failed, LocalError or RemoteError if it is red, BusError if the bus failed."""
+        """Do one action; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError if the bus failed."""
         await self.DO[type(action)](self, action)
         self._asking = isinstance(action, suite.Send) or (self._asking and isinstance(action, suite.Save))
 
@@ -94,6 +111,9 @@ class Doer:
     async def _nmt(self, action: suite.Nmt) -> None:
         self._ask()
         await self._put(Frame(NMT_COB_ID, bytes([action.command, action.node_id])))
+
+    async def _skip(self, action: suite.Skip) -> None:
+        raise Skipped(Reason(action.reason))
 
     async def _wait(self, action: suite.Wait) -> None:
         await self._trace.sleep(action.seconds)
@@ -216,12 +236,13 @@ class Doer:
 
     async def _sdo_read(self, action: suite.SdoRead) -> None:
         self._ask()
-        data = await self._transfer(action, upload(action.address, self._longest(action.within)))
+        begin = block_upload if action.blocks else upload
+        data = await self._transfer(action, begin(action.address, self._longest(action.within)))
         if data is None:
             return
         value = action.decode(data)
         if action.expected is not None and not action.expected.fits(value, self._variables):
-            wanted, came = action.expected.text(self._variables), action.expected.kind.text(value)
+            wanted, came = action.expected.text(self._variables), action.expected.shown(value)
             mismatch = Mismatch(action.label, wanted, came)
             raise Failed(Reason(f"{action.label} is not as expected", wanted, came, (mismatch,)))
         if action.save is not None:
@@ -229,24 +250,27 @@ class Doer:
 
     async def _sdo_write(self, action: suite.SdoWrite) -> None:
         self._ask()
+        begin = block_download if action.blocks else download
         content = action.encode(self._variables)
-        await self._transfer(action, download(action.address, content, self._longest(action.within)))
+        await self._transfer(action, begin(action.address, content, self._longest(action.within)))
 
     async def _transfer(self, action: suite.SdoRead | suite.SdoWrite, transfer: Transfer) -> bytes | None:
         """Do a transfer that may have to be refused; None if it was refused as it had to be.
 
-        Raises Failed, NoAnswer, OddAnswer.
+        Raises Failed, Skipped, NoAnswer, OddAnswer.
         """
-        wanted = None if action.abort is None else f"abort {code_and_reason(action.abort)}"
+        wanted = None if action.abort is None else str(action.abort)
         await self._run(transfer, action.node)
         try:
             data = transfer.result()
         except Silence:
             raise NoAnswer("SDO request", f"answer of {action.node.name}", 1, transfer.wait) from None
         except Refused as error:
-            if error.code == action.abort:
+            if action.abort is not None and action.abort.fits(error.code):
                 return None
             came = f"abort {code_and_reason(error.code)}"
+            if action.optional is not None and action.optional.fits(error.code):
+                raise Skipped(Reason(f"{action}: the node does not do this ({came})")) from None
             raise Failed(Reason(f"{action}: {error}", wanted or "no abort", came)) from None
         if wanted is not None:
             raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))
@@ -293,4 +317,5 @@ class Doer:
         suite.Nmt: _nmt,
         suite.Save: _save,
         suite.Wait: _wait,
+        suite.Skip: _skip,
     }

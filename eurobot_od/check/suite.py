@@ -10,12 +10,13 @@ from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od import durations
 from eurobot_od.check.patterns import Pattern, Sent
-from eurobot_od.check.values import Expected, Variables
+from eurobot_od.check.values import Expected, ExpectedBytes, Variables
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding
+from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.yaml_places import Place
 
 TIMEOUT = 1.0
@@ -103,15 +104,34 @@ class NodeServices(NamedTuple):
     sdo_answer: int
 
 
+class AbortCodes(NamedTuple):
+    """Abort codes, one of which has to come; none of them stands for any code."""
+
+    codes: tuple[int, ...]
+
+    def fits(self, code: int) -> bool:
+        """Tell whether a code is one of them."""
+        return not self.codes or code in self.codes
+
+    def __str__(self) -> str:
+        return "abort " + (" or ".join(map(code_and_reason, self.codes)) or "with any code")
+
+
 class SdoRead(NamedTuple):
-    """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable."""
+    """Read an object: its value is `expected`, or the node aborts with `abort`; may be saved in a variable.
+
+    A node that refuses with one of the codes in `optional` lacks what is asked for: the step is skipped. `blocks` has
+    it transferred in blocks.
+    """
 
     node: NodeServices
     address: Address
     label: str
     decode: Callable[[bytes], Any]
-    expected: Expected | None = None
-    abort: int | None = None
+    expected: Expected | ExpectedBytes | None = None
+    abort: AbortCodes | None = None
+    optional: AbortCodes | None = None
+    blocks: bool = False
     save: str | None = None
     within: float | None = None
 
@@ -120,13 +140,15 @@ class SdoRead(NamedTuple):
 
 
 class SdoWrite(NamedTuple):
-    """Write an object; the node takes it, or aborts with `abort`."""
+    """Write an object; the node takes it, or aborts with `abort`. `optional` and `blocks` are as for SdoRead."""
 
     node: NodeServices
     address: Address
     label: str
     encode: Callable[[Variables], bytes]
-    abort: int | None = None
+    abort: AbortCodes | None = None
+    optional: AbortCodes | None = None
+    blocks: bool = False
     within: float | None = None
 
     def __str__(self) -> str:
@@ -177,8 +199,17 @@ class Wait(NamedTuple):
         return f"wait {durations.text(self.seconds)}"
 
 
+class Skip(NamedTuple):
+    """Do nothing, for a reason that the report tells."""
+
+    reason: str
+
+    def __str__(self) -> str:
+        return f"skip: {self.reason}"
+
+
 class Group(NamedTuple):
-    """Steps that belong together."""
+    """Steps that belong together: where one is skipped, those after it are too."""
 
     steps: tuple[Step, ...]
 
@@ -186,7 +217,9 @@ class Group(NamedTuple):
         return f"{len(self.steps)} steps"
 
 
-Action: TypeAlias = "Send | Answer | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Group"
+Action: TypeAlias = (
+    "Send | Answer | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Skip | Group"
+)
 
 
 class Step(NamedTuple):

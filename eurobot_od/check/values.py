@@ -169,6 +169,28 @@ class Expected(NamedTuple):
         """Write the expectation for a person, variables with their values."""
         return self.form.shown.format(*(operand.text(variables) for operand in self.operands))
 
+    def shown(self, value: Any) -> str:
+        """Write a received value for a person."""
+        return self.kind.text(value)
+
+
+class ExpectedBytes(NamedTuple):
+    """The bytes that an object has to have; `encode` gives them. Values are written as hexadecimal digits."""
+
+    encode: Callable[[Variables], bytes]
+
+    def fits(self, value: str, variables: Variables) -> bool:
+        """Tell whether the bytes are as expected; raises NotSaved."""
+        return value == self.encode(variables).hex()
+
+    def text(self, variables: Variables) -> str:
+        """Write the expectation for a person."""
+        return self.shown(self.encode(variables).hex())
+
+    def shown(self, value: str) -> str:
+        """Write bytes for a person."""
+        return " ".join(f"{each:02X}" for each in bytes.fromhex(value)) or "no bytes"
+
 
 def expectation(text: str, scale: Scale) -> Expected:
     """Read an expectation; raises ValueProblem, UnknownName."""

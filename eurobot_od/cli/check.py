@@ -34,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
     parser.add_argument("--step", action="append", default=[], metavar="TEXT", help="do the steps named like this")
+    parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files: CiA 301")
+    parser.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and end")
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
     parser.add_argument("--repeat", type=_count, default=1, metavar="N", help="run everything N times, seed by seed")
     parser.add_argument("--seed", type=int, default=1, help="seed of all chance in the simulation (default: 1)")
@@ -56,16 +59,20 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.check.reader import SuiteError, SuiteReader
     from eurobot_od.robot.check import shipped
 
-    if arguments.fault and not arguments.simulate:
-        raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
+    _refuse_what_does_not_go_together(arguments)
     with shared.left_out() as refused:
         reader = SuiteReader(_networks(arguments, refused), arguments.dialect)
         if arguments.schema:
             print(json.dumps(reader.schema(), indent=1))
             return ExitStatus.FINE
+        made = _conformance(arguments) if arguments.conformance else {}
+        if arguments.output is not None:
+            arguments.output.write_text("".join(made.values()), encoding="utf-8")
+            return ExitStatus.FINE
         files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
         try:
-            suites = _chosen(reader.read_files(files), arguments.tag, arguments.step)
+            read = reader.read_texts(made) if arguments.conformance else reader.read_files(files)
+            suites = _chosen(read, arguments.tag, arguments.step)
         except SuiteError as error:
             print(error, file=sys.stderr)
             return ExitStatus.WRONG_INPUT
@@ -76,6 +83,25 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             print(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
         return ExitStatus.FINE
     return _check(arguments, suites)
+
+
+def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
+    if arguments.fault and not arguments.simulate:
+        raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
+    if arguments.conformance and arguments.files:
+        raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
+    for option in ("destructive", "output"):
+        if getattr(arguments, option) and not arguments.conformance:
+            raise LocalError(f"--{option} needs --conformance")
+
+
+def _conformance(arguments: argparse.Namespace) -> dict[Path, str]:
+    """Make the suites of each device, by what reports call their file."""
+    from eurobot_od.check.conformance import suite
+    from eurobot_od.od.dictionary import Dictionary
+
+    dictionaries = [Dictionary(each.file, each.device, each.node_id, each.name) for each in shared.devices(arguments)]
+    return {Path(f"{each.name}.yaml"): suite.text(each, destructive=arguments.destructive) for each in dictionaries}
 
 
 def _networks(arguments: argparse.Namespace, refused: OnRefused) -> Networks:
@@ -171,7 +197,8 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     if reason:
         return SuiteResult(suite.file, suite.name, how, skipped=reason)
     chosen, show = partial(_is_chosen, arguments.step), partial(_show, arguments)
-    options = RunOptions(arguments.keep_going, chosen, interrupt, show)
+    # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
+    options = RunOptions(arguments.keep_going or arguments.conformance, chosen, interrupt, show)
     if arguments.simulate:
         from eurobot_od.check.simulated import run_simulated
         from eurobot_od.robot.check.partners import nodes_under_test

@@ -7,14 +7,14 @@ from functools import partial
 
 import pytest
 
-from eurobot_od.check.results import Reason
+from eurobot_od.check.results import Reason, Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.faults.hooks import leaving, sdo_answer
 from eurobot_od.frame import Frame
 from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.nodes import ROLES, Drive
-from tests.check.suites import document, suite
+from tests.check.suites import document, results, run, suite
 
 
 def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, list[str]]:
@@ -29,6 +29,50 @@ def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, 
     (result,) = run_simulated(suite(document(step)), RunOptions(), make_nodes).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
+
+
+FORMS = {
+    # bytes, of any type, as they are and from a variable
+    "bytes": ('- sdo: {read: 0x1017, data: "E8 03"}', "+"),
+    "other bytes": ('- sdo: {read: 0x1017, data: "E8 04"}', "-"),
+    "bytes from a text's variable": ('- sdo: {read: 0x1008, save: t}\n- sdo: {read: 0x1008, data: "{t}"}', "+-"),
+    "no object, bytes again": (
+        '- sdo: {read: 0x1021, save: t}\n- sdo: {read: 0x1021, data: "{t}", transfer: block}',
+        "++",
+    ),
+    # refused with one of several codes, with any
+    "one of two": ("- sdo: {read: 0x5000, abort: [0x06020000, 0x06090011]}", "+"),
+    "none of two": ("- sdo: {read: 0x5000, abort: [0x06010000, 0x06090011]}", "-"),
+    "any": ("- sdo: {write: 0x1000, value: 0, abort: any}", "+"),
+    "not refused": ("- sdo: {read: 0x1000, abort: any}", "-"),
+    # what a node need not have
+    "optional and there": ("- sdo: {read: 0x1008, transfer: block, optional: 0x05040001}", "+"),
+    "optional and not there": ("- sdo: {read: 0x5000, optional: [0x06020000]}", "s"),
+    "refused otherwise": ("- sdo: {read: 0x5000, optional: 0x06010000}", "-"),
+    "left out": ("- skip: nothing to see here", "s"),
+    "skipped with its group": (
+        "- steps:\n  - sdo: {read: 0x5000, optional: any}\n  - sdo: {read: 0x1000, abort: any}\n- sdo: {read: 0x1000}",
+        "ss+",
+    ),
+}
+
+
+@pytest.mark.parametrize(("steps", "verdicts"), FORMS.values(), ids=FORMS.keys())
+def test_what_a_step_may_ask_for(steps: str, verdicts: str) -> None:
+    signs = {Status.PASSED: "+", Status.SKIPPED: "s"}
+    assert "".join(signs.get(step.status, "-") for step in run(steps)) == verdicts
+
+
+def test_a_skipped_step_says_why_and_does_not_end_the_suite() -> None:
+    reasons = [
+        step.reason.what if step.reason else ""
+        for step in results(document(FORMS["skipped with its group"][0]), keep_going=False).steps
+    ]
+    assert reasons == [
+        "SDO read 0x5000:0: the node does not do this (abort 0x06020000 Object does not exist)",
+        "it belongs to a step that is skipped",
+        "",
+    ]
 
 
 NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"

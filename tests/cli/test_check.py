@@ -68,6 +68,9 @@ def test_runs(words: str, status: int, last: str, capsys: pytest.CaptureFixture[
 
 
 REFUSALS = {
+    "conformance of a suite": ("green.yaml --conformance --simulate", 2, "eurobot-od: --conformance makes its suites"),
+    "destructive suite": ("green.yaml --destructive --simulate", 2, "eurobot-od: --destructive needs --conformance"),
+    "written suite": ("green.yaml -o copy.yaml", 2, "eurobot-od: --output needs --conformance"),
     "wrong file": ("green.yaml wrong.yaml --simulate", 2, "wrong.yaml:6:11: '1' is not a duration"),
     "no file": ("nothing.yaml --simulate", 2, "nothing.yaml:1:1: No such file or directory"),
     "no suite": ("nothing --simulate", 2, "eurobot-od: unknown suite 'nothing'; known: "),
@@ -149,6 +152,44 @@ def test_the_guide_explains_every_option(capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.usefixtures("folder")
 def test_takes_a_shipped_suite_by_its_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "check", "drive", "--list").out.startswith("drive ")
+
+
+# Conformance
+
+MODULE = f"--eds 5={Path(__file__).parents[1] / 'lint' / 'samples' / 'clean.eds'}"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_conformance_suite_runs_like_any_other(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", "--conformance", *MODULE.split(), "--simulate", "--tag", "emcy")
+    assert (said.status, said.err) == (0, "")
+    assert said.out.splitlines()[0] == "clean.yaml: CiA 301, emergencies (simulated, seed 1)"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFixture[str]) -> None:
+    words = f"--conformance {MODULE} --simulate --tag pdo --fault sync-ignored --json"
+    said = run(capsys, "check", *words.split())
+    (result,) = json.loads(said.out)
+    assert said.status == 1
+    assert [step["status"] for step in result["steps"]].count("failed") == 2
+
+
+@pytest.mark.usefixtures("folder")
+def test_reports_say_why_a_step_is_skipped(capsys: pytest.CaptureFixture[str]) -> None:
+    words = f"check --conformance {MODULE} --simulate --tag storage"
+    tap = run(capsys, *words.split(), "--tap", "--junit", "report.xml").out
+    assert "store and restore # SKIP only with --destructive" in tap
+    assert '<skipped message="only with --destructive">' in Path("report.xml").read_text()
+    assert "    only with --destructive" in run(capsys, *words.split()).out.splitlines()
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_conformance_suite_is_kept_and_run_again(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "check", "--conformance", *MODULE.split(), "-o", "kept.yaml").status == 0
+    made = run(capsys, "check", "--conformance", *MODULE.split(), "--simulate").out.splitlines()
+    kept = run(capsys, "check", "kept.yaml", *MODULE.split(), "--simulate").out.splitlines()
+    assert kept[-1] == made[-1]
 
 
 class InterruptedAt(io.StringIO):

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.faults import device
+from eurobot_od.faults import conformance, device
 from eurobot_od.faults.fault import Caught, Fault
 from eurobot_od.robot.faults import any_node, core, drive, navigation
 from eurobot_od.robot.nodes import KINDS, ROLES, Core, Drive, Navigation, Node
@@ -21,7 +21,7 @@ FAULTS: dict[type[Node], dict[str, Fault]] = {
     Core: core.FAULTS,
     Drive: drive.FAULTS,
     Navigation: navigation.FAULTS,
-    Node: device.FAULTS | any_node.FAULTS,
+    Node: {**device.FAULTS, **any_node.FAULTS, **conformance.FAULTS},
 }
 """The faults with their names, by the class of node that can have them; those of Node any node can have."""
 

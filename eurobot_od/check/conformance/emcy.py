@@ -1,0 +1,128 @@
+"""Emergencies: error register, error history, and the frame (CiA 301, 7.2.7, 7.5.2.2, 7.5.2.4, 7.5.2.17)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import ceil
+
+from eurobot_od.check.conformance.subject import (
+    Chapter,
+    Clause,
+    Object,
+    Subject,
+    codes,
+    group,
+    never,
+    nmt,
+    read,
+    skip,
+    wait,
+    write,
+)
+from eurobot_od.check.conformance.writing import Data
+from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.values import EXTENDED, NOT_VALID, Address, PdoDirection
+from eurobot_od.sdo.wire import AbortCode
+
+REGISTER: Address = (0x1001, 0)
+HISTORY: Address = (0x1003, 0)
+EMCY_COB_ID: Address = (0x1014, 0)
+
+COMMUNICATION_ERROR = 0x11
+"""The error register after an error of the communication: generic, and communication (CiA 301, Table 48)."""
+
+QUIET, ONCE = "500 ms", "100 ms"
+NO_HISTORY = "the file has no error history (0x1003)"
+
+
+def _has_emcy(subject: Subject) -> bool:
+    entry = subject.dictionary.number(EMCY_COB_ID)
+    return entry is not None and not entry & (NOT_VALID | EXTENDED)
+
+
+def _silence(subject: Subject) -> Iterator[Data]:
+    if _has_emcy(subject):
+        yield group("none without an error", wait("100 ms"), never("silent", {"emcy": "any"}, QUIET))
+    else:
+        yield skip("none without an error", "the file has no valid EMCY (0x1014)")
+
+
+def _history(subject: Subject) -> Iterator[Data]:
+    history = subject.find(HISTORY)
+    if history is None:
+        yield skip("the history", NO_HISTORY)
+        return
+    if not history.writable:
+        yield skip("the history is cleared", "the file's error history cannot be written")
+        return
+    refused = codes(AbortCode.VALUE, AbortCode.TOO_HIGH)
+    yield write("only 0 may be written", HISTORY, value=1, abort=refused)
+    yield group("0 clears it", write("0 is written", HISTORY, value=0), _empty())
+
+
+def _empty() -> Data:
+    return read("no error is left", HISTORY, expect=0)
+
+
+def _too_short(subject: Subject) -> Iterator[Data]:
+    """Send an RPDO that lacks a byte: the device must not take it, and says so."""
+    rpdo = _received(subject)
+    if rpdo is None or not _has_emcy(subject):
+        yield skip("an RPDO that is too short", "the file has no valid EMCY (0x1014), or no valid RPDO with data")
+        return
+    code = ErrorCode.PDO_TOO_SHORT
+    frame = f"{rpdo.cob_id:03X}#{'00' * (_length(rpdo) - 1)}"
+    yield group(
+        f"RPDO {rpdo.number}, one byte too short",
+        nmt("start"),
+        wait("50 ms"),
+        {"name": "the frame", "send": {"raw": frame}},
+        {"name": f"EMCY 0x{code:04X}", "emcy": f"0x{code:04X}"},
+        never("it is told once", {"emcy": f"0x{code:04X}"}, ONCE),
+        read("the error register says so", REGISTER, expect=COMMUNICATION_ERROR),
+        *_remembered(subject, code),
+        nmt("reset communication"),
+        wait("200 ms"),
+        nmt("pre-operational"),
+        read("it is there again", subject.probe),
+    )
+
+
+def _remembered(subject: Subject, code: ErrorCode) -> Iterator[Data]:
+    history = subject.find(HISTORY)
+    if history is not None:
+        digits = code.to_bytes(2, "little").hex().upper()
+        asked = {"name": "the history is asked", **subject.request(bytes.fromhex("4003100100000000"))}
+        yield read("the history has it", HISTORY, expect=">= 1")
+        yield asked
+        yield {"name": "its newest error is this", "expect": subject.answer(f"43031001{digits}????"), "within": "1 s"}
+        yield from _cleared(history)
+
+
+def _cleared(history: Object) -> Iterator[Data]:
+    if history.writable:
+        yield write("the history is cleared", HISTORY, value=0)
+        yield _empty()
+
+
+def _received(subject: Subject) -> Pdo | None:
+    """Return the first valid RPDO with data that takes effect at once, else the first at all."""
+    pdos = subject.dictionary.read_pdos(subject.dictionary.default, lambda _: None)
+    valid = [each for each in pdos if each.direction is PdoDirection.RPDO and each.valid and _length(each)]
+    return min(valid, key=lambda each: each.is_synchronous, default=None)
+
+
+def _length(pdo: Pdo) -> int:
+    return ceil(sum(each.bits for each in pdo.mapping) / 8)
+
+
+CHAPTER = Chapter(
+    "emcy",
+    "emergencies",
+    (
+        Clause("7.2.7", "EMCY", _silence),
+        Clause("7.5.2.4", "Error history", _history),
+        Clause("7.2.7", "EMCY", _too_short),
+    ),
+)

@@ -1,0 +1,217 @@
+"""NMT states and commands, boot-up and heartbeat (CiA 301, 7.2.8 and 7.3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from eurobot_od.check.conformance.subject import (
+    BOOT_TIME,
+    HEARTBEAT_TIME,
+    Chapter,
+    Clause,
+    Object,
+    Subject,
+    awake,
+    group,
+    heartbeat,
+    never,
+    nmt,
+    put_back,
+    read,
+    save,
+    skip,
+    wait,
+    write,
+)
+from eurobot_od.check.conformance.writing import Data
+from eurobot_od.device.nmt import STATE_NAMES, boot_state
+from eurobot_od.od.values import NMT_COB_ID, NODE_IDS
+from eurobot_od.sdo.wire import ClientCommand, initiate
+
+NMT_STARTUP = (0x1F80, 0)
+
+BEAT = 100
+"""Heartbeat time with which states are watched, ms."""
+
+SLOW = 5000
+"""A heartbeat time after which none comes while a step looks, ms."""
+
+SOON = f"{3 * BEAT} ms"
+"""Within this time a heartbeat has the state that the device is in."""
+
+QUIET = "300 ms"
+"""How long nothing may come where nothing may."""
+
+PRECISION = "20 ms"
+"""By how much a heartbeat may be off its time; the standard names no precision."""
+
+LONGEST_PERIOD = 5000
+"""Longest heartbeat time of a file that is measured, ms."""
+
+NO_HEARTBEAT = "the file has no producer heartbeat time (0x1017) that can be written"
+
+WALK = (
+    ("start", "operational"),
+    ("stop", "stopped"),
+    ("pre-operational", "pre-operational"),
+    ("stop", "stopped"),
+    ("start", "operational"),
+    ("pre-operational", "pre-operational"),
+)
+"""Commands one after the other, from PRE-OPERATIONAL on, and the state after each: every way from state to state."""
+
+WAY_TO = {"pre-operational": (), "operational": ("start",), "stopped": ("stop",)}
+"""Commands that lead to a state from PRE-OPERATIONAL."""
+
+
+def _beating(subject: Subject, name: str, *steps: Data) -> Data:
+    """Do some steps while the device says its state often enough to be watched."""
+    time = subject.find(HEARTBEAT_TIME)
+    if time is None or not time.writable:
+        return skip(name, NO_HEARTBEAT)
+    faster = write(f"a heartbeat every {BEAT} ms", time.address, value=_allowed(time, BEAT))
+    return group(name, save(time), faster, *steps, put_back(time))
+
+
+def _allowed(variable: Object, value: int) -> int:
+    """Return the value nearest to one that an object takes."""
+    low = value if variable.low is None else max(value, variable.low)
+    return low if variable.high is None else min(low, variable.high)
+
+
+# Boot-up
+
+
+def _boot_up(command: str) -> Data:
+    return {**heartbeat("boot-up", BOOT_TIME), "name": f"after {command}"}
+
+
+def _boot_ups(subject: Subject) -> Iterator[Data]:
+    for command in ("reset", "reset communication"):
+        yield group(f"boot-up after {command}", nmt(command), _boot_up(command), awake(subject))
+
+
+def _first_state(subject: Subject) -> Iterator[Data]:
+    state = STATE_NAMES[boot_state(subject.dictionary.default(NMT_STARTUP))]
+    says = heartbeat(state, SOON)
+    beating = _beating(subject, f"{state} by itself after a reset", says)
+    yield group("after a reset", nmt("reset"), awake(subject), beating)
+    yield nmt("pre-operational")
+
+
+# Commands
+
+
+def _walk(subject: Subject) -> Iterator[Data]:
+    before = "pre-operational"
+    for command, state in WALK:
+        yield _state_reached(subject, before, command, state)
+        before = state
+
+
+def _state_reached(subject: Subject, before: str, command: str, state: str) -> Data:
+    """Send a command, and see the state; in STOPPED the heartbeat time can be neither set nor put back."""
+    commands = [nmt(each) for each in WAY_TO[before]]
+    back = [] if state == "pre-operational" else [nmt("pre-operational")]
+    return _beating(subject, f"{command} in {before.upper()}", *commands, nmt(command), heartbeat(state, SOON), *back)
+
+
+def _other_commands(subject: Subject) -> Iterator[Data]:
+    other = next(each for each in reversed(NODE_IDS) if each != subject.node_id)
+    for name, data in (
+        ("another node's command does not matter", bytes([1, other])),
+        ("an unknown command does not matter", bytes([0x77, subject.node_id])),
+        ("half a command does not matter", bytes([1])),
+    ):
+        yield _beating(
+            subject, name, _raw(data), never("stays", {"heartbeat": "operational"}, QUIET), heartbeat("any", SOON)
+        )
+    started = [nmt("start"), heartbeat("operational", SOON)]
+    to_all = {**_raw(bytes([0x80, 0])), "name": "NMT pre-operational to all"}
+    yield _beating(subject, "a command to all nodes", *started, to_all, heartbeat("pre-operational", SOON))
+
+
+def _raw(data: bytes) -> Data:
+    return {"name": f"NMT {data.hex(' ').upper()}", "send": {"raw": f"{NMT_COB_ID:03X}#{data.hex().upper()}"}}
+
+
+# Services
+
+
+def _services(subject: Subject) -> Iterator[Data]:
+    request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
+    answered = read("an SDO is answered", subject.probe)
+    yield group("SDO in PRE-OPERATIONAL", answered)
+    yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
+    yield group(
+        "no SDO in STOPPED",
+        nmt("stop"),
+        wait("50 ms"),
+        {"name": "a request", **request},
+        never("no answer", subject.answer("?" * 16), QUIET),
+        nmt("pre-operational"),
+        answered,
+    )
+
+
+# Heartbeat
+
+
+def _heartbeat_times(subject: Subject) -> Iterator[Data]:
+    time = subject.find(HEARTBEAT_TIME)
+    if time is None or not time.writable:
+        yield skip("it can be changed", NO_HEARTBEAT)
+        return
+    beat = _allowed(time, BEAT)
+    slower = write(f"{SLOW} ms", time.address, value=_allowed(time, SLOW))
+    faster = write(f"{beat} ms", time.address, value=beat)
+    first = {**heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
+    yield group("a change counts at once", save(time), slower, wait("20 ms"), faster, first, put_back(time))
+    every = {"message": {"heartbeat": "any"}, "every": f"{beat} ms", "tolerance": PRECISION, "count": 5}
+    yield group(
+        "heartbeats come at their time",
+        save(time),
+        faster,
+        {"name": f"every {beat} ms", "period": every},
+        put_back(time),
+    )
+    if not time.low:
+        none = write("0: no heartbeat", time.address, value=0)
+        silent = never("silent", {"heartbeat": "any"}, QUIET)
+        yield group("0 ends it", save(time), faster, none, wait("20 ms"), silent, put_back(time))
+
+
+def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
+    period = subject.number(HEARTBEAT_TIME)
+    if not 0 < period <= LONGEST_PERIOD:
+        yield skip("as the file says", f"the file has no heartbeat time from 1 to {LONGEST_PERIOD} ms")
+        return
+    every = {"message": {"heartbeat": "any"}, "every": f"{period} ms", "tolerance": PRECISION, "count": 2}
+    yield group(
+        "as the file says",
+        nmt("reset"),
+        awake(subject),
+        nmt("pre-operational"),
+        {"name": f"every {period} ms", "period": every},
+    )
+
+
+def _life_guarding(subject: Subject) -> Iterator[Data]:
+    if subject.find((0x100C, 0)) is not None:
+        yield skip("node guarding", "it needs remote frames, which CiA 301 advises against (7.2.8.3.2.1)")
+
+
+CHAPTER = Chapter(
+    "nmt",
+    "NMT states, boot-up and heartbeat",
+    (
+        Clause("7.2.8.3.3", "Boot-up", _boot_ups),
+        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times),
+        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file),
+        Clause("7.2.8.3.2", "Guarding", _life_guarding),
+        Clause("7.3.2.2", "NMT state", _first_state),
+        Clause("7.2.8.2.1", "NMT commands", _walk),
+        Clause("7.2.8.2.1", "NMT commands", _other_commands),
+        Clause("7.3.2.2.4", "NMT state", _services),
+    ),
+)

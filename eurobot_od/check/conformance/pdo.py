@@ -1,0 +1,276 @@
+"""PDOs: how a master changes them, and when TPDOs are sent (CiA 301, 7.2.2 and 7.5.2.35 to 7.5.2.38).
+
+Rule of this file: of a PDO that is changed, the file's mapping is put back entry by entry, and its COB-ID last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import ceil
+
+from eurobot_od.check.conformance.subject import (
+    BUSY,
+    Chapter,
+    Clause,
+    Object,
+    Subject,
+    codes,
+    expect,
+    group,
+    never,
+    nmt,
+    put_back,
+    read,
+    save,
+    skip,
+    wait,
+    write,
+)
+from eurobot_od.check.conformance.writing import Data, hexadecimal
+from eurobot_od.od import values
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.values import COB_ID, EVENT_TIMER, INHIBIT_TIME, MAPPABLE, NOT_VALID, TRANSMISSION_TYPE, PdoDirection
+from eurobot_od.pdo.layout import MAX_BITS
+from eurobot_od.sdo.wire import AbortCode
+
+SYNC, SYNC_COUNTER = (0x1005, 0), (0x1019, 0)
+SYNC_PRODUCER = 1 << 30
+
+EVENT_TIME = 100
+"""Event timer with which TPDOs are looked at, ms."""
+
+SOON, QUIET = f"{3 * EVENT_TIME} ms", "300 ms"
+
+MISSING = 0x1FFF
+"""An index where mostly nothing is."""
+
+NO_SUCH_TYPE = (AbortCode.VALUE, AbortCode.TOO_HIGH, AbortCode.TOO_LOW, *BUSY)
+"""Aborts of a device that does not send a TPDO by SYNC."""
+
+ClauseOf = Callable[[Subject, Pdo], "Iterator[Data]"]
+
+
+def _of(direction: PdoDirection, steps: ClauseOf) -> Callable[[Subject], Iterator[Data]]:
+    """Make steps for all PDOs of a direction that hold."""
+
+    def all_of_them(subject: Subject) -> Iterator[Data]:
+        pdos = subject.dictionary.read_pdos(subject.dictionary.default, lambda _: None)
+        chosen = [each for each in pdos if each.direction is direction]
+        for each in chosen:
+            yield from steps(subject, each)
+        if not chosen:
+            yield skip(direction.name, f"the file has no {direction.name}")
+
+    return all_of_them
+
+
+def _title(pdo: Pdo) -> str:
+    return f"{pdo.direction.name} {pdo.number}"
+
+
+def _at(subject: Subject, pdo: Pdo, subindex: int) -> Object | None:
+    """Return a communication parameter that can be written, None if it cannot."""
+    found = subject.find((pdo.index, subindex))
+    return found if found is not None and found.writable else None
+
+
+# Communication parameters
+
+
+def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    title, cob_id = _title(pdo), _at(subject, pdo, COB_ID)
+    if cob_id is None:
+        yield skip(title, f"the COB-ID of {title} cannot be written")
+    elif not pdo.valid:
+        yield skip(title, f"{title} is not valid by default")
+    else:
+        changed = hexadecimal(subject.number(cob_id.address) ^ 1, 8)
+        moved = write("another identifier while it is valid", cob_id.address, value=changed, abort="any")
+        yield group(f"{title} keeps its identifier", save(cob_id), moved, put_back(cob_id))
+        yield from _inhibit_time(subject, pdo)
+
+
+def _inhibit_time(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    time = _at(subject, pdo, INHIBIT_TIME)
+    if time is not None and pdo.direction is PdoDirection.TPDO:
+        other = write("another time while it is valid", time.address, value=pdo.inhibit_time + 1, abort="any")
+        same = read("nothing has changed", time.address, expect="{present}")
+        yield group(f"{_title(pdo)} keeps its inhibit time", save(time), other, same)
+
+
+# Mapping
+
+
+def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    title, cob_id = _title(pdo), _at(subject, pdo, COB_ID)
+    entries = [subject.find((pdo.mapping_index, sub)) for sub in range(_room(subject, pdo) + 1)]
+    if cob_id is None:
+        yield skip(title, f"the COB-ID of {title} cannot be written")
+    elif len(entries) < 2 or any(each is None or not each.writable for each in entries[:2]):
+        yield skip(title, f"the mapping of {title} cannot be written")
+    else:
+        yield group(f"{title} changed in order, and not otherwise", *_remapped(subject, pdo, cob_id))
+        yield _at_most(subject, pdo, cob_id)
+
+
+def _room(subject: Subject, pdo: Pdo) -> int:
+    """Return the number of entries that the file has for a mapping."""
+    return max(subject.dictionary.members.get(pdo.mapping_index, ()), default=0)
+
+
+def _remapped(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:
+    """Change the mapping as CiA 301 says, try each step out of its order, and put all back."""
+    record = pdo.mapping_index
+    yield save(cob_id)
+    if pdo.valid:
+        yield write("sub-index 0 while it is valid", (record, 0), value=0, abort="any")
+    yield _off(subject, cob_id)
+    if pdo.mapping:
+        entry = hexadecimal(subject.number((record, 1)), 8)
+        yield write("an entry while sub-index 0 is not 0", (record, 1), value=entry, abort="any")
+    yield write("2. sub-index 0 is 0", (record, 0), value=0)
+    yield from _refused_entries(subject, pdo)
+    yield from _mapped_again(subject, pdo, cob_id)
+
+
+def _off(subject: Subject, cob_id: Object) -> Data:
+    return write("1. not valid", cob_id.address, value=hexadecimal(subject.number(cob_id.address) | NOT_VALID, 8))
+
+
+def _mapped_again(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:
+    """Give a PDO that is not valid, and whose sub-index 0 is 0, its entries and its COB-ID."""
+    record, count = pdo.mapping_index, len(pdo.mapping)
+    for sub in range(1, count + 1):
+        yield write(f"3. entry {sub}", (record, sub), value=hexadecimal(subject.number((record, sub)), 8))
+    yield write(f"4. sub-index 0 is {count}", (record, 0), value=count)
+    yield {**put_back(cob_id), "name": "5. as it was"}
+    yield read("it has its entries", (record, 0), expect=count)
+
+
+def _at_most(subject: Subject, pdo: Pdo, cob_id: Object) -> Data:
+    """Map more bits than a PDO has; entry by entry that may be, together it is refused."""
+    record, name = pdo.mapping_index, f"{_title(pdo)} takes {MAX_BITS} bits at most"
+    wide = _widest(subject, pdo)
+    if wide is None or MAX_BITS // wide.type.bits >= _room(subject, pdo):
+        return skip(name, "the file has too few entries in it to map more")
+    count = MAX_BITS // wide.type.bits + 1
+    spare = {sub: subject.number((record, sub)) for sub in range(len(pdo.mapping) + 1, count + 1)}
+    too_long = codes(AbortCode.MAPPING_TOO_LONG)
+    return group(
+        name,
+        save(cob_id),
+        _off(subject, cob_id),
+        write("2. sub-index 0 is 0", (record, 0), value=0),
+        *(write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in range(1, count + 1)),
+        write(f"{count * wide.type.bits} bits", (record, 0), value=count, abort=too_long),
+        *(write(f"spare entry {sub}", (record, sub), value=hexadecimal(spare[sub], 8)) for sub in spare),
+        *_mapped_again(subject, pdo, cob_id),
+    )
+
+
+def _refused_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    """Map what cannot be mapped, and what is not there."""
+    entry = pdo.mapping_index, 1
+    fixed = next((each for each in subject.objects.values() if not each.mappable and each.type.size in (1, 2, 4)), None)
+    if fixed is not None:
+        value = _entry(fixed)
+        yield write(f"{fixed} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE))
+    if MISSING not in subject.dictionary.members:
+        missing = hexadecimal(MISSING << 16 | 8, 8)
+        aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE)
+        yield write("an object that is not there", entry, value=missing, abort=aborts)
+
+
+def _entry(each: Object) -> str:
+    index, subindex = each.address
+    return hexadecimal(index << 16 | subindex << 8 | each.type.bits, 8)
+
+
+def _widest(subject: Subject, pdo: Pdo) -> Object | None:
+    """Return the widest number that may be mapped there."""
+    may = [each for each in subject.objects.values() if each.mappable and each.access in MAPPABLE[pdo.direction]]
+    numbers = [each for each in may if each.type.is_integer and 8 <= each.type.bits <= MAX_BITS]
+    return max(numbers, key=lambda each: each.type.bits, default=None)
+
+
+# When TPDOs are sent
+
+
+def _sent(pdo: Pdo) -> Data:
+    """Return the pattern of a TPDO: whatever its data, but of its length."""
+    length = ceil(sum(each.bits for each in pdo.mapping) / 8)
+    return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * length)}"}
+
+
+def _event_timer(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    title, timer = _title(pdo), _at(subject, pdo, EVENT_TIMER)
+    if not pdo.valid or pdo.transmission_type not in (254, 255):
+        yield skip(title, f"{title} is not valid, or not event-driven, by default")
+        return
+    if timer is None:
+        yield skip(title, f"the event timer of {title} cannot be written")
+        return
+    sent = _sent(pdo)
+    yield group(
+        f"{title} by its event timer",
+        save(timer),
+        write(f"event timer {EVENT_TIME} ms", timer.address, value=EVENT_TIME),
+        wait("50 ms"),
+        never("none in PRE-OPERATIONAL", sent, QUIET),
+        nmt("start"),
+        {**expect(f"again and again, {EVENT_TIME} ms apart at most", sent, SOON), "repeat": 3},
+        nmt("stop"),
+        wait("50 ms"),
+        never("none in STOPPED", sent, QUIET),
+        nmt("pre-operational"),
+        put_back(timer),
+    )
+
+
+def _by_sync(subject: Subject, pdo: Pdo) -> Iterator[Data]:
+    title, type_ = _title(pdo), _at(subject, pdo, TRANSMISSION_TYPE)
+    why = _why_no_sync(subject, pdo, type_)
+    if why or type_ is None:
+        yield skip(title, why)
+        return
+    sent = _sent(pdo)
+    sync = {"name": "SYNC", "send": {"raw": f"{subject.number(SYNC) & values.BASE_IDENTIFIER:03X}#"}}
+    yield group(
+        f"{title} by SYNC",
+        save(type_),
+        write("transmission type 1", type_.address, value=1, optional=codes(*NO_SUCH_TYPE)),
+        sync,
+        never("none in PRE-OPERATIONAL", sent, QUIET),
+        nmt("start"),
+        wait("50 ms"),
+        never("none without SYNC", sent, QUIET),
+        {**group("with each SYNC", sync, expect("it comes", sent, SOON)), "repeat": 2},
+        nmt("pre-operational"),
+        put_back(type_),
+    )
+
+
+def _why_no_sync(subject: Subject, pdo: Pdo, type_: Object | None) -> str:
+    """Say why a TPDO cannot be looked at with SYNC, nothing if it can."""
+    reasons = {
+        "the file has no SYNC (0x1005)": subject.find(SYNC) is None,
+        "the device sends SYNC itself": bool(subject.number(SYNC) & SYNC_PRODUCER),
+        "the file's SYNC has a counter": bool(subject.number(SYNC_COUNTER)),
+        f"{_title(pdo)} is not valid by default": not pdo.valid,
+        f"the transmission type of {_title(pdo)} cannot be written": type_ is None,
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
+
+
+CHAPTER = Chapter(
+    "pdo",
+    "PDOs",
+    (
+        Clause("7.5.2.35", "RPDO communication", _of(PdoDirection.RPDO, _communication)),
+        Clause("7.5.2.36", "RPDO mapping", _of(PdoDirection.RPDO, _mapping)),
+        Clause("7.5.2.37", "TPDO communication", _of(PdoDirection.TPDO, _communication)),
+        Clause("7.5.2.38", "TPDO mapping", _of(PdoDirection.TPDO, _mapping)),
+        Clause("7.5.2.37", "TPDO transmission", _of(PdoDirection.TPDO, _event_timer)),
+        Clause("7.2.2.2", "TPDO transmission", _of(PdoDirection.TPDO, _by_sync)),
+    ),
+)

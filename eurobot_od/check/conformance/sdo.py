@@ -1,0 +1,221 @@
+"""SDO transfers frame by frame: expedited, by segments, in blocks, toggle bits, aborts, time-outs (CiA 301, 7.2.4.3).
+
+Rule of this file: what is downloaded is what the object has after a reset, and whether it still has it is looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, MAPPINGS
+from eurobot_od.check.conformance.subject import (
+    DEVICE_TYPE,
+    HEARTBEAT_TIME,
+    Chapter,
+    Clause,
+    Object,
+    Subject,
+    codes,
+    expect,
+    group,
+    never,
+    read,
+    skip,
+    wait,
+    write,
+)
+from eurobot_od.check.conformance.writing import Data
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
+
+WITHIN = "1 s"
+"""How long an SDO server may take for an answer; the standard names no time."""
+
+QUIET = "200 ms"
+
+LEFT_ALONE = "3 s"
+"""How long a transfer is left alone: longer than servers wait for the next request."""
+
+NO_SEGMENTS = "the file has no object of more than 4 bytes whose value is known"
+NO_NUMBER = "the file has no number of up to 4 bytes that can be written and whose value is known"
+NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
+"""Aborts of a server that has no block transfer."""
+
+
+def _known(each: Object) -> bool:
+    """Whether an object is readable, and has the file's value after a reset."""
+    steady = each.access in CONFIGURED or each.address[0] in FIXED
+    return each.readable and steady and each.default_bytes is not None and each.address[0] not in ACTING
+
+
+def _long(subject: Subject) -> Object | None:
+    """Return the object with the longest known value over 4 bytes."""
+    found = [each for each in subject.objects.values() if _known(each) and len(each.default_bytes or b"") > 4]
+    return max(found, key=lambda each: len(each.default_bytes or b""), default=None)
+
+
+def _number(subject: Subject) -> Object | None:
+    """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID."""
+    found = [each for each in subject.objects.values() if _known(each) and each.writable and _harmless(each)]
+    return min(found, key=lambda each: each.address != HEARTBEAT_TIME, default=None)
+
+
+def _harmless(each: Object) -> bool:
+    index = each.address[0]
+    return each.type.is_integer and each.type.size <= 4 and index not in MAPPINGS and not 0x1400 <= index < 0x2000
+
+
+# Uploads
+
+
+def _expedited_upload(subject: Subject) -> Iterator[Data]:
+    if subject.find(DEVICE_TYPE) is None:
+        yield skip("the device type in one answer", "the file has no device type (0x1000)")
+        return
+    yield group(
+        "the device type in one answer",
+        _asked(subject, ClientCommand.UPLOAD << 5, DEVICE_TYPE),
+        expect("4 bytes", subject.answer("43001000????????"), WITHIN),
+    )
+
+
+def _segmented_upload(subject: Subject) -> Iterator[Data]:
+    each = _long(subject)
+    if each is None:
+        yield skip("by segments", NO_SEGMENTS)
+        return
+    yield read(f"{each} by segments", each.address, data=(each.default_bytes or b"").hex(" "))
+    yield group(
+        "a wrong toggle bit is refused",
+        _asked(subject, ClientCommand.UPLOAD << 5, each.address),
+        expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
+        _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
+        _aborted(subject, AbortCode.TOGGLE_BIT),
+    )
+
+
+def _block_upload(subject: Subject) -> Iterator[Data]:
+    each = _long(subject) or subject.find(DEVICE_TYPE)
+    if each is not None and each.default_bytes is not None:
+        content = each.default_bytes.hex(" ")
+        yield read(f"{each} in blocks", each.address, data=content, transfer="block", optional=codes(*NO_BLOCKS))
+
+
+# Downloads
+
+
+def _segmented_download(subject: Subject) -> Iterator[Data]:
+    each = _number(subject)
+    if each is None:
+        yield skip("by segments", NO_NUMBER)
+        return
+    content = each.default_bytes or b""
+    yield group(
+        f"{each} by segments",
+        *_begun(subject, each),
+        _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
+        expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
+        _as_before(each),
+    )
+    wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, content, last=True)
+    yield group(
+        "a wrong toggle bit is refused",
+        *_begun(subject, each),
+        _sent(subject, "the only segment, with the toggle bit set", wrong),
+        _aborted(subject, AbortCode.TOGGLE_BIT),
+        _as_before(each),
+    )
+
+
+def _block_download(subject: Subject) -> Iterator[Data]:
+    each = _number(subject)
+    if each is None:
+        yield skip("in blocks", NO_NUMBER)
+        return
+    content = (each.default_bytes or b"").hex(" ")
+    written = write("its own value", each.address, data=content, transfer="block", optional=codes(*NO_BLOCKS))
+    yield group(f"{each} in blocks", written, _as_before(each))
+
+
+# Aborts
+
+
+def _unknown_command(subject: Subject) -> Iterator[Data]:
+    yield group(
+        "an unknown command is refused",
+        _sent(subject, "command specifier 7", initiate(0xE0, subject.probe)),
+        _aborted(subject, AbortCode.UNKNOWN_COMMAND),
+    )
+
+
+def _unfinished(subject: Subject) -> Iterator[Data]:
+    yield group(
+        "a client's abort is not answered",
+        _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
+        never("no answer", subject.answer("?" * 16), QUIET),
+        read("the next request is", subject.probe),
+    )
+    each = _number(subject)
+    if each is None:
+        yield skip("a transfer that is left alone", NO_NUMBER)
+        return
+    yield group(
+        "a transfer that the client aborts changes nothing",
+        *_begun(subject, each),
+        _sent(subject, "abort", wire.aborted(each.address, AbortCode.GENERAL)),
+        _as_before(each),
+    )
+    yield group(
+        "a transfer that is left alone does not block the server",
+        *_begun(subject, each),
+        wait(LEFT_ALONE),
+        _as_before(each),
+    )
+
+
+# Frames
+
+
+def _begun(subject: Subject, each: Object) -> tuple[Data, Data]:
+    """Begin a download by segments."""
+    size = len(each.default_bytes or b"")
+    begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, each.address, size.to_bytes(4, "little"))
+    begun = expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"), WITHIN)
+    return _sent(subject, "the first request", begin), begun
+
+
+def _asked(subject: Subject, command: int, address: tuple[int, int]) -> Data:
+    return _sent(subject, "the first request", initiate(command, address))
+
+
+def _sent(subject: Subject, name: str, data: bytes) -> Data:
+    return {"name": name, **subject.request(data)}
+
+
+def _aborted(subject: Subject, code: AbortCode) -> Data:
+    """Expect an abort; which object it names is open where the request did not name one."""
+    return expect("abort", subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}"), WITHIN)
+
+
+def _multiplexer(each: Object) -> str:
+    index, subindex = each.address
+    return f"{index & 0xFF:02X}{index >> 8:02X}{subindex:02X}"
+
+
+def _as_before(each: Object) -> Data:
+    return read("it has its value", each.address, data=(each.default_bytes or b"").hex(" "))
+
+
+CHAPTER = Chapter(
+    "sdo",
+    "SDO transfers",
+    (
+        Clause("7.2.4.3.6", "SDO upload", _expedited_upload),
+        Clause("7.2.4.3.7", "SDO upload", _segmented_upload),
+        Clause("7.2.4.3.12", "SDO block upload", _block_upload),
+        Clause("7.2.4.3.4", "SDO download", _segmented_download),
+        Clause("7.2.4.3.8", "SDO block download", _block_download),
+        Clause("7.2.4.3.17", "SDO abort", _unknown_command),
+        Clause("7.2.4.3.17", "SDO abort", _unfinished),
+    ),
+)

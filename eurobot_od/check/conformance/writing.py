@@ -1,0 +1,80 @@
+"""Steps as plain data, and as YAML: one line each, with numbers as CANopen people write them.
+
+Rule of this file: what comes from a file, a ParameterName or a text, is always quoted and made printable.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, TypeAlias
+
+from eurobot_od.od.values import Address
+
+Data: TypeAlias = "Mapping[str, Any]"
+"""A step, a part of one, or a whole suite: what stands in the YAML."""
+
+BARE = re.compile(r"0x[0-9A-F]+|[0-9]+ ?(?:ms|s)|(?!yes|no|on|off|true|false|null)[a-z]+(?:[- ][a-z]+)*")
+"""Texts that need no quotes: hexadecimal numbers, durations, the words of the format."""
+
+QUOTED = ("name", "skip", "data")
+"""Keys whose values are texts, whatever they look like."""
+
+LONGEST_NAME = 60
+"""Characters of a ParameterName that a step's name has."""
+
+
+def shown(name: str) -> str:
+    """Return a name of a file as a report can print it: on one line, and not too long."""
+    plain = "".join(each if each.isprintable() else "?" for each in name)
+    return plain if len(plain) <= LONGEST_NAME else f"{plain[:LONGEST_NAME]}..."
+
+
+def hexadecimal(number: int, digits: int = 4) -> str:
+    """Write a number that is not signed."""
+    return f"0x{number:0{digits}X}"
+
+
+def object_at(address: Address) -> str:
+    """Write an address as SDO steps want it."""
+    return f"{hexadecimal(address[0])}:{address[1]}"
+
+
+# YAML
+
+
+def documents(suites: Iterable[Data]) -> str:
+    """Write suites as documents of one file."""
+    return "".join("\n".join(["---", *_suite_lines(each), ""]) for each in suites)
+
+
+def _suite_lines(suite: Data) -> Iterator[str]:
+    for key, value in suite.items():
+        if key in ("setup", "steps", "teardown"):
+            yield f"{key}:"
+            for step in value:
+                yield from _step_lines(step, "  ")
+        else:
+            yield f"{key}: {_inline(value, key)}"
+
+
+def _step_lines(step: Data, indent: str) -> Iterator[str]:
+    """Write a step on one line, a group with a line for each of its steps."""
+    if "steps" not in step:
+        yield f"{indent}- {_inline(step)}"
+        return
+    yield f"{indent}- name: {_inline(step['name'], 'name')}"
+    yield f"{indent}  steps:"
+    for each in step["steps"]:
+        yield from _step_lines(each, indent + "    ")
+
+
+def _inline(value: Any, key: str = "") -> str:
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{name}: {_inline(each, name)}" for name, each in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_inline(each, key) for each in value) + "]"
+    text = str(value)
+    bare = isinstance(value, int) or (key not in QUOTED and BARE.fullmatch(text))
+    return text if bare else json.dumps(text, ensure_ascii=False)

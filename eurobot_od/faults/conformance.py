@@ -1,0 +1,533 @@
+"""Faults that the conformance suite of a device's own file finds, of any device: what CiA 301 asks for, done otherwise.
+
+Rule of this file: a step is named by the beginning that it has in every such suite, whatever the file's objects are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TypeAlias
+
+from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
+from eurobot_od.device.node import Node
+from eurobot_od.faults import hooks
+from eurobot_od.faults.fault import Caught, Fault
+from eurobot_od.faults.hooks import FrameChange, Mixin
+from eurobot_od.frame import Frame
+from eurobot_od.od.values import (
+    BASE_IDENTIFIER,
+    COB_ID,
+    COMMUNICATION_RECORDS,
+    DATA_TYPES,
+    INHIBIT_TIME,
+    MAPPING_RECORDS,
+    NMT_COB_ID,
+    Address,
+    DataType,
+    PdoDirection,
+)
+from eurobot_od.sdo import wire
+from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
+
+SUITE = "conformance"
+"""The suite that finds these faults; it is made from the file of the device."""
+
+UNKNOWN = 7
+"""A command specifier that no SDO request has."""
+
+ERROR_REGISTER: Address = (0x1001, 0)
+HISTORY: Address = (0x1003, 0)
+SYNC: Address = (0x1005, 0)
+STORE: Address = (0x1010, 1)
+RESTORE: Address = (0x1011, 1)
+HEARTBEAT_TIME: Address = (0x1017, 0)
+
+COMMUNICATIONS = {index for records in COMMUNICATION_RECORDS.values() for index in records}
+MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
+
+
+# What is written is taken, whatever speaks against it
+
+Taken: TypeAlias = "Callable[[Node, Address, bytes], bool]"
+"""Whether a node takes a value that is to be written, although it should look at it first."""
+
+
+def taking(taken: Taken, *, keeps: bool = True) -> Mixin:
+    """Have the node confirm what is written at once, and keep it or not, without doing what it means."""
+
+    class Taking(Node):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            content = _written(self, frame)
+            address = Initiate.of(frame.data).address if content is not None else (0, 0)
+            if content is None or not taken(self, address, content):
+                return super().receive(frame, now)
+            if keeps:
+                _keep(self, address, content)
+            return [Frame(hooks.sdo_answer(self), wire.initiate(ServerCommand.DOWNLOAD << 5, address))]
+
+    return Taking
+
+
+def _written(node: Node, frame: Frame) -> bytes | None:
+    """Return what an SDO request writes at once, None for any other frame, and in STOPPED."""
+    heard = node.device.state in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)
+    if not heard or frame.cob_id != hooks.sdo_request(node) or len(frame.data) != wire.LENGTH:
+        return None
+    request = Initiate.of(frame.data)
+    if request.command >> 5 != ClientCommand.DOWNLOAD or not request.command & wire.EXPEDITED:
+        return None
+    return request.rest[: request.size]
+
+
+def _keep(node: Node, address: Address, content: bytes) -> None:
+    type_ = _type(node, address)
+    if type_ is not None and type_.is_integer:
+        node.device.objects.values[address] = type_.read(content[: type_.size].ljust(type_.size, b"\0"))
+
+
+def _type(node: Node, address: Address) -> DataType | None:
+    variable = node.device.dictionary.variable(address)
+    return None if variable is None else DATA_TYPES.get(variable.data_type or 0)
+
+
+def _read_only(node: Node, address: Address, _: bytes) -> bool:
+    variable = node.device.dictionary.variable(address)
+    return variable is not None and not variable.writable
+
+
+def _too_long(node: Node, address: Address, content: bytes) -> bool:
+    return _odd(node, address, lambda size: 0 < size < len(content))
+
+
+def _too_short(node: Node, address: Address, content: bytes) -> bool:
+    return _odd(node, address, lambda size: len(content) < size)
+
+
+def _odd(node: Node, address: Address, wrong: Callable[[int], bool]) -> bool:
+    variable, type_ = node.device.dictionary.variable(address), _type(node, address)
+    return variable is not None and variable.writable and type_ is not None and wrong(type_.size)
+
+
+def _outside(node: Node, address: Address, content: bytes) -> bool:
+    variable, type_ = node.device.dictionary.variable(address), _type(node, address)
+    if variable is None or type_ is None or not type_.is_integer or len(content) != type_.size:
+        return False
+    value = type_.read(content)
+    above = variable.max is not None and isinstance(value, int) and value > variable.max
+    return above or (variable.min is not None and isinstance(value, int) and value < variable.min)
+
+
+def _is_valid(node: Node, communication: int) -> bool:
+    return node.device.objects.cob_id((communication, COB_ID)) is not None
+
+
+def _communication(mapping: int) -> int:
+    """Return the communication record of a mapping record."""
+    return mapping - (MAPPING_RECORDS[PdoDirection.TPDO][0] - COMMUNICATION_RECORDS[PdoDirection.TPDO][0])
+
+
+def _mapping_of_a_valid_one(node: Node, address: Address, _: bytes) -> bool:
+    return address[0] in MAPPINGS and _is_valid(node, _communication(address[0]))
+
+
+def _entry_in_use(node: Node, address: Address, _: bytes) -> bool:
+    in_use = address[0] in MAPPINGS and address[1] > 0 and bool(node.device.objects.raw((address[0], 0)))
+    return in_use and not _is_valid(node, _communication(address[0]))
+
+
+def _any_entry(node: Node, address: Address, _: bytes) -> bool:
+    free = address[0] in MAPPINGS and address[1] > 0 and not node.device.objects.raw((address[0], 0))
+    return free and not _is_valid(node, _communication(address[0]))
+
+
+def _any_count(node: Node, address: Address, content: bytes) -> bool:
+    counted = address[0] in MAPPINGS and address[1] == 0 and content != b"\0"
+    return counted and not _is_valid(node, _communication(address[0]))
+
+
+def _parameter_of_a_valid_one(subindex: int) -> Taken:
+    return lambda node, address, content: (
+        address[0] in COMMUNICATIONS
+        and address[1] == subindex
+        and _is_valid(node, address[0])
+        and not _odd(node, address, lambda size: size != len(content))
+    )
+
+
+def _of(wanted: Address, *contents: bytes) -> Taken:
+    """Take what is written to an object, or only some of it."""
+    return lambda _node, address, content: address == wanted and (not contents or content in contents)
+
+
+# What is answered
+
+
+def _instead(*, of: AbortCode, by: AbortCode) -> Mixin:
+    """Have the node refuse with another code."""
+
+    def changed(_: Node, frame: Frame) -> Iterable[Frame]:
+        refused = frame.data[0] == wire.ABORT and Initiate.of(frame.data).number == of
+        return [Frame(frame.cob_id, frame.data[:4] + by.to_bytes(4, "little"))] if refused else [frame]
+
+    return hooks.leaving(hooks.sdo_answer, changed)
+
+
+def _unknown_as_zero(_: Node, frame: Frame) -> Iterable[Frame]:
+    answer = Initiate.of(frame.data)
+    if answer.command != wire.ABORT or answer.number != AbortCode.NO_OBJECT:
+        return [frame]
+    return [Frame(frame.cob_id, wire.carrying(ServerCommand.UPLOAD, answer.address, bytes(4)))]
+
+
+def _specifier(data: bytes) -> int | None:
+    """Return the command specifier of an SDO frame, None for a frame that is none."""
+    return data[0] >> 5 if len(data) == wire.LENGTH else None
+
+
+def _where(specifier: int, change: Callable[[bytes], bytes]) -> FrameChange:
+    """Change frames whose command byte begins with a specifier."""
+    return hooks.data(lambda data: change(data) if _specifier(data) == specifier else data)
+
+
+def _no_error(data: bytes) -> bytes:
+    """Say in an answer that 0x1001 has no error."""
+    is_register = data[0] >> 5 == ServerCommand.UPLOAD and Initiate.of(data).address == ERROR_REGISTER
+    return data[:4] + bytes(4) if is_register else data
+
+
+def _wrong_crc(data: bytes) -> bytes:
+    return bytes([data[0], data[1] ^ 1]) + data[2:] if data[0] & 3 == Block.END else data
+
+
+class ToggleNotChecked(Node):
+    """Goes on whatever the toggle bit of a segment is."""
+
+    _toggle = 0
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
+            return super().receive(frame, now)
+        data = frame.data
+        if data[0] >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
+            self._toggle = 0
+        elif data[0] >> 5 in (ClientCommand.DOWNLOAD_SEGMENT, ClientCommand.UPLOAD_SEGMENT):
+            data = bytes([data[0] & ~wire.TOGGLE | self._toggle]) + data[1:]
+            self._toggle ^= wire.TOGGLE
+        return super().receive(Frame(frame.cob_id, data), now)
+
+
+class Blocked(Node):
+    """Waits for the rest of a download by segments, for ever."""
+
+    _waits = False
+
+    def reset(self) -> None:
+        super().reset()
+        self._waits = False
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if frame.cob_id != hooks.sdo_request(self) or len(frame.data) != wire.LENGTH:
+            return super().receive(frame, now)
+        command = frame.data[0]
+        if self._waits and command >> 5 in (ClientCommand.DOWNLOAD, ClientCommand.UPLOAD):
+            return []
+        answers = super().receive(frame, now)
+        begun = all(each.data[0] != wire.ABORT for each in answers)
+        self._waits = begun and command >> 5 == ClientCommand.DOWNLOAD and not command & wire.EXPEDITED
+        return answers
+
+    def tick(self, now: float) -> list[Frame]:
+        return [each for each in super().tick(now) if each.data[:1] != bytes([wire.ABORT])]
+
+
+# NMT, values, PDOs
+
+
+class SdoWhenStopped(Node):
+    """Answers SDO requests in STOPPED."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        if self.device.state is not NmtState.STOPPED or frame.cob_id != hooks.sdo_request(self):
+            return super().receive(frame, now)
+        self.device.state = NmtState.PRE_OPERATIONAL
+        answers = super().receive(frame, now)
+        self.device.state = NmtState.STOPPED
+        return answers
+
+
+class OperationalByItself(Node):
+    """Enters OPERATIONAL after each boot-up."""
+
+    def reset(self) -> None:
+        super().reset()
+        self.device.state = NmtState.OPERATIONAL
+
+
+class ValuesKept(Node):
+    """Has the values of before after a reset."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        before = dict(self.device.objects.values)
+        frames = super().receive(frame, now)
+        if frame.cob_id == NMT_COB_ID:
+            self.device.objects.values.update(before)
+        return frames
+
+
+class NoBootUpOfCommunication(Node):
+    """Sends no boot-up message after a reset of the communication."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        frames = super().receive(frame, now)
+        reset = frame.cob_id == NMT_COB_ID and frame.data[:1] == bytes([NmtCommand.RESET_COMMUNICATION])
+        return [each for each in frames if each.cob_id != hooks.heartbeat(self)] if reset else frames
+
+
+class HistoryKept(Node):
+    """Confirms that the error history is cleared, and keeps it."""
+
+    def receive(self, frame: Frame, now: float) -> list[Frame]:
+        emergencies = self.device.emergencies
+        before = list(emergencies.history)
+        frames = super().receive(frame, now)
+        if before and not emergencies.history and frame.cob_id == hooks.sdo_request(self):
+            emergencies.history.extend(before)
+        return frames
+
+
+class NoTpdos(Node):
+    """Sends no TPDO."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        sent = {each.cob_id for each in self.device.protocol.bindings if self.name in each.senders}
+        return [each for each in super().outgoing(frames) if each.cob_id not in sent]
+
+
+def _other_value(choose: Callable[[Node], Address | None]) -> Mixin:
+    """Have an object another value after power-on than the file says."""
+
+    class OtherValue(Node):
+        def reset(self) -> None:
+            super().reset()
+            address = choose(self)
+            if address is not None:
+                self.device.objects.values[address] = self.device.objects.raw(address) ^ 1
+
+    return OtherValue
+
+
+def _a_setting(node: Node) -> Address | None:
+    """Return the first whole number of the manufacturer that a PDO cannot carry."""
+    found = (address for address in node.device.dictionary.addresses() if address[0] >= 0x2000 and address[1] != 0xFF)
+    return next((address for address in found if _is_setting(node, address)), None)
+
+
+def _is_setting(node: Node, address: Address) -> bool:
+    variable, type_ = node.device.dictionary.variable(address), _type(node, address)
+    if variable is None or type_ is None or address == node.device.dictionary.node_id_address:
+        return False
+    return bool(variable.access_type == "rw" and type_.is_integer)
+
+
+def _sync(node: Node) -> int:
+    return node.device.objects.raw(SYNC) & BASE_IDENTIFIER
+
+
+def _filled_up(_: Node, frame: Frame) -> Iterable[Frame]:
+    """Have a command that lacks its node-ID be one to all nodes."""
+    return [Frame(frame.cob_id, frame.data.ljust(2, b"\0"))]
+
+
+def _fault(step: str, text: str, mixin: Mixin) -> Fault:
+    return Caught(SUITE, step).fault(text, mixin)
+
+
+FAULTS: Mapping[str, Fault] = {
+    # NMT
+    "boot-up-missing-after-communication": _fault(
+        "7.2.8.3.3 Boot-up: boot-up after reset communication",
+        "sends no boot-up message after a reset of the communication",
+        NoBootUpOfCommunication,
+    ),
+    "operational-by-itself": _fault(
+        "7.3.2.2 NMT state: after a reset", "enters OPERATIONAL without a master's command", OperationalByItself
+    ),
+    "nmt-to-all-ignored": _fault(
+        "7.2.8.2.1 NMT commands: a command to all nodes",
+        "hears no NMT command that is for all nodes",
+        hooks.arriving(hooks.nmt, hooks.only(lambda data: data[1:] != bytes([ALL_NODES]))),
+    ),
+    "nmt-half-heeded": _fault(
+        "7.2.8.2.1 NMT commands: half a command does not matter",
+        "carries out NMT commands of one byte",
+        hooks.arriving(hooks.nmt, _filled_up),
+    ),
+    "sdo-when-stopped": _fault("7.3.2.2.4 NMT state: no SDO in STOPPED", "answers SDO in STOPPED", SdoWhenStopped),
+    "heartbeat-change-late": _fault(
+        "7.5.2.20 Heartbeat time: a change counts at once",
+        "takes a new heartbeat time over when the old one is over",
+        taking(_of(HEARTBEAT_TIME)),
+    ),
+    "heartbeat-never-ends": _fault(
+        "7.5.2.20 Heartbeat time: 0 ends it",
+        "goes on with its heartbeat when the time is set to 0",
+        taking(_of(HEARTBEAT_TIME, bytes(2))),
+    ),
+    # Objects
+    "identity-wrong": _fault(
+        "7.5.2.21 Identity", "has another product code than its file", _other_value(lambda _: (0x1018, 2))
+    ),
+    "default-wrong": _fault(
+        "7.3.2.2.3 Default after a reset", "has another default than its file", _other_value(_a_setting)
+    ),
+    "values-kept-over-reset": _fault(
+        "7.3.2.2.3 Values", "has the values of before after a reset, without having stored them", ValuesKept
+    ),
+    "read-only-written": _fault("7.4.5 Read-only", "lets read-only objects be written", taking(_read_only)),
+    "read-only-code-wrong": _fault(
+        "7.4.5 Read-only",
+        "refuses to write a read-only object as unsupported access",
+        _instead(of=AbortCode.READ_ONLY, by=AbortCode.UNSUPPORTED_ACCESS),
+    ),
+    "unknown-object-as-zero": _fault(
+        "7.2.4.3.17 Unknown object",
+        "gives 0 for an object that is not there",
+        hooks.leaving(hooks.sdo_answer, _unknown_as_zero),
+    ),
+    "unknown-object-code-wrong": _fault(
+        "7.2.4.3.17 Unknown object",
+        "says of an object that is not there that its sub-index is not",
+        _instead(of=AbortCode.NO_OBJECT, by=AbortCode.NO_SUBINDEX),
+    ),
+    "unknown-subindex-code-wrong": _fault(
+        "7.2.4.3.17 Unknown sub-index",
+        "says of a sub-index that is not there that the object is not",
+        _instead(of=AbortCode.NO_SUBINDEX, by=AbortCode.NO_OBJECT),
+    ),
+    "too-long-taken": _fault("7.2.4.3.17 Wrong length", "takes more bytes than an object has", taking(_too_long)),
+    "too-short-taken": _fault("7.2.4.3.17 Wrong length", "takes fewer bytes than an object has", taking(_too_short)),
+    "length-code-wrong": _fault(
+        "7.2.4.3.17 Wrong length",
+        "refuses too many bytes as a value that is too high",
+        _instead(of=AbortCode.TOO_LONG, by=AbortCode.TOO_HIGH),
+    ),
+    "limits-not-checked": _fault("7.2.4.3.17 Limits", "takes values outside the limits", taking(_outside)),
+    "limits-code-wrong": _fault(
+        "7.2.4.3.17 Limits",
+        "refuses a value that is too high as too low",
+        _instead(of=AbortCode.TOO_HIGH, by=AbortCode.TOO_LOW),
+    ),
+    # SDO
+    "toggle-not-checked": _fault(
+        "7.2.4.3.7 SDO upload: a wrong toggle bit is refused", "does not look at toggle bits", ToggleNotChecked
+    ),
+    "toggle-code-wrong": _fault(
+        "7.2.4.3.7 SDO upload: a wrong toggle bit is refused",
+        "refuses a wrong toggle bit as an unknown command",
+        _instead(of=AbortCode.TOGGLE_BIT, by=AbortCode.UNKNOWN_COMMAND),
+    ),
+    "last-byte-lost": _fault(
+        "7.3.2.2.3 Default after a reset",
+        "has a 0 as the seventh byte of each segment",
+        hooks.leaving(hooks.sdo_answer, _where(ServerCommand.UPLOAD_SEGMENT, lambda data: data[:7] + b"\0")),
+    ),
+    "segments-forgotten": _fault(
+        "7.2.4.3.4 SDO download",
+        "takes 0 for what comes in segments",
+        hooks.arriving(hooks.sdo_request, _where(ClientCommand.DOWNLOAD_SEGMENT, lambda data: data[:1] + bytes(7))),
+    ),
+    "block-crc-wrong": _fault(
+        "7.2.4.3.12 SDO block upload",
+        "has a wrong CRC at the end of a block transfer",
+        hooks.leaving(hooks.sdo_answer, _where(ServerCommand.BLOCK_UPLOAD, _wrong_crc)),
+    ),
+    "unknown-command-ignored": _fault(
+        "7.2.4.3.17 SDO abort: an unknown command is refused",
+        "does not answer an SDO command that it does not know",
+        hooks.arriving(hooks.sdo_request, hooks.only(lambda data: _specifier(data) != UNKNOWN)),
+    ),
+    "abort-answered": _fault(
+        "7.2.4.3.17 SDO abort: a client's abort is not answered",
+        "answers a client's abort",
+        hooks.arriving(
+            hooks.sdo_request,
+            hooks.data(lambda data: b"\xe0" + data[1:] if data[:1] == bytes([wire.ABORT]) else data),
+        ),
+    ),
+    "blocked-by-a-transfer": _fault(
+        "7.2.4.3.17 SDO abort: a transfer that is left alone",
+        "waits for ever for the rest of a transfer",
+        Blocked,
+    ),
+    # PDOs
+    "identifier-changed-while-valid": _fault(
+        "7.5.2.35 RPDO communication",
+        "lets the identifier of a valid PDO be changed",
+        taking(_parameter_of_a_valid_one(COB_ID)),
+    ),
+    "inhibit-time-changed-while-valid": _fault(
+        "7.5.2.37 TPDO communication",
+        "lets the inhibit time of a valid TPDO be changed",
+        taking(_parameter_of_a_valid_one(INHIBIT_TIME)),
+    ),
+    "mapping-changed-while-valid": _fault(
+        "7.5.2.36 RPDO mapping", "lets the mapping of a valid PDO be changed", taking(_mapping_of_a_valid_one)
+    ),
+    "mapping-changed-in-use": _fault(
+        "7.5.2.36 RPDO mapping", "lets entries be changed while sub-index 0 is not 0", taking(_entry_in_use)
+    ),
+    "anything-mapped": _fault("7.5.2.36 RPDO mapping", "maps what cannot be mapped", taking(_any_entry)),
+    "mapping-too-long-taken": _fault("7.5.2.38 TPDO mapping", "maps more than 64 bits", taking(_any_count)),
+    "not-mappable-code-wrong": _fault(
+        "7.5.2.36 RPDO mapping",
+        "refuses what cannot be mapped as read-only",
+        _instead(of=AbortCode.NOT_MAPPABLE, by=AbortCode.READ_ONLY),
+    ),
+    "tpdos-missing": _fault("7.5.2.37 TPDO transmission", "sends no TPDO", NoTpdos),
+    "sync-ignored": _fault("7.2.2.2 TPDO transmission", "hears no SYNC", hooks.arriving(_sync, hooks.lost)),
+    # Emergencies
+    "history-not-cleared": _fault(
+        "7.2.7 EMCY: RPDO", "confirms that the error history is cleared, and keeps it", HistoryKept
+    ),
+    "history-cleared-by-anything": _fault(
+        "7.5.2.4 Error history: only 0 may be written",
+        "takes any value for the number of errors",
+        taking(_of(HISTORY), keeps=False),
+    ),
+    "error-register-empty": _fault(
+        "7.2.7 EMCY: RPDO",
+        "says in 0x1001 that there is no error when there is one",
+        hooks.leaving(hooks.sdo_answer, hooks.data(_no_error)),
+    ),
+    # Store and restore
+    "stores-without-signature": _fault(
+        "7.5.2.13 Store", "stores without the signature", taking(_of(STORE), keeps=False)
+    ),
+    "restores-without-signature": _fault(
+        "7.5.2.14 Restore", "restores the defaults without the signature", taking(_of(RESTORE), keeps=False)
+    ),
+}
+
+ALSO_FOUND: Mapping[str, str] = {
+    "boot-up-missing": "7.2.8.3.3 Boot-up: boot-up after reset",
+    "reset-ignored": "7.2.8.3.3 Boot-up: boot-up after reset",
+    "heartbeat-missing": "7.5.2.20 Heartbeat time: a change counts at once",
+    "heartbeat-stops": "7.5.2.20 Heartbeat time: heartbeats come at their time",
+    "heartbeat-every-other": "7.5.2.20 Heartbeat time: heartbeats come at their time",
+    "heartbeat-of-another-node": "7.2.8.3.3 Boot-up: boot-up after reset",
+    "heartbeat-always-operational": "7.3.2.2 NMT state: after a reset",
+    "nmt-ignored": "7.2.8.3.3 Boot-up: boot-up after reset",
+    "nmt-stop-ignored": "7.2.8.2.1 NMT commands: stop in OPERATIONAL",
+    "nmt-of-others-heeded": "7.2.8.2.1 NMT commands: another node's command does not matter",
+    "works-when-stopped": "7.3.2.2.4 NMT state: no SDO in STOPPED",
+    "emcy-missing": "7.2.7 EMCY: RPDO",
+    "emcy-twice": "7.2.7 EMCY: RPDO",
+    "emcy-code-wrong": "7.2.7 EMCY: RPDO",
+    "sdo-not-answered": "7.2.4.3.5 SDO: the device answers after a reset",
+    "sdo-value-reversed": "7.2.4.3.17 Unknown object",
+    "sdo-write-forgotten": "7.5.2.20 Heartbeat time: a change counts at once",
+    "sdo-abort-general": "7.2.4.3.17 Unknown object",
+    "sdo-abort-silent": "7.2.4.3.17 Unknown object",
+    "babbling": "7.2.7 EMCY: none without an error",
+}
+"""Steps of the conformance suite that find faults which a shipped suite finds, too."""

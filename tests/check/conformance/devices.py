@@ -1,0 +1,46 @@
+"""Conformance suites of devices from their files, read and run against the simulated device or a faulty one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache, partial
+from pathlib import Path
+
+from eurobot_od.check.conformance import suite
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.results import StepResult
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.simulated import MakeNodes, NodeUnderTest, run_simulated
+from eurobot_od.check.suite import Suite
+from eurobot_od.check.vocabulary import Networks
+from eurobot_od.device.node import Node
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.od.dictionary import Dictionary
+
+SAMPLES = Path(__file__).parents[2] / "lint" / "samples"
+MODULE = SAMPLES / "clean.eds"
+"""A device with everything that a suite looks at but write-only objects."""
+
+NODE_ID = 5
+
+
+@cache
+def suites(file: Path, *, destructive: bool = False) -> list[Suite]:
+    """Return the conformance suites of a file, read as any others are."""
+    dictionary = Dictionary.load(file, NODE_ID)
+    networks = Networks(lambda _: file, load=lambda _: (dictionary,), refused=lambda _: None)
+    return SuiteReader(networks).read_texts({file: suite.text(dictionary, destructive=destructive)})
+
+
+def of_kind(kind: type[Node]) -> MakeNodes:
+    """Return what makes devices of a class."""
+    return lambda dictionaries, _seed, _clock: [NodeUnderTest(kind(each)) for each in dictionaries.values()]
+
+
+def steps(
+    file: Path, kind: type[Node] = SimulatedDevice, *, destructive: bool = False, keep_going: bool = True
+) -> Iterator[StepResult]:
+    """Run all suites of a file, and give the results of their steps."""
+    run = partial(run_simulated, options=RunOptions(keep_going), make_nodes=of_kind(kind))
+    for each in suites(file, destructive=destructive):
+        yield from run(each).steps

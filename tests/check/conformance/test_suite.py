@@ -1,0 +1,134 @@
+"""Conformance suites: green on a device that does what its file says, with a reason for all that is left out."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.check.conformance import suite
+from eurobot_od.check.results import Status, SuitePart
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.simulated import NodeUnderTest, run_simulated
+from eurobot_od.check.suite import Nmt, SdoWrite, Step
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, Value
+from eurobot_od.robot import dialects
+from tests.check.conformance.devices import MODULE, NODE_ID, SAMPLES, steps, suites
+
+FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
+CLAUSE = re.compile(r"7\.\d(\.\d+)* [A-Z]")
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_no_step_is_red_on_a_device_that_is_its_file(file: Path) -> None:
+    assert [each.name for each in steps(file) if each.status is Status.FAILED] == []
+
+
+def test_nor_on_a_node_that_acts_on_what_is_written() -> None:
+    dictionary = dialects.load("drive")
+    assert [each.name for each in steps(dictionary.file) if each.status is Status.FAILED] == []
+
+
+def test_each_step_begins_with_its_clause_and_says_why_it_is_skipped() -> None:
+    for each in steps(MODULE):
+        assert CLAUSE.match(each.name)
+        assert each.status is Status.PASSED or (each.reason and each.reason.what)
+
+
+LACKING = [
+    # a file, a chapter's clause, and why its steps are skipped
+    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be written"),
+    ("old.eds", "7.2.4.3.7", "the file has no object of more than 4 bytes whose value is known"),
+    ("old.eds", "7.5.2.36", "the file has no RPDO"),
+    ("old.eds", "7.2.7", "the file has no valid EMCY (0x1014)"),
+    ("old.eds", "7.5.2.4", "the file has no error history (0x1003)"),
+    ("old.eds", "7.5.2.13", "the file has no 0x1010"),
+    ("sloppy_sensor.eds", "7.2.2.2", "the file has no SYNC (0x1005)"),
+    ("clean.eds", "7.5.2.13", "only with --destructive"),
+]
+
+
+@pytest.mark.parametrize(("name", "clause", "reason"), LACKING)
+def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, reason: str) -> None:
+    skipped = [each for each in steps(SAMPLES / name) if each.status is Status.SKIPPED]
+    reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]
+    assert any(each.startswith(reason) for each in reasons), reasons
+
+
+def test_a_step_is_named_once_within_its_suite() -> None:
+    for each in suites(MODULE):
+        names = Counter(step.name for step in each.steps)
+        assert [name for name, count in names.items() if count > 1] == []
+
+
+# What is put back
+
+
+def values(device: SimulatedDevice) -> dict[Address, Value]:
+    return {address: device.device.objects.kept(address) for address in device.device.dictionary.addresses()}
+
+
+@pytest.mark.parametrize("chapter", range(len(suite.CHAPTERS)))
+def test_all_values_are_put_back(chapter: int) -> None:
+    """Without the reset at the end, which would hide what is not."""
+    made: list[SimulatedDevice] = []
+
+    def make(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: object) -> list[NodeUnderTest]:
+        made.extend(map(SimulatedDevice, dictionaries.values()))
+        return list(map(NodeUnderTest, made))
+
+    before = values(SimulatedDevice.load(MODULE, NODE_ID))
+    run_simulated(suites(MODULE)[chapter]._replace(teardown=()), RunOptions(keep_going=True), make)
+    assert values(made[0]) == before
+
+
+def written(several: tuple[Step, ...]) -> Iterator[Address]:
+    for each in several:
+        yield from written(getattr(each.action, "steps", ()))
+        if isinstance(each.action, SdoWrite) and each.action.abort is None:
+            yield each.action.address
+
+
+def test_nothing_is_stored_unless_it_is_asked_for() -> None:
+    plain = {address for each in suites(MODULE) for address in written(each.steps)}
+    assert plain & {(0x1010, 1), (0x1011, 1)} == set()
+    asked_for = {address for each in suites(MODULE, destructive=True) for address in written(each.steps)}
+    assert asked_for >= {(0x1010, 1), (0x1011, 1)}
+
+
+def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
+    done = list(steps(MODULE, destructive=True))
+    assert [each.name for each in done if each.status is Status.FAILED] == []
+    assert any(each.name.endswith("stored and restored: the default is back") for each in done)
+    assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
+
+
+def test_each_suite_begins_and_ends_with_a_reset() -> None:
+    for each in suites(MODULE):
+        first, last = each.setup[0].action, each.teardown[-1].action
+        assert isinstance(first, Nmt)
+        assert isinstance(last, Nmt)
+        assert first.command is last.command is NmtCommand.RESET_NODE
+
+
+# Devices that are no help
+
+
+class Mute(SimulatedDevice):
+    """A device whose plug is out."""
+
+    def outgoing(self, frames: list[Frame]) -> list[Frame]:
+        return []
+
+
+def test_a_device_that_does_not_answer_is_red_at_once_and_all_else_is_skipped() -> None:
+    statuses = Counter(each.status for each in steps(MODULE, Mute) if each.section is not SuitePart.TEARDOWN)
+    assert statuses[Status.FAILED] == len(suite.CHAPTERS)
+    assert statuses[Status.PASSED] == len(suite.CHAPTERS)  # the NMT command before

@@ -1,0 +1,63 @@
+"""Suites as YAML: what a person can read and edit, whatever a file calls its objects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from eurobot_od.check.conformance import suite, writing
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.vocabulary import Networks
+from eurobot_od.od.dictionary import Dictionary
+from tests.check.conformance.devices import MODULE, NODE_ID
+
+STEPS = [
+    # a step, and its line
+    (
+        {"name": "read", "sdo": {"read": "0x1017:0", "expect": 500}},
+        '- {name: "read", sdo: {read: "0x1017:0", expect: 500}}',
+    ),
+    ({"name": "on", "nmt": "reset communication"}, '- {name: "on", nmt: reset communication}'),
+    (
+        {"name": "x", "sdo": {"write": "0x1000:0", "data": "00", "abort": ["0x06010002"]}},
+        '- {name: "x", sdo: {write: "0x1000:0", data: "00", abort: [0x06010002]}}',
+    ),
+    ({"name": "wait", "wait": "50 ms"}, '- {name: "wait", wait: 50 ms}'),
+]
+
+
+@pytest.mark.parametrize(("step", "line"), STEPS)
+def test_a_step_is_one_line(step: writing.Data, line: str) -> None:
+    assert writing.documents([{"steps": [step]}]) == f"---\nsteps:\n  {line}\n"
+
+
+NAMES = [
+    "Motor speed",
+    'with "quotes" and \\backslashes\\',
+    "[brackets], {braces}: and # more",
+    "no",
+    "012",
+    "Größe µm",
+    "tab\tand \x07 bell \x9f",
+    "x" * 1000,
+    "- dash",
+    "{present}",
+    "%s",
+]
+
+
+@pytest.mark.parametrize("name", NAMES, ids=lambda name: repr(name[:12]))
+def test_any_name_of_a_file_is_read_back(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "odd name [1].eds"
+    file.write_text(
+        MODULE.read_text().replace("ParameterName=Enabled", f"ParameterName={name}"),
+        encoding="latin-1",
+        errors="replace",
+    )
+    dictionary = Dictionary.load(file, NODE_ID)
+    text = suite.text(dictionary)
+    assert len(list(yaml.safe_load_all(text))) == len(suite.CHAPTERS)
+    networks = Networks(lambda _: file, load=lambda _: (dictionary,), refused=lambda _: None)
+    assert len(SuiteReader(networks).read_texts({file: text})) == len(suite.CHAPTERS)

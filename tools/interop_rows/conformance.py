@@ -1,0 +1,85 @@
+"""The conformance suite of a file, against stock canopen's node with the same file on an in-process bus.
+
+Rule of this file: what is red there is a table with the reason beside each; anything else red, or green, differs.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.subject import BOOT_TIME
+from eurobot_od.check.live import run_live
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.results import Status, StepResult
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.vocabulary import Networks
+from eurobot_od.od.dictionary import Dictionary
+from interop_rows.bench import new_channel, open_bus, stock_network
+from interop_rows.row import Answer, agree
+
+FILE = Path(__file__).parents[2] / "tests" / "lint" / "samples" / "clean.eds"
+NODE_ID = 5
+"""A device of no network; the file says no node-ID."""
+
+PATIENCE = "1 s"
+"""How long the node may take to boot: it is in this process, and what it never sends is not awaited for long."""
+
+RED = {
+    "7.2.8.3.3 Boot-up": "no boot-up after a reset",
+    "7.3.2.2 NMT state": "stays in INITIALISING after a reset until a command comes",
+    "7.3.2.2.4 NMT state": "answers SDO in STOPPED",
+    "7.3.2.2.3 Values": "a reset leaves what was written",
+    "7.2.4.3.17 Unknown sub-index": "any sub-index of a VAR is the VAR",
+    "7.2.4.3.17 Wrong length": "takes any length of a BOOLEAN",
+    "7.2.4.3.17 Limits": "takes values outside LowLimit and HighLimit",
+    "7.4.4 Length of the type": "refuses an object without a value with 0x060A0023",
+    "7.2.4.3.12 SDO block upload": "answers with a segmented upload, without having been offered that",
+    "7.5.2.35 RPDO communication": "the identifier of a valid PDO can be changed",
+    "7.5.2.37 TPDO communication": "the identifier and the inhibit time of a valid PDO can be changed",
+    "7.5.2.36 RPDO mapping": "takes any entry in any order",
+    "7.5.2.38 TPDO mapping": "takes any entry in any order, and more than 64 bits",
+    "7.5.2.37 TPDO transmission": "the event timer sends nothing",
+    "7.2.2.2 TPDO transmission": "SYNC is not heard",
+    "7.2.7 EMCY": "an RPDO that is too short is not told, and 0x1001 and 0x1003 know of no error",
+    "7.5.2.4 Error history": "0x1003 takes any number of errors",
+    "7.5.2.13 Store": "0x1010 wants no signature",
+    "7.5.2.14 Restore": "0x1011 wants no signature",
+}
+"""Clauses and topics with red steps, and what the node does."""
+
+
+def of_stock_node(_: Path) -> Answer:
+    """Run all chapters, and compare the topics that have red steps with the table."""
+    with _silent():
+        steps = list(_steps())
+    red = {step.name.partition(":")[0] for step in steps if step.status is Status.FAILED}
+    agree("the topics that are red", sorted(red), sorted(RED))
+    green = {step.name.partition(":")[0] for step in steps if step.status is Status.PASSED} - red
+    reasons = "; ".join(f"{topic}: {reason}" for topic, reason in RED.items())
+    return Answer(f"{len(green)} topics green, {len(red)} red", f"what is red: {reasons}")
+
+
+def _steps() -> Iterator[StepResult]:
+    dictionary = Dictionary.load(FILE, NODE_ID)
+    networks = Networks(lambda _: FILE, load=lambda _: (dictionary,), refused=lambda _: None)
+    text = suite.text(dictionary).replace(BOOT_TIME, PATIENCE)
+    channel = new_channel()
+    with stock_network(open_bus(channel)) as network:
+        network.create_node(NODE_ID, str(FILE))
+        for each in SuiteReader(networks).read_texts({FILE: text}):
+            yield from run_live(each, RunOptions(keep_going=True), lambda: open_bus(channel)).steps
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Leave out canopen's log: it has a traceback for each request that is refused."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
