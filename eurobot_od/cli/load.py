@@ -97,30 +97,29 @@ def message_set(arguments: argparse.Namespace) -> MessageSet:
 
 def _read(arguments: argparse.Namespace) -> MessageSet:
     from eurobot_od.load.set_file import is_message_set, read_set
+    from eurobot_od.robot import traffic
 
     path = arguments.path
     if path is None:
-        return _of_network(arguments, None)
+        return traffic.message_set(arguments.dialect)
     if arguments.dialect:
         raise LocalError("--dialect is for the robot's network: leave it out, or the file")
-    if Path(path).suffix.lower() in (".yaml", ".yml") and Path(path).is_file():
+    if Path(path).suffix.lower() in (".yaml", ".yml"):
         text = Path(path).read_text(encoding="utf-8", errors="replace")
         if is_message_set(text):
             return read_set(text, path, arguments.bitrate)
-    return _of_network(arguments, path)
+    return _of_network(path)
 
 
-def _of_network(arguments: argparse.Namespace, path: str | None) -> MessageSet:
+def _of_network(path: str) -> MessageSet:
     from eurobot_od.load.network_set import network_set
     from eurobot_od.od.network import load, read_network
     from eurobot_od.od.outline import Outline
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot import dialects
     from eurobot_od.robot.messages import CATALOGUE
 
-    file = str(dialects.network_file()) if path is None else path
-    network = read_network(file)
-    outlines = dialects.outlines(arguments.dialect) if path is None else load(network.nodes, Outline)
+    network = read_network(path)
+    outlines = load(network.nodes, Outline)
     with options.left_out() as refused:
         names = {each.cob_id: each.name for each in Protocol.of_devices(outlines, CATALOGUE, refused).bindings}
-    return network_set(outlines, names, network, file)
+    return network_set(outlines, names, network, path)

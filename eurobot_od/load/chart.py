@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import log10
+from math import ceil, floor, log10
 
 from eurobot_od import svg
 from eurobot_od.load.report import NO_BOUND, BoundRow, LoadReport, ms, summary
@@ -13,7 +13,7 @@ TEXT, TITLE = 13, 17
 INK, PALE, GRID, PAPER = "#22262b", "#6b7178", "#e6e3d8", "#ffffff"
 MET, MISSED, DEADLINE = "#2f8fd0", "#c62828", "#22262b"
 
-LEFT, TOP, ROW, PLOT, RIGHT, BOTTOM = 300, 76, 20, 620, 84, 44
+LEFT, TOP, ROW, PLOT, RIGHT, BOTTOM = 320, 76, 20, 620, 84, 44
 """Margins, height of a row, width of the plot; one unit is a pixel of a screen."""
 
 BAR = 12
@@ -24,8 +24,8 @@ class Scale:
 
     def __init__(self, report: LoadReport) -> None:
         times = [t for row in report.rows for t in (row.response, row.message.deadline) if t]
-        self.low = int(log10(min(times, default=1)))
-        self.high = max(int(log10(max(times, default=1))) + 1, self.low + 1)
+        self.low = floor(log10(min(times, default=1) / 2))  # so that the shortest bar is one
+        self.high = max(ceil(log10(max(times, default=1))), self.low + 1)
 
     def x(self, time: int) -> float:
         """Return where a time is; 0 is at the left end."""

@@ -24,7 +24,8 @@ class Limits(NamedTuple):
 
     `slowest`: kbit/s of the slowest bus on which it holds, None if no classic CAN is fast enough. `percent`: of its
     traffic, `first_missed` the message whose deadline can be missed with one percent more. `messages`: further ones of
-    8 bytes, less urgent than all others and as frequent as the most frequent of the set. `nodes`: further ones that send what the `busiest` does, each frame just after its in urgency.
+    8 bytes, less urgent than all others and each every `shortest_period`, us, that of the set's most frequent one.
+    `nodes`: further ones that send what the `busiest` does, each frame just after its in urgency.
     """
 
     bit_rate: int
