@@ -36,7 +36,7 @@ the moment the request fell due.
 
 Rule of this file: bit times and whole numbers only, every sum grows with every jitter, and so the loop over all of them
 starts from the messages' own jitter and ends at the least solution. What finds none is "no bound": a bus that is full,
-a time over `HORIZON`, and a jitter that still grows after `ROUNDS`.
+a time over `HORIZON`, more than `INSTANCES` in a busy period, and a jitter that still grows after `ROUNDS`.
 """
 
 from __future__ import annotations
@@ -51,6 +51,9 @@ from eurobot_od.load.frames import RECOVERY_BITS, Urgency
 
 HORIZON = 10**7
 """Bit times after which a busy period is taken for endless: 10 s at 1 Mbit/s."""
+
+INSTANCES = 1000
+"""More instances of a message in one busy period are not looked at, and taken for endless."""
 
 ROUNDS = 256
 """So many times the jitters are worked out from each other; then they are taken to grow for ever."""
@@ -276,7 +279,7 @@ def _times(level: Level, jitter: int, others: Sequence[Waits], errors: Errors) -
         return errors.within(time) * level.recovery + level.blocked + work
 
     busy = _least(in_busy_period, bits, level.blocked + behind, level.load)
-    if busy is None:
+    if busy is None or busy + jitter > INSTANCES * period:
         return NO_TIMES
     response = waiting = queued = 0
     for instance in range(_ceil(busy + jitter, period)):
