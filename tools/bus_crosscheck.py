@@ -264,13 +264,18 @@ def _stretched(message: SentMessage, stretch: float, random: Random) -> SentMess
 
 
 class Outcome(NamedTuple):
-    """What came of a set: frames sent, response times over their bound, and how near the nearest was to its bound."""
+    """What came of a set: frames sent, response times over their bound, and how near the nearest was to its bound.
+
+    `nearest` is None if no message has a bound. Where mailboxes are limited (`crowded`), the worst needs more to come
+    together than a critical instant here brings about: it is told, and not judged, how near the nearest is.
+    """
 
     name: str
     frames: int
     over: tuple[str, ...]
-    nearest: float
+    nearest: float | None
     unbounded: int
+    crowded: bool
 
 
 def crosscheck(name: str, messages: MessageSet, bit_rate: int, frames: int, errors: Errors = no_errors) -> Outcome:
@@ -290,8 +295,8 @@ def crosscheck(name: str, messages: MessageSet, bit_rate: int, frames: int, erro
     over = tuple(
         f"{name}: {m}: {longest:.1f} of {bound} bits" for m, longest, bound in seen if longest > bound + ROUNDING
     )
-    nearest = max((longest / bound for _, longest, bound in seen), default=0.0)
-    return Outcome(name, bench.frames, over, nearest, len(bounds) - len(seen))
+    nearest = max((longest / bound for _, longest, bound in seen), default=None)
+    return Outcome(name, bench.frames, over, nearest, len(bounds) - len(seen), bool(messages.mailboxes))
 
 
 def attempt(number: int, frames: int) -> Outcome:
@@ -304,13 +309,13 @@ def attempt(number: int, frames: int) -> Outcome:
 
 def wrong(outcome: Outcome) -> bool:
     """Tell whether a set is not as it has to be."""
-    return bool(outcome.over) or outcome.nearest < TIGHT
+    return bool(outcome.over) or (not outcome.crowded and outcome.nearest is not None and outcome.nearest < TIGHT)
 
 
 def summary(outcomes: Iterable[Outcome]) -> str:
     """Say in one line what came of all sets."""
     all_of_them = list(outcomes)
-    near = [each.nearest for each in all_of_them]
+    near = [each.nearest for each in all_of_them if each.nearest is not None]
     return (
         f"{sum(each.frames for each in all_of_them)} frames of {len(all_of_them)} sets: "
         f"{sum(len(each.over) for each in all_of_them)} response times over their bound; the nearest of a set is "
@@ -336,7 +341,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         outcomes = list(pool.map(partial(attempt, frames=options.frames // number), range(number)))
     for each in outcomes:
         if wrong(each):
-            print(*each.over, f"{each.name}: the nearest is {each.nearest:.0%} of its bound", sep="\n")
+            print(*each.over, f"{each.name}: the nearest is {each.nearest} of its bound", sep="\n")
     print(f"{summary(outcomes)}; {time.perf_counter() - began:.0f} s")
     return WRONG if any(map(wrong, outcomes)) else FINE
 

@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, as 1/10ms")
     parser.add_argument(
         "--mailboxes",
-        type=int,
+        type=_mailboxes,
         metavar="N",
         help="transmit mailboxes without abort of every node, 0 for as many as it needs; left out: the setting of each",
     )
@@ -50,6 +50,13 @@ def _bit_rate(text: str) -> int:
     if not 1000 <= rate <= 1_000_000:
         raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
     return rate
+
+
+def _mailboxes(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of mailboxes")
+    return number
 
 
 def _errors(text: str) -> ErrorRate:

@@ -211,5 +211,6 @@ class _Rows:
 
     def _error(self, at: str, what: str) -> DictionaryError:
         """Return the error at a text of the network file, which knows its place."""
-        place = getattr(at, "place", None)
+        known = next((name for name in self._rows if name == at), at)  # the file's own text, with its place
+        place = getattr(at, "place", None) or getattr(known, "place", None)
         return DictionaryError(f"{self._file}:{place.line}:{place.column}" if place else self._file, None, what)

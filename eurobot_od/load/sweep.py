@@ -40,20 +40,31 @@ class Limits(NamedTuple):
 
 def limits(messages: MessageSet, bit_rate: int) -> Limits:
     """Search the limits of a set that has messages."""
-    fails_at = _first(lambda n: not _holds(messages, (HIGHEST_BIT_RATE - n) * KBIT), HIGHEST_BIT_RATE)
-    percent = _most(lambda n: _holds(messages.faster(n + 1), bit_rate), MOST_TIMES)
-    beyond = load_report(messages.faster(1 if percent is None else percent + 2), bit_rate)
+    percent = most_traffic(messages, bit_rate)
+    beyond = load_report(messages.faster((percent or 0) + 1), bit_rate)
     shortest, busiest = min(each.period for each in messages.messages), _busiest(messages)
     return Limits(
         bit_rate=bit_rate,
-        slowest=HIGHEST_BIT_RATE - fails_at + 1 if fails_at else None,
-        percent=None if percent is None else percent + 1,
+        slowest=slowest_bus(messages),
+        percent=percent,
         first_missed=first_missed(beyond),
         messages=_most(lambda n: _holds(with_messages(messages, n, shortest), bit_rate), MOST_MORE),
         shortest_period=shortest,
         nodes=_most(lambda n: _holds(with_nodes(messages, n, busiest), bit_rate), MOST_MORE),
         busiest=busiest,
     )
+
+
+def slowest_bus(messages: MessageSet) -> int | None:
+    """Return the kbit/s of the slowest bus on which a set holds, None if it does on no classic CAN."""
+    slower = _most(lambda n: _holds(messages, (HIGHEST_BIT_RATE - n) * KBIT), HIGHEST_BIT_RATE - 1)
+    return None if slower is None else HIGHEST_BIT_RATE - slower
+
+
+def most_traffic(messages: MessageSet, bit_rate: int) -> int | None:
+    """Return how many percent of its traffic a set holds with, None if it does not as it is."""
+    more = _most(lambda n: _holds(messages.faster(100 + n), bit_rate), MOST_TIMES)
+    return None if more is None else 100 + more
 
 
 def first_missed(report: LoadReport) -> str:
