@@ -29,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NETWORK|MESSAGES.yaml",
         help="network file or folder of EDS files, or a set of messages; left out: the robot's network",
     )
-    parser.add_argument("-b", "--bitrate", type=_bit_rate, help="bit/s; left out: what the file says, or 500000")
+    parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s; left out: what the file says, or 500000")
     parser.add_argument("--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, as 1/10ms")
     parser.add_argument(
         "--mailboxes",
@@ -43,13 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print as JSON, times in us")
     parser.add_argument("--svg", type=Path, metavar="FILE", help="write a chart of the response times")
     options.add_dialect(parser)
-
-
-def _bit_rate(text: str) -> int:
-    rate = int(text)
-    if not 1000 <= rate <= 1_000_000:
-        raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
-    return rate
 
 
 def _mailboxes(text: str) -> int:
