@@ -29,7 +29,8 @@ def test_times_are_microseconds(report: LoadReport) -> None:
     quick, long = report.rows
     assert (quick.response, quick.margin, quick.blocking) == (2_250, -1_050, "Long")  # 100 us, 160 bits, 55 bits
     assert (long.response, long.margin, long.blocking) == (2_150, 17_850, "")
-    assert (report.busy, float(report.load)) == (2_150, pytest.approx(0.135))
+    assert report.busy == 2_150
+    assert float(report.load) == pytest.approx(0.135)
     assert (quick.holds, long.holds, report.holds) == (False, True, False)
 
 
@@ -87,14 +88,18 @@ def test_the_slowest_bus_and_the_most_traffic() -> None:
     assert found.first_missed == "Long"
 
 
-def test_how_many_more_fit() -> None:
+def test_how_many_more_messages_fit() -> None:
     found = limits(SET, 500_000)
     assert found.messages is not None
+    for more, holds in ((0, True), (1, False)):
+        assert load_report(with_messages(SET, found.messages + more, found.shortest_period), 500_000).holds is holds
+
+
+def test_how_many_more_nodes_fit() -> None:
+    found = limits(SET, 500_000)
     assert found.nodes is not None
-    for more, number in ((with_messages, found.messages), (with_nodes, found.nodes)):
-        argument = {with_messages: found.shortest_period, with_nodes: found.busiest}[more]
-        assert load_report(more(SET, number, argument), 500_000).holds  # type: ignore[operator]
-        assert not load_report(more(SET, number + 1, argument), 500_000).holds  # type: ignore[operator]
+    for more, holds in ((0, True), (1, False)):
+        assert load_report(with_nodes(SET, found.nodes + more, found.busiest), 500_000).holds is holds
 
 
 def test_what_does_not_hold_has_no_limits() -> None:
