@@ -97,7 +97,7 @@ def _statistics(arguments: argparse.Namespace) -> ExitStatus:
 
     decoder = options.decoder(arguments)
     decode, wanted, damage = lru_cache(REMEMBERED)(decoder), filters(arguments, decoder), DamageCounts()
-    promised = options.promised(arguments)
+    promised = options.promised(arguments, decoder)
     for log in arguments.logs:
         seen = SeenTraffic(arguments.bitrate, promised)
         shown_time = Window(arguments.since, arguments.until, arguments.relative).clock()

@@ -61,7 +61,7 @@ def _speed(text: str) -> float:
 def run(arguments: argparse.Namespace) -> None:
     """Watch until the logs end or the watcher has enough; print the table once more."""
     from eurobot_od import live as runtime
-    from eurobot_od.load.seen import table
+    from eurobot_od.load.seen import NOTHING, table
     from eurobot_od.monitor.cells import plain_table
     from eurobot_od.monitor.controls import Controls
     from eurobot_od.monitor.traffic import Traffic, selected
@@ -69,7 +69,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.ask and arguments.logs:
         raise LocalError("--ask is for a bus: a log has nobody to ask")
     decoder = (options.asking_decoder if arguments.ask else options.decoder)(arguments)
-    traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, options.promised(arguments))
+    promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
+    traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:

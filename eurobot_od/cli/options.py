@@ -103,8 +103,8 @@ def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
     return network.load(files, Outline) if files else dialects.outlines(arguments.dialect)
 
 
-def promised(arguments: argparse.Namespace) -> MessageSet:
-    """Return what these devices send and how often, as far as that is known: nothing if a period is missing."""
+def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
+    """Return what a decoder's devices send and how often, as far as that is known: nothing if a period is missing."""
     from eurobot_od.load.network_set import network_set
     from eurobot_od.load.seen import NOTHING
     from eurobot_od.robot import traffic
@@ -114,8 +114,8 @@ def promised(arguments: argparse.Namespace) -> MessageSet:
             return traffic.message_set(arguments.dialect)
         path = arguments.network or network.DEFAULT
         rows = network.read_network(path) if os.path.exists(path) else NetworkFile([])  # noqa: PTH110
-        names = {each.cob_id: each.name for each in protocol(arguments).bindings}
-        return network_set(devices(arguments), names, rows, path)
+        names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+        return network_set(decoder.outlines, names, rows, path)
     except (DictionaryError, LocalError):  # to watch a bus, nobody has to know how often what should come
         return NOTHING
 
