@@ -265,3 +265,15 @@ def test_statistics_tell_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFix
     file.write_text("(1.000000) can0 123#01\n")
     assert cli.main(["decode", str(file), "--statistics", "--strict"]) == 1
     assert "1 x unknown identifier" in capsys.readouterr().err
+
+
+def test_statistics_know_what_a_network_file_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, eds = tmp_path / "good.log", Path(__file__).parents[2] / "eds"
+    file.write_text("\n".join(GOOD))
+    said = []
+    for words in ([], ["--network", str(eds / "network.yaml")], ["--network", str(eds / "canopen")]):
+        assert cli.main(["decode", str(file), "--statistics", *words]) == 0
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1]
+    assert "9.91" in said[0]  # the bound of Goto Confirm
+    assert "9.91" not in said[2]  # a folder says nothing of how often what is sent
