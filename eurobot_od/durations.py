@@ -27,6 +27,17 @@ def seconds(text: str) -> float:
     return float(match[1]) * UNITS[match[2]]
 
 
+def is_duration(text: str) -> bool:
+    """Tell whether a text is a duration."""
+    match = _DURATION.fullmatch(text)
+    return match is not None and match[2] in UNITS
+
+
+def microseconds(text: str) -> int:
+    """Return a duration as whole microseconds, rounded; raises DurationError."""
+    return round(seconds(text) * 1_000_000)
+
+
 def text(seconds: float) -> str:
     """Write a duration as people do: `500 ms`, `1.5 s`."""
     return f"{seconds:g} s" if seconds >= 1 else f"{seconds * 1000:g} ms"

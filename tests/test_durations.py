@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.durations import DurationError, seconds, text
+from eurobot_od.durations import DurationError, is_duration, microseconds, seconds, text
 
 VALID = [
     ("500ms", 0.5),
@@ -32,6 +32,8 @@ INVALID = [
 @pytest.mark.parametrize(("written", "expected"), VALID)
 def test_reads(written: str, expected: float) -> None:
     assert seconds(written) == pytest.approx(expected)
+    assert microseconds(written) == round(expected * 1_000_000)
+    assert is_duration(written)
 
 
 @pytest.mark.parametrize("written", INVALID)
@@ -40,6 +42,7 @@ def test_refuses(written: str) -> None:
         seconds(written)
     expected = f"{written!r} is not a duration; write a number and one of us, ms, s, min, such as 500 ms"
     assert str(error.value) == expected
+    assert not is_duration(written)
 
 
 @pytest.mark.parametrize(

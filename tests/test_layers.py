@@ -23,13 +23,13 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {"errors", "durations", "yaml_places", "frame", "files"},
+    {"errors", "durations", "yaml_places", "frame", "files", "svg"},
     {"od"},
     {"pdo"},
     {"sdo"},
     {"device", "gatekeeper"},
     {"live", "simulation", "faults"},
-    {"client", "lint", "logs", "export"},
+    {"client", "lint", "logs", "export", "load"},
     {"monitor", "check"},
     {"robot"},
     {"cli"},

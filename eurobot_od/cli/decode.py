@@ -12,13 +12,14 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.cli import ExitStatus, options
-from eurobot_od.cli.logs import add_log, form_of, opened
+from eurobot_od.cli.logs import add_log, entries, form_of, opened
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.logs.output import Output
 
+BIT_RATE = 500_000
 PROGRESS_FROM = 8 << 20
 PROGRESS_STEP = 1 << 20
 """A log of this many bytes or more shows its progress, every time that so much has been written."""
@@ -34,6 +35,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--since", type=float, default=0.0, metavar="S", help="from this time on, in s")
     parser.add_argument("--until", type=float, default=float("inf"), metavar="S", help="up to this time, in s")
     parser.add_argument("--relative", action="store_true", help="count the time from a log's first entry")
+    parser.add_argument(
+        "--statistics",
+        action="store_true",
+        help="instead of lines: load, gaps, jitter, response times and their bounds",
+    )
+    parser.add_argument(
+        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for --statistics; left out: %(default)s"
+    )
     parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
     options.add_network(parser)
 
@@ -61,6 +70,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
 
+    if arguments.statistics:
+        return _statistics(arguments)
     decoder = options.decoder(arguments)
     output = _output(arguments, decoder)
     window = Window(arguments.since, arguments.until, arguments.relative)
@@ -72,6 +83,32 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     sys.stdout.flush()
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
+
+
+def _statistics(arguments: argparse.Namespace) -> ExitStatus:
+    """Print the statistics of all logs, one after the other; report what is wrong in them."""
+    from functools import lru_cache
+
+    from eurobot_od.frame import Frame
+    from eurobot_od.load.seen import SeenTraffic, table
+    from eurobot_od.logs.entries import REMEMBERED
+    from eurobot_od.logs.filters import Window
+    from eurobot_od.logs.statistics import DamageCounts
+
+    decoder = options.decoder(arguments)
+    decode, wanted, damage = lru_cache(REMEMBERED)(decoder), filters(arguments, decoder), DamageCounts()
+    promised = options.promised(arguments, decoder)
+    for log in arguments.logs:
+        seen = SeenTraffic(arguments.bitrate, promised)
+        shown_time = Window(arguments.since, arguments.until, arguments.relative).clock()
+        for _, (line, time, _, raw) in entries([log], arguments.format):
+            meaning, shown = decode(raw), shown_time(time)
+            damage.add(log, line, meaning.defects)
+            if isinstance(raw, Frame) and shown is not None and (wanted is None or wanted(meaning)):
+                seen.take(shown, raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
+        print("\n".join(([f"{log}:"] if len(arguments.logs) > 1 else []) + list(table(seen))))
+    sys.stderr.writelines(f"{line}\n" for line in damage.report())
+    return ExitStatus.FOUND if arguments.strict and damage.total else ExitStatus.FINE
 
 
 def _output(arguments: argparse.Namespace, decoder: Decoder) -> Output:

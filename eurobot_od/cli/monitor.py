@@ -43,6 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
     parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
     parser.add_argument("--plain", action="store_true", help="lines as decode writes them, and the table at the end")
+    parser.add_argument(
+        "--statistics", action="store_true", help="at the end also load, gaps, response times and bounds"
+    )
     parser.add_argument("--ask", action="store_true", help="read the PDOs as the devices have them now, by SDO")
     options.add_network(parser)
     options.add_bus(parser)
@@ -58,6 +61,7 @@ def _speed(text: str) -> float:
 def run(arguments: argparse.Namespace) -> None:
     """Watch until the logs end or the watcher has enough; print the table once more."""
     from eurobot_od import live as runtime
+    from eurobot_od.load.seen import NOTHING, table
     from eurobot_od.monitor.cells import plain_table
     from eurobot_od.monitor.controls import Controls
     from eurobot_od.monitor.traffic import Traffic, selected
@@ -65,7 +69,8 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.ask and arguments.logs:
         raise LocalError("--ask is for a bus: a log has nobody to ask")
     decoder = (options.asking_decoder if arguments.ask else options.decoder)(arguments)
-    traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE)
+    promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
+    traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
     rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:
@@ -76,6 +81,8 @@ def run(arguments: argparse.Namespace) -> None:
             monitor.run(took, refresh)
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     print("\n".join(plain_table(rows, source.now)))
+    if arguments.statistics:
+        print("\n".join(table(traffic.seen)))
     sys.stderr.writelines(f"{line}\n" for line in traffic.damage.report())
 
 

@@ -9,15 +9,16 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from eurobot_od.errors import LocalError, MappingError, RemoteError
+from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
-from eurobot_od.od.network_file import NodeFile
+from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.outline import Outline
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
@@ -29,6 +30,14 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     group.add_argument("-i", "--interface", help="python-can interface, such as socketcan, pcan, slcan, remote")
     group.add_argument("-c", "--channel", help="channel of the interface, such as can0")
     group.add_argument("-b", "--bitrate", type=int, help="bit/s, 500000 if nothing else is configured")
+
+
+def bit_rate(text: str) -> int:
+    """Read a bit rate of classic CAN in bit/s."""
+    rate = int(text)
+    if not 1000 <= rate <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
+    return rate
 
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
@@ -92,6 +101,23 @@ def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
     """
     files = named_files(arguments)
     return network.load(files, Outline) if files else dialects.outlines(arguments.dialect)
+
+
+def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
+    """Return what a decoder's devices send and how often, as far as that is known: nothing if a period is missing."""
+    from eurobot_od.load.network_set import network_set
+    from eurobot_od.load.seen import NOTHING
+    from eurobot_od.robot import traffic
+
+    try:
+        if not named_files(arguments):
+            return traffic.message_set(arguments.dialect)
+        path = arguments.network or network.DEFAULT
+        rows = network.read_network(path) if os.path.exists(path) else NetworkFile([])  # noqa: PTH110
+        names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+        return network_set(decoder.outlines, names, rows, path)
+    except (DictionaryError, LocalError):  # to watch a bus, nobody has to know how often what should come
+        return NOTHING
 
 
 def tell_repairs(outlines: Iterable[Outline]) -> None:

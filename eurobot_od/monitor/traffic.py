@@ -17,13 +17,13 @@ from typing import Any, NamedTuple
 from eurobot_od.client.watch import Pulse
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
+from eurobot_od.load.message_set import MessageSet
+from eurobot_od.load.seen import NOTHING, SeenTraffic
 from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.logs.statistics import DamageCounts
 from eurobot_od.od.values import Address
-
-OVERHEAD_BITS = 47
-"""Bits of a classic base frame besides its data, interframe space included and stuff bits not (ISO 11898-1)."""
+from eurobot_od.simulation.bits import frame_bits
 
 REMEMBERED_TIMES = 33
 """Period and jitter are those of the last 32 intervals."""
@@ -83,11 +83,12 @@ class NodeHealth:
 class Traffic:
     """The traffic on a bus of `bitrate` bit/s; `rows` by identifier, or by kind of damage where there is none.
 
-    `groups` are those of the messages that may come.
+    `groups` are those of the messages that may come; `seen` is what came beside what is `promised`.
     """
 
-    def __init__(self, decoder: Decoder, bitrate: int) -> None:
-        self.bitrate = bitrate
+    def __init__(self, decoder: Decoder, bitrate: int, promised: MessageSet = NOTHING) -> None:
+        self.bitrate, self._promised = bitrate, promised
+        self.seen = SeenTraffic(bitrate, promised)
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | Damage, TrafficRow] = {}
         periods = {each.name: (each.number(HEARTBEAT_PERIOD) or 0) / 1000 for each in decoder.outlines}
@@ -111,7 +112,8 @@ class Traffic:
         row.count += 1
         row.times.append(time)
         if isinstance(raw, Frame):
-            self._bits += OVERHEAD_BITS + 8 * len(raw.data)
+            self._bits += frame_bits(raw)
+            self.seen.take(time, raw, row.name, meaning.nodes[0] if meaning.nodes else "")
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)
@@ -123,10 +125,11 @@ class Traffic:
     def clear(self) -> None:
         """Forget what was counted."""
         self.rows.clear()
+        self.seen = SeenTraffic(self.bitrate, self._promised)
         self.damage = DamageCounts()
 
     def load(self, now: float) -> tuple[float, float]:
-        """Return bus load (share of 1, stuff bits not counted) and frames per second since the last second's mark.
+        """Return bus load (share of 1, stuff bits counted) and frames per second since the last second's mark.
 
         Called at every refresh; between two calls the traffic is taken as even.
         """

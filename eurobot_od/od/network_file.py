@@ -10,8 +10,9 @@ Node2DCFName=drive.dcf
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath, PureWindowsPath
+from types import MappingProxyType
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
@@ -27,13 +28,27 @@ class NodeFile(NamedTuple):
     name: str = ""
 
 
+class TrafficEntry(NamedTuple):
+    """How often a message is sent, as a network file says it, and what depends on that; empty for what is not said.
+
+    `every`, `jitter` and `deadline` are a duration, or the name of a setting in ms.
+    """
+
+    every: str = ""
+    answers: str = ""
+    jitter: str = ""
+    deadline: str = ""
+    reason: str = ""
+
+
 class NetworkFile(NamedTuple):
-    """What a network file says: its nodes, shared messages, messages by urgency, kbit/s."""
+    """What a network file says: its nodes, shared messages, messages by urgency, kbit/s, what is sent how often."""
 
     nodes: Sequence[NodeFile]
     shared: Sequence[str] = ()
     order: Sequence[str] = ()
     bit_rate: int | None = None
+    traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
 
 
 NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")

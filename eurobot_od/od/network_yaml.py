@@ -9,6 +9,9 @@ a node may be called `off`, and what YAML 1.1 makes of it does not count.
     shared: [Start Configuration Confirm]     # messages that several nodes may send
     order: [Emergency Shutdown, Emergency Stop]   # the most urgent first
     bit_rate: 500                             # kbit/s
+    traffic:                                  # how often what is sent, for `load`: a duration, or a setting in ms
+      Goto XY: {every: Goto handshake.Confirm wait, deadline: 50 ms, reason: sent again until it is confirmed}
+      Goto Confirm: {answers: Goto XY, jitter: 1 ms}
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from pathlib import PurePath
 import yaml
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.network_file import NetworkFile, NodeFile, TrafficEntry
 from eurobot_od.od.values import NODE_IDS, parse_number
 from eurobot_od.yaml_places import NodeReader, Problems, ReadError, listing, mapping, read_yaml, record, refuse, scalar
 
@@ -44,10 +47,17 @@ def _nodes(node: yaml.Node, problems: Problems) -> list[NodeFile]:
     return [each._replace(name=str(name)) for name, each in named.items()]
 
 
+TRAFFIC = mapping(record(TrafficEntry, {}, dict.fromkeys(TrafficEntry._fields, scalar)), key=scalar)
+
 NETWORK = record(
     NetworkFile,
     {"nodes": _nodes},
-    {"shared": listing(scalar), "order": listing(scalar), "bit_rate": number_of(range(1, 1001))},
+    {
+        "shared": listing(scalar),
+        "order": listing(scalar),
+        "bit_rate": number_of(range(1, 1001)),
+        "traffic": TRAFFIC,
+    },
 )
 
 

@@ -27,6 +27,11 @@ def eds_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "eds"
 
 
+def network_file() -> Path:
+    """Return the network file of the dialects: what the robot's nodes share, and how often what is sent."""
+    return eds_folder() / "network.yaml"
+
+
 def names() -> list[str]:
     """Return the names of all dialects."""
     return sorted(each.name for each in eds_folder().iterdir() if any(each.glob("*.eds")))

@@ -234,3 +234,46 @@ def test_a_reader_that_leaves_is_no_error(good: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("share", "drawn"), [(0.0, "[    ]   0%"), (0.5, "[##  ]  50%"), (1.0, "[####] 100%")])
 def test_progress_bar(share: float, drawn: str) -> None:
     assert bar(share, 4) == drawn
+
+
+# Statistics
+
+
+def test_statistics_are_a_table_instead_of_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "good.log"
+    file.write_text("\n".join(GOOD))
+    assert cli.main(["decode", str(file), "--statistics", "-b", "250000"]) == 0
+    heading, goto, confirm, here, beat, load = capsys.readouterr().out.splitlines()
+    assert heading.split()[:5] == ["ID", "message", "from", "count", "load"]
+    assert confirm.split()[-2:] == ["500.00", "18.82"]  # half a second late, and the bound at this bit rate
+    assert [line.split()[0] for line in (goto, here, beat)] == ["008", "100", "702"]
+    assert load.startswith("load of 250 kbit/s: core ")
+
+
+def test_statistics_of_several_logs_and_of_some_messages(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = [tmp_path / name for name in ("one.log", "two.log")]
+    for file in files:
+        file.write_text("\n".join(GOOD))
+    assert cli.main(["decode", *map(str, files), "--statistics", "--message", "Goto Confirm"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [lines[0], lines[4]] == [f"{file}:" for file in files]
+    assert lines[2].split()[:4] == ["00C", "Goto", "Confirm", "drive"]
+
+
+def test_statistics_tell_what_is_wrong(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "wrong.log"
+    file.write_text("(1.000000) can0 123#01\n")
+    assert cli.main(["decode", str(file), "--statistics", "--strict"]) == 1
+    assert "1 x unknown identifier" in capsys.readouterr().err
+
+
+def test_statistics_know_what_a_network_file_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, eds = tmp_path / "good.log", Path(__file__).parents[2] / "eds"
+    file.write_text("\n".join(GOOD))
+    said = []
+    for words in ([], ["--network", str(eds / "network.yaml")], ["--network", str(eds / "canopen")]):
+        assert cli.main(["decode", str(file), "--statistics", *words]) == 0
+        said.append(capsys.readouterr().out)
+    assert said[0] == said[1]
+    assert "9.91" in said[0]  # the bound of Goto Confirm
+    assert "9.91" not in said[2]  # a folder says nothing of how often what is sent

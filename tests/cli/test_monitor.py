@@ -41,6 +41,12 @@ def test_filter_and_sort(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert [line.split()[0] for line in lines] == ["10.000000", "10.500000", "ID", "702", "00C"]
 
 
+def test_statistics_at_the_end(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["monitor", str(log), "--speed", "max", "--statistics"]) == 0
+    *_, load = capsys.readouterr().out.splitlines()
+    assert load.startswith("load of 500 kbit/s: ? 0.01%, drive 0.02%")
+
+
 def test_nobody_can_be_asked_in_a_log(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--ask"]) == 2
     assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has nobody to ask\n"

@@ -11,6 +11,7 @@ from eurobot_od.monitor.traffic import SORTS, MeanPeriod, Traffic, selected
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.simulation.bits import frame_bits
 
 DECODER = decoder(dialects.DEFAULT)
 REQUEST = DECODER.protocol.encode(KalmanPositionRequest())
@@ -48,14 +49,15 @@ def test_period_and_jitter(traffic: Traffic, times: list[float], period: MeanPer
 
 
 def test_load_of_a_full_bus(traffic: Traffic) -> None:
-    """A Goto XY takes 111 bit times without stuff bits."""
+    """Stuff bits count: a bus without a pause between its frames is full."""
     traffic.load(0.0)
-    each = 111 / 500_000
-    for n in range(1, 4505):
+    each = frame_bits(GOTO) / 500_000
+    number = int(1 / each)
+    for n in range(1, number + 1):
         traffic.take(n * each, GOTO)
-    share, rate = traffic.load(4504 * each)
+    share, rate = traffic.load(number * each)
     assert share == pytest.approx(1.0, abs=0.001)
-    assert rate == pytest.approx(4504.5, abs=1)
+    assert rate == pytest.approx(1 / each, abs=1)
 
 
 def test_load_is_that_of_the_last_second(traffic: Traffic) -> None:
@@ -81,7 +83,7 @@ def test_faults_are_counted_by_row_and_in_all(traffic: Traffic) -> None:
     }
     assert traffic.damage.total == 3
     traffic.clear()
-    assert (traffic.rows, traffic.damage.total) == ({}, 0)
+    assert (traffic.rows, traffic.seen.messages, traffic.damage.total) == ({}, {}, 0)
 
 
 def test_nodes(traffic: Traffic) -> None:

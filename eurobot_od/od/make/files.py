@@ -5,18 +5,21 @@ from __future__ import annotations
 from itertools import product, zip_longest
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import yaml
 
-from eurobot_od.od.make.table import Table
+from eurobot_od.od.make.table import Table, TrafficRow
 from eurobot_od.od.make.text import eds_text
 
 NETWORK = "network.yaml"
 HEAD = """\
 # {}
-# The network of dialect {} for `eurobot-od lint --network`: files and node-IDs of the nodes, messages that several of
-# them send, and the order of priorities, the most urgent first.
+# The network of dialect {} for `eurobot-od lint --network` and `load`: files and node-IDs of the nodes, messages that
+# several of them send, the order of priorities, the most urgent first, and how often what is sent.
 """
+LINE = 120
+"""No text of the network file is broken before this column."""
 Texts = dict[str, str]
 """What the files say, by their paths below the folder."""
 
@@ -29,13 +32,13 @@ def make_files(table: Table) -> Texts:
 
 
 def network_text(table: Table) -> str:
-    """Return the network of the table's first dialect, for `eurobot-od lint --network`.
+    """Return the network of the table's first dialect, for `eurobot-od lint --network` and `load`.
 
     Identifiers are priorities on a CAN bus, so the order of the messages is the order of their identifiers.
     """
     dialect = next(iter(table.dialects))
     messages = table.by_identifier
-    network = {
+    network: dict[str, Any] = {
         "nodes": {
             str(name): {"file": f"{dialect}/{name}.eds", "node_id": int(node.node_id)}
             for name, node in table.nodes.items()
@@ -44,7 +47,14 @@ def network_text(table: Table) -> str:
         "order": [str(name) for name in messages],
         "bit_rate": int(table.bit_rate),
     }
-    return HEAD.format(table.file.comment, dialect) + yaml.safe_dump(network, sort_keys=False)
+    if table.traffic:
+        network["traffic"] = {str(name): _said(row) for name, row in table.traffic.items()}
+    return HEAD.format(table.file.comment, dialect) + yaml.safe_dump(network, sort_keys=False, width=LINE)
+
+
+def _said(row: TrafficRow) -> dict[str, str]:
+    """Return what a row says, as plain texts."""
+    return {name: str(value) for name, value in vars(row).items() if value}
 
 
 def write_files(texts: Texts, folder: Path) -> None:

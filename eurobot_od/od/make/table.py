@@ -14,7 +14,7 @@ from typing import Annotated, Any, NewType, TypeVar, get_args, get_origin, get_t
 
 import yaml
 
-from eurobot_od import yaml_places
+from eurobot_od import durations, yaml_places
 from eurobot_od.errors import EurobotError
 from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
 from eurobot_od.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
@@ -24,6 +24,8 @@ BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 PDO_BITS, FIELD_BITS = 64, 32
 HIGHEST_16, HIGHEST_32 = 0xFFFF, 0xFFFFFFFF
 FILE_NAME = re.compile(r"[A-Za-z0-9_-]+")
+SERVICES = ("EMCY", "SDO")
+"""CANopen services that may have a row in the traffic, for all nodes."""
 FORMS = {"identifier": "0x{:03X}", "index": "0x{:04X}", "setting": "'{}'"}
 """How the values of a kind are written in problems, if not as they are."""
 EntriesT = TypeVar("EntriesT", bound=dict[Text, Any])
@@ -141,6 +143,20 @@ class DialectRow:
 
 
 @dataclass(frozen=True)
+class TrafficRow:
+    """How often a message, or a CANopen service of every node, is sent: `every` so often, or when it `answers` another.
+
+    `every`, `jitter` and `deadline` are a duration, or the name `Record.Member` of a setting in ms.
+    """
+
+    every: Text | None = None
+    answers: Text | None = None
+    jitter: Text | None = None
+    deadline: Text | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
 class Vendor:
     """The vendor in the identity of every node."""
 
@@ -178,6 +194,7 @@ class Table:
     objects: dict[Text, Record]
     messages: dict[Text, MessageRow]
     dialects: Annotated[dict[Text, DialectRow], naming_files]
+    traffic: dict[Text, TrafficRow] = field(default_factory=dict)
 
     @property
     def by_identifier(self) -> dict[Text, MessageRow]:
@@ -246,7 +263,7 @@ def unknown_names(table: Table) -> Iterator[Problem]:
             yield from unknown("field", dialect.widths.get(name, {}), each.fields)
 
 
-def unknown(kind: str, names: Iterable[Text], known: Container[Text]) -> Iterator[Problem]:
+def unknown(kind: str, names: Iterable[Text], known: Container[str]) -> Iterator[Problem]:
     """Yield a problem for each of the `names` that is not among the `known` ones."""
     yield from (Problem(name.place, f"unknown {kind} '{name}'") for name in names if name not in known)
 
@@ -313,8 +330,13 @@ def data_records(table: Table) -> Iterator[Record]:
 
 def setting_records(table: Table) -> Iterator[Record]:
     """Return the settings, those of every node and those of one."""
+    return (each for _, each in named_records(table))
+
+
+def named_records(table: Table) -> Iterator[tuple[Text, Record]]:
+    """Return the settings with the names of their objects."""
     for settings in (table.settings, *(node.settings for node in table.nodes.values())):
-        yield from settings.values()
+        yield from settings.items()
 
 
 def fields_that_do_not_hold(table: Table) -> Iterator[Problem]:
@@ -351,6 +373,20 @@ def messages_too_long(table: Table) -> Iterator[Problem]:
                 yield Problem(name.place, f"'{name}' has {bits} bits, a PDO at most {PDO_BITS}")
 
 
+def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:
+    """Check that every row of the traffic is one of a message or service, with a time that is one."""
+    names = {*table.messages, *SERVICES}
+    settings = {f"{record}.{name}" for record, each in named_records(table) for name in each.fields}
+    yield from unknown("message", table.traffic, names)
+    for name, row in table.traffic.items():
+        yield from unknown("message", [row.answers] if row.answers else [], names)
+        if (row.every is None) == (row.answers is None):
+            yield Problem(name.place, f"'{name}' needs either every or answers")
+        for time in (row.every, row.jitter, row.deadline):
+            if time is not None and not durations.is_duration(time):
+                yield from unknown("setting", [time], settings)
+
+
 CHECKS = (
     unknown_names,
     repeated_values,
@@ -358,6 +394,7 @@ CHECKS = (
     bit_rates_that_no_node_has,
     fields_that_do_not_hold,
     messages_too_long,
+    traffic_that_does_not_hold,
 )
 
 

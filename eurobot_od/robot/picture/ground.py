@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from eurobot_od import svg
 from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, START_POSES, WIDTH, Barrier, BarrierKind
-from eurobot_od.robot.picture import style, svg
-from eurobot_od.robot.picture.svg import PaperPoint
+from eurobot_od.robot.picture import style
 from eurobot_od.robot.values import Passage, TeamColour
+from eurobot_od.svg import PaperPoint
 
 GRID_STEP = 500
 START_SIZE = 400

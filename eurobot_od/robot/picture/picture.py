@@ -7,9 +7,10 @@ from itertools import pairwise
 from math import dist
 from typing import TypeVar
 
+from eurobot_od import svg
 from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.messages import PositionResponse
-from eurobot_od.robot.picture import style, svg
+from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import ground, place
 from eurobot_od.robot.picture.recording import PathPoint, RecordedGoto, RecordedStop, Recording, at
 from eurobot_od.robot.picture.tables import column, timeline

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from eurobot_od import svg
 from eurobot_od.robot import messages
-from eurobot_od.robot.picture import svg
-from eurobot_od.robot.picture.svg import PaperPoint
 from eurobot_od.robot.values import Outcome, Passage, TeamColour
+from eurobot_od.svg import PaperPoint
 
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 TEXT, SMALL = 38, 31

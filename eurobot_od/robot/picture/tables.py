@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
+from eurobot_od import svg
 from eurobot_od.robot.field import WIDTH, BarrierKind
-from eurobot_od.robot.picture import style, svg
+from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
 from eurobot_od.robot.picture.recording import RecordedGoto, RecordedStop, Recording
-from eurobot_od.robot.picture.svg import PaperPoint
 from eurobot_od.robot.values import Outcome, Passage
+from eurobot_od.svg import PaperPoint
 
 ROW, LEGEND_ROW = 45, 64
 ROWS = 34

@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.od.make.files import differences, make_files, write_files
 from eurobot_od.od.make.table import read_table
-from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.network_file import NetworkFile, NodeFile, TrafficEntry
 from eurobot_od.od.network_yaml import read_network_file
 from tests.od.make.tables import TABLE
 
@@ -35,6 +35,15 @@ def test_the_comment_is_the_tables() -> None:
     assert "Line1=Made by eurobot-od make-eds from a protocol table; change it there.\n" in TEXTS["plain/core.eds"]
     said = TABLE.replace("author: somebody", "author: somebody, comment: Ours")
     assert "Lines=1\nLine1=Ours\n" in make_files(read_table(said, ""))["plain/core.eds"]
+
+
+def test_the_network_says_how_often_what_is_sent() -> None:
+    rows = "traffic: {Goto: {every: Wait.Check wait, reason: again}, Confirm: {answers: Goto, jitter: 1 ms}}\n"
+    network = read_network_file(make_files(read_table(rows + TABLE, ""))["network.yaml"], "network.yaml")
+    assert network.traffic == {
+        "Goto": TrafficEntry(every="Wait.Check wait", reason="again"),
+        "Confirm": TrafficEntry(answers="Goto", jitter="1 ms"),
+    }
 
 
 def test_the_network_is_that_of_the_first_dialect() -> None:

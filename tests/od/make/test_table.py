@@ -82,6 +82,15 @@ INVALID = {
     "default without code": ("default: unknown", "default: ^lost", "unknown default 'lost'; known: unknown"),
     "Node-ID in a message": ("default: unknown", "default: ^$NODEID", "unknown default '$NODEID'; known: unknown"),
     "message over 64 bits": ("object: Target", "object: ^Long", "'Long' has 65 bits, a PDO at most 64"),
+    # traffic
+    "traffic of nothing": ("messages:", "traffic: {^Go: {every: 1 s}}\nmessages:", "unknown message 'Go'"),
+    "traffic without a time": (
+        "messages:",
+        "traffic: {^Goto: {reason: so}}\nmessages:",
+        "'Goto' needs either every or answers",
+    ),
+    "answer to nothing": ("messages:", "traffic: {Confirm: {answers: ^Go}}\nmessages:", "unknown message 'Go'"),
+    "time of nothing": ("messages:", "traffic: {Goto: {every: ^Wait.Wait}}\nmessages:", "unknown setting 'Wait.Wait'"),
 }
 
 

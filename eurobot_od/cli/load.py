@@ -1,0 +1,125 @@
+"""Compute how full a CAN bus is and how late each message can be, for the robot, a network, or any set of messages.
+
+Worst-case response times by Davis, Burns, Bril and Lukkien (2007), with transmit mailboxes and errors. Exit status 1 if
+a deadline can be missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import ExitStatus, options
+from eurobot_od.errors import LocalError
+
+if TYPE_CHECKING:
+    from eurobot_od.load.message_set import ErrorRate, MessageSet
+
+BIT_RATE = 500_000
+"""bit/s where neither the option nor the file says it."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument(
+        "path",
+        nargs="?",
+        metavar="NETWORK|MESSAGES.yaml",
+        help="network file or folder of EDS files, or a set of messages; left out: the robot's network",
+    )
+    parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s; left out: what the file says, or 500000")
+    parser.add_argument("--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, as 1/10ms")
+    parser.add_argument(
+        "--mailboxes",
+        type=_mailboxes,
+        metavar="N",
+        help="transmit mailboxes without abort of every node, 0 for as many as it needs; left out: the setting of each",
+    )
+    parser.add_argument(
+        "--sweep", action="store_true", help="also search the limits: bit rate, traffic, messages, nodes"
+    )
+    parser.add_argument("--json", action="store_true", help="print as JSON, times in us")
+    parser.add_argument("--svg", type=Path, metavar="FILE", help="write a chart of the response times")
+    options.add_dialect(parser)
+
+
+def _mailboxes(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of mailboxes")
+    return number
+
+
+def _errors(text: str) -> ErrorRate:
+    from eurobot_od import durations
+    from eurobot_od.load.message_set import ErrorRate
+
+    number, slash, time = text.partition("/")
+    try:
+        rate = ErrorRate(int(number), durations.microseconds(time))
+    except (ValueError, LocalError):
+        rate = ErrorRate(-1)
+    if not slash or rate.number < 0 or rate.within < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number and a time, such as 1/10ms")
+    return rate
+
+
+def run(arguments: argparse.Namespace) -> ExitStatus:
+    """Print the table, and write the chart."""
+    from eurobot_od.cli.output import write
+    from eurobot_od.load.chart import chart
+    from eurobot_od.load.report import as_data, load_report, table
+    from eurobot_od.load.sweep import limits, sentences
+
+    messages = message_set(arguments)
+    bit_rate = arguments.bitrate or messages.bit_rate or BIT_RATE
+    report = load_report(messages, bit_rate)
+    found = limits(messages, bit_rate) if arguments.sweep and messages.messages else None
+    if arguments.json:
+        print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
+    else:
+        print("\n".join([*table(report), *(sentences(found) if found else ())]))
+    if arguments.svg:
+        write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
+    return ExitStatus.FINE if report.holds else ExitStatus.FOUND
+
+
+def message_set(arguments: argparse.Namespace) -> MessageSet:
+    """Return the messages that the command line is about; raises LocalError, DictionaryError, SetError, OSError."""
+    messages = _read(arguments)
+    if arguments.mailboxes is not None:
+        nodes = {each.node for each in messages.messages}
+        messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})
+    return messages if arguments.errors is None else messages._replace(errors=arguments.errors)
+
+
+def _read(arguments: argparse.Namespace) -> MessageSet:
+    from eurobot_od.load.set_file import is_message_set, read_set
+    from eurobot_od.robot import traffic
+
+    path = arguments.path
+    if path is None:
+        return traffic.message_set(arguments.dialect)
+    if arguments.dialect:
+        raise LocalError("--dialect is for the robot's network: leave it out, or the file")
+    if Path(path).suffix.lower() in (".yaml", ".yml"):
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+        if is_message_set(text):
+            return read_set(text, path, arguments.bitrate)
+    return _of_network(path)
+
+
+def _of_network(path: str) -> MessageSet:
+    from eurobot_od.load.network_set import network_set
+    from eurobot_od.od.network import load, read_network
+    from eurobot_od.od.outline import Outline
+    from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.messages import CATALOGUE
+
+    network = read_network(path)
+    outlines = load(network.nodes, Outline)
+    with options.left_out() as refused:
+        names = {each.cob_id: each.name for each in Protocol.of_devices(outlines, CATALOGUE, refused).bindings}
+    return network_set(outlines, names, network, path)

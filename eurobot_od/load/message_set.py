@@ -1,0 +1,105 @@
+"""What is sent on a bus: its messages with their periods, and what is given of nodes and errors.
+
+Times are whole microseconds here; `analysed` turns them into bit times of a bit rate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+from eurobot_od.load.analysis import Analysis, Errors, Message
+from eurobot_od.load.frames import longest_frame, urgency
+
+MICROSECONDS = 1_000_000
+"""Microseconds of a second."""
+
+
+class SentMessage(NamedTuple):
+    """A message that one node sends; `length` in bytes, times in us.
+
+    It falls due every `period`, is in a mailbox at most `jitter` later, and has to be through after `deadline`. One
+    that `answers` another is due with it, and its `jitter` is what the node takes to answer. `reason` says why it is
+    sent so often.
+    """
+
+    name: str
+    identifier: int
+    length: int
+    period: int
+    deadline: int
+    node: str = ""
+    jitter: int = 0
+    extended: bool = False
+    answers: str = ""
+    reason: str = ""
+
+    @property
+    def bits(self) -> int:
+        """The longest that its frame can be, in bits."""
+        return longest_frame(self.length, self.extended)
+
+
+class ErrorRate(NamedTuple):
+    """At most `number` bit errors `within` any such time, us."""
+
+    number: int = 0
+    within: int = MICROSECONDS
+
+
+class MessageSet(NamedTuple):
+    """All that is sent on a bus; `mailboxes` of nodes that have a limited number, `bit_rate` in bit/s if it is said.
+
+    `messages` come in the order of their urgency.
+    """
+
+    messages: tuple[SentMessage, ...]
+    mailboxes: Mapping[str, int] = MappingProxyType({})
+    errors: ErrorRate = ErrorRate()
+    bit_rate: int | None = None
+
+    def faster(self, percent: int) -> MessageSet:
+        """Return the set with so many percent of the traffic.
+
+        Every period is that much shorter, and so is a deadline that is the period.
+        """
+
+        def scaled(each: SentMessage) -> SentMessage:
+            period = max(each.period * 100 // percent, 1)
+            return each._replace(period=period, deadline=period if each.deadline == each.period else each.deadline)
+
+        return self._replace(messages=tuple(map(scaled, self.messages)))
+
+
+def by_urgency(messages: Iterable[SentMessage]) -> tuple[SentMessage, ...]:
+    """Return messages in the order of their urgency, the most urgent first."""
+    return tuple(sorted(messages, key=lambda each: urgency(each.identifier, each.extended)))
+
+
+def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
+    """Return the analysis of a set at a bit rate in bit/s."""
+
+    def bits(time: int) -> int:
+        return time * bit_rate // MICROSECONDS
+
+    def bits_up(time: int) -> int:
+        return -(-time * bit_rate // MICROSECONDS)
+
+    names = {each.name: n for n, each in enumerate(messages.messages)}
+    return Analysis(
+        [
+            Message(
+                urgency(each.identifier, each.extended),
+                each.bits,
+                max(bits(each.period), 1),
+                bits(each.deadline),
+                bits_up(each.jitter),
+                each.node,
+                names[each.answers] if each.answers else None,
+            )
+            for each in messages.messages
+        ],
+        Errors(messages.errors.number, max(bits(messages.errors.within), 1)),
+        messages.mailboxes,
+    )

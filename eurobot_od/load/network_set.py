@@ -1,0 +1,216 @@
+"""The messages of a network of devices: what their EDS files say, and what a network file says of the rest.
+
+A TPDO with an event timer or a SYNC falls due by itself, no more often than its inhibit time; so do heartbeats
+(0x1017), SYNC (0x1006), and EMCY with an inhibit time (0x1015). All else has a row in the network file's `traffic`.
+
+Rule of this file: a message whose period nobody knows is refused, as no bound holds without it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from eurobot_od import durations
+from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.load.message_set import MessageSet, SentMessage, by_urgency
+from eurobot_od.od import values
+from eurobot_od.od.network_file import NetworkFile, TrafficEntry
+from eurobot_od.od.outline import Outline
+from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.values import PdoDirection
+
+SYNC_ENTRY, SYNC_PERIOD, EMCY_ENTRY, EMCY_INHIBIT, HEARTBEAT = (
+    (0x1005, 0),
+    (0x1006, 0),
+    (0x1014, 0),
+    (0x1015, 0),
+    (0x1017, 0),
+)
+SYNC_PRODUCER = 1 << 30
+"""Bit of 0x1005 (CiA 301, 7.5.2.5)."""
+SDO_CLIENTS = range(0x1280, 0x1300)
+SERVER_NODE_ID = 3
+"""Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""
+MAILBOXES = "Transmit.Mailboxes"
+"""A setting of a device that says how many mailboxes it has."""
+
+MS, INHIBIT_UNIT = 1000, 100
+"""Microseconds of a millisecond, and of the unit of inhibit times."""
+
+SYNC, EMCY, SDO = "SYNC", "EMCY", "SDO"
+
+
+class Sender(NamedTuple):
+    """A frame that a node may send: its name, identifier, length in bytes, who sends it, and what it always answers.
+
+    `row` is the name of its row in a network file: its own, or that of the service.
+    """
+
+    row: str
+    name: str
+    identifier: int
+    length: int
+    node: str
+    answers: str = ""
+
+    def sent(self, period: int, reason: str) -> SentMessage:
+        """Return what is sent every `period`, us, with that for a deadline."""
+        return SentMessage(
+            self.name, self.identifier, self.length, period, period, self.node, answers=self.answers, reason=reason
+        )
+
+
+def network_set(outlines: Iterable[Outline], names: Mapping[int, str], network: NetworkFile, file: str) -> MessageSet:
+    """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
+
+    Raises DictionaryError for a row of the network file that does not hold, LocalError for messages without a period.
+    """
+    devices = tuple(outlines)
+    reader = _Rows(devices, network.traffic, file)
+    senders = [each for device in devices for each in _pdos(device, names)]
+    services = [each for device in devices for each in _services(device, devices)]
+    reader.refuse_unknown({each.row for each in (*senders, *services)})
+    by_itself = [
+        each for device in devices for each in (*_timed_pdos(device, devices, names), *_timed_services(device))
+    ]
+    by_rows = [each for sender in (*senders, *services) for each in reader.sent(sender)]
+    known = {(each.identifier, each.node) for each in (*by_itself, *by_rows)}
+    missing = dict.fromkeys(each.name for each in senders if (each.identifier, each.node) not in known)
+    if missing:
+        raise LocalError(f"no period is known of {', '.join(missing)}; say it in `traffic` of the network file")
+    mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
+    bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
+    return MessageSet(by_urgency([*by_itself, *_named_apart(by_rows)]), mailboxes, bit_rate=bit_rate)
+
+
+def _named_apart(messages: list[SentMessage]) -> Iterator[SentMessage]:
+    """Name the node of a message that several of them send, if its name does not."""
+    names = [each.name for each in messages]
+    for each in messages:
+        yield each._replace(name=f"{each.name} {each.node}") if names.count(each.name) > 1 else each
+
+
+def _mailboxes(device: Outline) -> int | None:
+    try:
+        return device.number(device.address(MAILBOXES))
+    except DictionaryError:  # no device has to have such a setting
+        return None
+
+
+# What the EDS files say
+
+
+def _sent_pdos(device: Outline) -> Iterator[Pdo]:
+    return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
+
+
+def _pdo_sender(device: Outline, pdo: Pdo, names: Mapping[int, str]) -> Sender:
+    length = -(-sum(each.bits for each in pdo.mapping) // 8)
+    name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
+    return Sender(name, name, pdo.cob_id, length, device.name)
+
+
+def _pdos(device: Outline, names: Mapping[int, str]) -> Iterator[Sender]:
+    return (_pdo_sender(device, each, names) for each in _sent_pdos(device))
+
+
+def _timed_pdos(device: Outline, devices: Iterable[Outline], names: Mapping[int, str]) -> Iterator[SentMessage]:
+    """Give the PDOs that are sent by timer or SYNC, or whenever their inhibit time lets them."""
+    cycle = next((number for each in devices if (number := each.number(SYNC_PERIOD))), 0)
+    for pdo in _sent_pdos(device):
+        sender, inhibit = _pdo_sender(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
+        if pdo.is_synchronous and cycle:
+            yield sender.sent(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
+        elif inhibit:
+            yield sender.sent(inhibit, "inhibit time")
+        elif pdo.event_timer:
+            yield sender.sent(pdo.event_timer * MS, "event timer")
+
+
+def _timed_services(device: Outline) -> Iterator[SentMessage]:
+    if heartbeat := device.number(HEARTBEAT):
+        name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
+        yield Sender(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
+    if (device.number(SYNC_ENTRY) or 0) & SYNC_PRODUCER and (cycle := device.number(SYNC_PERIOD)):
+        yield Sender(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
+    if inhibit := device.number(EMCY_INHIBIT):
+        yield _emcy(device).sent(inhibit * INHIBIT_UNIT, "0x1015")
+
+
+def _emcy(device: Outline) -> Sender:
+    said = device.number(EMCY_ENTRY)
+    identifier = values.EMCY_BASE + device.node_id if said is None else said & values.BASE_IDENTIFIER
+    return Sender(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
+
+
+def _services(device: Outline, devices: Iterable[Outline]) -> Iterator[Sender]:
+    """Give the services that a row may be about: EMCY without an inhibit time, and SDO if a client is there."""
+    if not device.number(EMCY_INHIBIT):
+        yield _emcy(device)
+    for client in devices:
+        if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in SDO_CLIENTS):
+            request = f"{SDO} request {device.name}"
+            yield Sender(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
+            answer = f"{SDO} answer {device.name}"
+            yield Sender(SDO, answer, values.SDO_RESPONSE_BASE + device.node_id, 8, device.name, request)
+
+
+# What the network file says
+
+
+class _Rows:
+    """The rows of a network file's traffic, with the settings of the devices."""
+
+    def __init__(self, devices: tuple[Outline, ...], rows: Mapping[str, TrafficEntry], file: str) -> None:
+        self._devices, self._rows, self._file = devices, rows, file
+
+    def refuse_unknown(self, known: set[str]) -> None:
+        """Refuse a row of a message that nobody sends."""
+        for name in self._rows:
+            if name not in known:
+                raise self._error(name, f"traffic of {name!r}, which nobody sends")
+
+    def sent(self, sender: Sender) -> Iterator[SentMessage]:
+        """Give what is sent by the row of a message, if it has one."""
+        row = self._rows.get(sender.row)
+        if row is not None:
+            sent = sender.sent(self._period(sender.row, row), row.reason)
+            yield sent._replace(
+                deadline=self._time(row.deadline, sender.node) if row.deadline else sent.period,
+                jitter=self._time(row.jitter, sender.node) if row.jitter else 0,
+                answers=row.answers or sender.answers,
+            )
+
+    def _period(self, name: str, row: TrafficEntry) -> int:
+        met = {name}
+        while row.answers:
+            if row.answers in met or row.answers not in self._rows:
+                raise self._error(row.answers, f"{name!r} answers {row.answers!r}, which has no period")
+            met.add(row.answers)
+            row = self._rows[row.answers]
+        period = self._time(row.every, "") if row.every else 0
+        if not period:
+            raise self._error(
+                row.every or name, f"{name!r} has a period of 0" if row.every else f"{name!r} has no period"
+            )
+        return period
+
+    def _time(self, text: str, node: str) -> int:
+        """Return the us of a duration, or of a setting in ms: the node's own before another's."""
+        if durations.is_duration(text):
+            return durations.microseconds(text)
+        for device in sorted(self._devices, key=lambda each: each.name != node):
+            try:
+                number = device.number(device.address(text))
+            except DictionaryError:
+                continue
+            if number is not None:
+                return number * MS
+        raise self._error(text, f"{text!r} is neither a duration nor a setting of a device")
+
+    def _error(self, at: str, what: str) -> DictionaryError:
+        """Return the error at a text of the network file, which knows its place."""
+        known = next((name for name in self._rows if name == at), at)  # the file's own text, with its place
+        place = getattr(at, "place", None) or getattr(known, "place", None)
+        return DictionaryError(f"{self._file}:{place.line}:{place.column}" if place else self._file, None, what)

@@ -1,0 +1,125 @@
+"""What was seen on a bus beside what is promised of it: load, gaps, jitter, and response times with their bounds.
+
+Rule of this file: no clock; frames with their times go in. Memory grows with the identifiers, not with the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from eurobot_od.frame import Frame
+from eurobot_od.load.message_set import MICROSECONDS, MessageSet
+from eurobot_od.load.report import BoundRow, load_report
+from eurobot_od.simulation.bits import frame_bits
+
+NOTHING = MessageSet(())
+
+
+@dataclass
+class SeenMessage:
+    """The frames of one identifier: how many, their bits with stuff bits, and the gaps between them, s.
+
+    `period` is the promised one and `bound` that of its response time, s; None if they are not known. `answered` is the
+    longest time from the end of the latest request to the end of its answer.
+    """
+
+    identifier: int
+    name: str
+    node: str
+    period: float | None = None
+    bound: float | None = None
+    count: int = 0
+    bits: int = 0
+    last: float | None = None
+    shortest: float | None = None
+    longest: float | None = None
+    answered: float | None = None
+
+    def take(self, time: float, bits: int, asked: float | None) -> None:
+        """Count a frame; `asked` is when the request for it had ended, None if it has none."""
+        if self.last is not None:
+            gap = time - self.last
+            self.shortest = gap if self.shortest is None else min(self.shortest, gap)
+            self.longest = gap if self.longest is None else max(self.longest, gap)
+        if asked is not None:
+            self.answered = max(self.answered or 0.0, time - asked)
+        self.count, self.bits, self.last = self.count + 1, self.bits + bits, time
+
+    @property
+    def jitter(self) -> float | None:
+        """How far a gap was from the promised period at most, s; None without a gap or a promise."""
+        if self.period is None or self.shortest is None or self.longest is None:
+            return None
+        return max(abs(self.longest - self.period), abs(self.shortest - self.period))
+
+
+class SeenTraffic:
+    """What was seen on a bus of `bit_rate` bit/s, `promised` what should be."""
+
+    def __init__(self, bit_rate: int, promised: MessageSet = NOTHING) -> None:
+        self.bit_rate = bit_rate
+        self.messages: dict[int, SeenMessage] = {}
+        self._promised: dict[int, BoundRow] = {}
+        self._answers: dict[int, set[int]] = {}
+        rows = [row for row in load_report(promised, bit_rate).rows if not row.message.extended]
+        identifiers = {row.message.name: row.message.identifier for row in rows}
+        for row in sorted(rows, key=lambda each: each.response or 0):  # of several senders the one that may be latest
+            self._promised[row.message.identifier] = row
+            if row.message.answers in identifiers:
+                self._answers.setdefault(identifiers[row.message.answers], set()).add(row.message.identifier)
+        self._asked: dict[int, float] = {}
+        self.begin: float | None = None
+        self.end = 0.0
+
+    def take(self, time: float, frame: Frame, name: str, node: str) -> None:
+        """Take in a frame that ended at a time in s, of a message of `node`."""
+        identifier, bits = frame.cob_id, frame_bits(frame)
+        seen = self.messages.get(identifier)
+        if seen is None:
+            seen = self.messages[identifier] = self._first(identifier, name, node)
+        seen.take(time, bits, self._asked.pop(identifier, None))
+        for answer in self._answers.get(identifier, ()):
+            self._asked[answer] = time
+        self.begin, self.end = time if self.begin is None else self.begin, time
+
+    def _first(self, identifier: int, name: str, node: str) -> SeenMessage:
+        row = self._promised.get(identifier)
+        if row is None:
+            return SeenMessage(identifier, name, node)
+        bound = row.response if row.message.answers else None
+        seconds = None if bound is None else bound / MICROSECONDS
+        return SeenMessage(identifier, name, row.message.node, row.message.period / MICROSECONDS, seconds)
+
+    def load(self, bits: int) -> float:
+        """Return which share of the bus so many bits took; 0 before any time has passed."""
+        span = 0.0 if self.begin is None else self.end - self.begin
+        return bits / span / self.bit_rate if span > 0 else 0.0
+
+
+COLUMNS = ("ID", "message", "from", "count", "load", "worst gap", "period", "jitter", "response", "bound")
+TEXTS = ("ID", "message", "from")
+
+
+def table(seen: SeenTraffic) -> Iterator[str]:
+    """Write a line for each message, times in ms, and the load of each node and of all."""
+    messages = sorted(seen.messages.values(), key=lambda each: each.identifier)
+    lines = [COLUMNS, *(_cells(seen, each) for each in messages)]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(COLUMNS))]
+    for line in lines:
+        cells = (
+            text.ljust(width) if heading in TEXTS else text.rjust(width)
+            for heading, text, width in zip(COLUMNS, line, widths)
+        )
+        yield "  ".join(cells).rstrip()
+    nodes: dict[str, int] = {}
+    for each in messages:
+        nodes[each.node or "?"] = nodes.get(each.node or "?", 0) + each.bits
+    parts = [f"{node} {seen.load(bits):.2%}" for node, bits in sorted(nodes.items())]
+    yield f"load of {seen.bit_rate / 1000:g} kbit/s: {', '.join([*parts, f'all {seen.load(sum(nodes.values())):.2%}'])}"
+
+
+def _cells(seen: SeenTraffic, each: SeenMessage) -> tuple[str, ...]:
+    times = (each.longest, each.period, each.jitter, each.answered, each.bound)
+    texts = ("" if time is None else f"{time * 1000:.2f}" for time in times)
+    return f"{each.identifier:03X}", each.name, each.node, str(each.count), f"{seen.load(each.bits):.2%}", *texts

@@ -1,0 +1,160 @@
+"""How far a set of messages is from its limits: the slowest bus, the most traffic, and how many more still fit.
+
+What is searched holds up to some number and not beyond it, so that halving finds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from eurobot_od.load.frames import MOST_BYTES, Urgency, urgency
+from eurobot_od.load.message_set import MessageSet, SentMessage, analysed
+from eurobot_od.load.report import LoadReport, load_report
+
+KBIT = 1000
+HIGHEST_BIT_RATE = 1000
+"""kbit/s of classic CAN."""
+MOST_TIMES, MOST_MORE = 100_000, 4096
+"""Where the search ends: percent of the traffic, and messages or nodes."""
+
+
+class Limits(NamedTuple):
+    """How far a set can go at `bit_rate` bit/s; None where it does not hold as it is.
+
+    `slowest`: kbit/s of the slowest bus on which it holds, None if no classic CAN is fast enough. `percent`: of its
+    traffic, `first_missed` the message whose deadline can be missed with one percent more. `messages`: further ones of
+    8 bytes, less urgent than all others and each every `shortest_period`, us, that of the set's most frequent one.
+    `nodes`: further ones that send what the `busiest` does, each frame just after its in urgency.
+    """
+
+    bit_rate: int
+    slowest: int | None
+    percent: int | None
+    first_missed: str
+    messages: int | None
+    shortest_period: int
+    nodes: int | None
+    busiest: str
+
+
+def limits(messages: MessageSet, bit_rate: int) -> Limits:
+    """Search the limits of a set that has messages."""
+    percent = most_traffic(messages, bit_rate)
+    beyond = load_report(messages.faster((percent or 0) + 1), bit_rate)
+    shortest, busiest = min(each.period for each in messages.messages), _busiest(messages)
+    return Limits(
+        bit_rate=bit_rate,
+        slowest=slowest_bus(messages),
+        percent=percent,
+        first_missed=first_missed(beyond),
+        messages=_most(lambda n: _holds(with_messages(messages, n, shortest), bit_rate), MOST_MORE),
+        shortest_period=shortest,
+        nodes=_most(lambda n: _holds(with_nodes(messages, n, busiest), bit_rate), MOST_MORE),
+        busiest=busiest,
+    )
+
+
+def slowest_bus(messages: MessageSet) -> int | None:
+    """Return the kbit/s of the slowest bus on which a set holds, None if it does on no classic CAN."""
+    slower = _most(lambda n: _holds(messages, (HIGHEST_BIT_RATE - n) * KBIT), HIGHEST_BIT_RATE - 1)
+    return None if slower is None else HIGHEST_BIT_RATE - slower
+
+
+def most_traffic(messages: MessageSet, bit_rate: int) -> int | None:
+    """Return how many percent of its traffic a set holds with, None if it does not as it is."""
+    more = _most(lambda n: _holds(messages.faster(100 + n), bit_rate), MOST_TIMES)
+    return None if more is None else 100 + more
+
+
+def first_missed(report: LoadReport) -> str:
+    """Return the message that misses its deadline, the most urgent of several; empty if none does."""
+    return next((row.message.name for row in report.rows if not row.holds), "")
+
+
+def _holds(messages: MessageSet, bit_rate: int) -> bool:
+    return analysed(messages, bit_rate).holds
+
+
+def _most(holds: Callable[[int], bool], most: int) -> int | None:
+    """Return the highest number from 0 to `most` up to which something holds, None if it does not at 0."""
+    first = _first(lambda n: not holds(n), most + 1)
+    return first - 1 if first else None
+
+
+def _first(found: Callable[[int], bool], end: int) -> int:
+    """Return the first number from 0 on at which something is found, `end` if nowhere before it."""
+    step = 1
+    while step < end and not found(step - 1):
+        step *= 2
+    low, high = step // 2, min(step - 1, end)
+    if step >= end:
+        high = end
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if found(middle) else (middle + 1, high)
+    return low
+
+
+# More of it
+
+
+def with_messages(messages: MessageSet, number: int, period: int) -> MessageSet:
+    """Return the set with further messages of 8 bytes, less urgent than all others, each with a node of its own."""
+    first = _free_identifier(messages)
+    more = [SentMessage(f"further {n}", first + n, MOST_BYTES, period, period, f"further {n}") for n in range(number)]
+    return messages._replace(messages=(*messages.messages, *more))
+
+
+def with_nodes(messages: MessageSet, number: int, node: str) -> MessageSet:
+    """Return the set with further nodes that send what `node` does, each frame just after it in urgency."""
+    ranks = {each: n for n, each in enumerate(sorted({_urgency(each) for each in messages.messages}))}
+    mailboxes = dict(messages.mailboxes)
+    more: list[SentMessage] = []
+    for each in messages.messages:
+        first = ranks[_urgency(each)] * (number + 1)
+        more.append(_renumbered(each, first))
+        for n in range(1, number + 1 if each.node == node else 1):
+            name = f"{node} {n + 1}"
+            mailboxes |= {name: mailboxes[node]} if node in mailboxes else {}
+            copy = each._replace(name=f"{each.name} of {name}", node=name, answers="")
+            more.append(_renumbered(copy, first + n))
+    return messages._replace(messages=tuple(more), mailboxes=mailboxes)
+
+
+def _urgency(message: SentMessage) -> Urgency:
+    return urgency(message.identifier, message.extended)
+
+
+def _renumbered(message: SentMessage, rank: int) -> SentMessage:
+    """Return a message with an identifier of that rank, possibly one that no frame can have."""
+    return message._replace(identifier=rank << 18 if message.extended else rank)
+
+
+def _free_identifier(messages: MessageSet) -> int:
+    """Return a base identifier less urgent than all that the set has, possibly one that no frame can have."""
+    return 1 + max(each.identifier >> 18 if each.extended else each.identifier for each in messages.messages)
+
+
+def _busiest(messages: MessageSet) -> str:
+    """Return the node that takes most of the bus."""
+    loads: dict[str, float] = {}
+    for each in messages.messages:
+        loads[each.node] = loads.get(each.node, 0.0) + each.bits / each.period
+    return max(loads, key=lambda node: loads[node])
+
+
+# As text
+
+
+def sentences(found: Limits) -> Iterator[str]:
+    """Say the limits, a line each."""
+    slowest = "on no classic CAN" if found.slowest is None else f"down to {found.slowest} kbit/s"
+    yield f"all deadlines are met {slowest}"
+    if found.percent is None or found.messages is None or found.nodes is None:
+        yield f"at {found.bit_rate // KBIT} kbit/s nothing fits any more"
+        return
+    at = f"at {found.bit_rate // KBIT} kbit/s"
+    yield f"{at}: with {found.percent / 100:.2f} times the traffic; with more, {found.first_missed} can be late"
+    yield f"{at}: with {found.messages} more messages of 8 bytes, each every {found.shortest_period / KBIT:g} ms"
+    yield f"{at}: with {found.nodes} more nodes like {found.busiest or 'the only one'}"

@@ -1,0 +1,94 @@
+"""`eurobot-od load`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from eurobot_od.load.sweep import most_traffic, slowest_bus
+from eurobot_od.robot import traffic
+from tests.cli.console import run
+
+SET = "bit_rate: 125\nmessages:\n  A: {identifier: 1, length: 8, every: 10 ms, deadline: 2 ms}\n"
+
+
+@pytest.fixture
+def messages(tmp_path: Path) -> str:
+    file = tmp_path / "messages.yaml"
+    file.write_text(SET)
+    return str(file)
+
+
+RATES = [("500000", 0, "all deadlines are met"), ("250000", 0, "all deadlines are met"), ("125000", 1, "can be missed")]
+
+
+@pytest.mark.parametrize(("rate", "status", "verdict"), RATES)
+def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str) -> None:
+    said = run(capsys, "load", "-b", rate)
+    assert (said.status, said.err) == (status, "")
+    assert said.out.rstrip().endswith(verdict)
+
+
+def test_the_readme_says_what_a_sweep_says() -> None:
+    readme = " ".join((Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").split())
+    messages = traffic.message_set()
+    assert f"down to {slowest_bus(messages)} kbit/s" in readme
+    assert f"with {(most_traffic(messages, 500_000) or 0) / 100:.2f} times the traffic" in readme
+
+
+def test_a_set_of_messages(capsys: pytest.CaptureFixture[str], messages: str) -> None:
+    assert "125 kbit/s, load 10.8%" in run(capsys, "load", messages).out
+    assert "1000 kbit/s, load 1.4%" in run(capsys, "load", messages, "-b", "1000000").out
+
+
+def test_errors_may_make_a_deadline_be_missed(capsys: pytest.CaptureFixture[str], messages: str) -> None:
+    assert run(capsys, "load", messages, "--errors", "1/10ms").status == 1
+
+
+def test_mailboxes_of_every_node(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "in the mailboxes" in run(capsys, "load").out
+    assert "in the mailboxes" not in run(capsys, "load", "--mailboxes", "0").out
+
+
+def test_json_and_a_chart(capsys: pytest.CaptureFixture[str], messages: str, tmp_path: Path) -> None:
+    said = run(capsys, "load", messages, "--json", "--sweep", "--svg", str(tmp_path / "chart.svg"))
+    data = json.loads(said.out)
+    assert (data["deadlines_met"], data["limits"]["slowest"]) == (True, 68)
+    assert (tmp_path / "chart.svg").read_text().startswith("<svg")
+
+
+def test_a_network_file(capsys: pytest.CaptureFixture[str]) -> None:
+    network = Path(__file__).parents[2] / "eds" / "network.yaml"
+    assert run(capsys, "load", str(network)).out == run(capsys, "load").out
+
+
+def test_a_network_that_does_not_say_how_often(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "load", str(Path(__file__).parents[2] / "eds" / "canopen"))
+    assert said.status == 2
+    assert said.complaint.startswith("eurobot-od: no period is known of Emergency Shutdown, ")
+
+
+def test_a_mistake_in_a_set(capsys: pytest.CaptureFixture[str], messages: str) -> None:
+    Path(messages).write_text(SET.replace("length: 8", "length: 9"))
+    said = run(capsys, "load", messages)
+    assert (said.status, said.err) == (2, f"eurobot-od: {messages}:3:30: length 9 is not in 0..8\n")
+
+
+WRONG = [
+    ["-b", "0"],
+    ["-b", "2000000"],
+    ["--errors", "1"],
+    ["--errors", "1/0ms"],
+    ["--errors", "x/1ms"],
+    ["--mailboxes", "-1"],
+    ["network.yaml", "--dialect", "x"],
+]
+
+
+@pytest.mark.parametrize("words", WRONG, ids=" ".join)
+def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    said = run(capsys, "load", *words)
+    assert said.status == 2
+    assert said.complaint.startswith("eurobot-od")
