@@ -1,0 +1,307 @@
+"""A bus, or one of the parts it has been cut into: who may send when, and what has become of it at which time.
+
+An attempt to send begins when the bus is free and somebody has a frame. What will become of it is clear at that moment:
+the bits are played out at once (`access`), and what happens in them is dated. Where nothing can go wrong (no bit error,
+nobody else with the same identifier, somebody who acknowledges), what happens is known without playing: a frame ends,
+once for all. `tests/simulation/test_bus.py` shows that playing gives the same.
+
+Rule of this file: a moment of an attempt is told when its time has come; one that is taken back is told no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import partial
+from heapq import merge
+from itertools import tee
+from math import inf
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.frame import Frame
+from eurobot_od.simulation.access import Access, Received, Sent
+from eurobot_od.simulation.bit_errors import Attempt, BitErrors, Flip
+from eurobot_od.simulation.bits import INTERMISSION, on_wire
+from eurobot_od.simulation.confinement import FRESH, RECOVERY_BITS, ErrorState, Rule
+from eurobot_od.simulation.controller import Controller
+
+SUSPENDED = 8
+"""Bits that an error passive controller lets pass after its own frame, so that the others come first."""
+
+ROUNDING = 1e-3
+"""Bits by which a time may miss the end of the bit that it stands for: times are floating point."""
+
+Ended: TypeAlias = Callable[[Frame, Sequence[Controller], Sequence[Controller]], None]
+"""Takes a frame that has ended: who has sent it, and whom it has reached."""
+
+Changed: TypeAlias = Callable[[Controller, ErrorState, ErrorState], None]
+"""Takes a controller, the state it was in, and another one in which it is now."""
+
+NO_FLIP = Flip(1 << 62)
+"""A bit error that never comes."""
+
+
+class Moment(NamedTuple):
+    """What happens so many bits after the start of frame: what is counted, and a frame that ends."""
+
+    bit: int
+    counts: Sequence[tuple[Controller, Rule]]
+    frame: Frame | None = None
+    senders: Sequence[Controller] = ()
+    receivers: Sequence[Controller] = ()
+
+
+class Course(NamedTuple):
+    """What becomes of an attempt: its moments, after how many bits the bus is free, and who is how then.
+
+    `suspended` are those who let others go first, `sequences` what those have seen who are bus-off.
+    """
+
+    moments: Sequence[Moment]
+    bits: int
+    suspended: Sequence[Controller]
+    sequences: Sequence[tuple[Controller, int]]
+
+
+class Play:
+    """Plays an attempt bit by bit, from its start of frame until all controllers are idle."""
+
+    def __init__(self, parts: Sequence[Access], flips: Iterable[Flip] = ()) -> None:
+        self.parts, self.bit = parts, 0
+        self.moments: list[Moment] = []
+        self._flips = iter(flips)
+        self._flip = next(self._flips, None)
+
+    def run(self, until: float = inf) -> Play:
+        """Go on until all are idle, or until a bit."""
+        while self.bit < until and not all(part.idle for part in self.parts):
+            level = min(part.level for part in self.parts)
+            flips = self._due()
+            for part in self.parts:
+                part.see(level ^ _is_flipped(flips, part.controller) if flips else level)
+            self.bit += 1
+            if any(part.noted for part in self.parts):
+                self.moments.extend(self._noted())
+        return self
+
+    @property
+    def course(self) -> Course:
+        """What has become of the attempt."""
+        return Course(
+            self.moments,
+            self.bit,
+            [part.controller for part in self.parts if part.suspends],
+            [(part.controller, part.sequences) for part in self.parts if part.off],
+        )
+
+    def _due(self) -> list[Flip]:
+        """Return the bit errors of this bit."""
+        due: list[Flip] = []
+        while self._flip is not None and self._flip.bit <= self.bit:
+            due.append(self._flip)
+            self._flip = next(self._flips, None)
+        return due
+
+    def _noted(self) -> Iterator[Moment]:
+        """Give what was noted in the last bit: the counts, and each frame that has ended with it."""
+        notes = [(part.controller, note) for part in self.parts for note in part.noted]
+        for part in self.parts:
+            part.noted.clear()
+        yield Moment(self.bit, [(each, note) for each, note in notes if isinstance(note, Rule)])
+        for frame in dict.fromkeys(note.frame for _, note in notes if not isinstance(note, Rule)):
+            senders = [each for each, note in notes if note == Sent(frame)]
+            yield Moment(self.bit, (), frame, senders, [each for each, note in notes if note == Received(frame)])
+
+
+def _is_flipped(flips: Iterable[Flip], controller: Controller) -> bool:
+    """Tell whether a controller sees the bit the other way round; two errors in one bit undo each other."""
+    return sum(flip.at in (None, controller) for flip in flips) % 2 == 1
+
+
+Parts: TypeAlias = Callable[[], list[Access]]
+"""Makes the controllers as they were at some time, as often as it is called."""
+
+
+@dataclass
+class UnderWay:
+    """An attempt that is under way since `start`, s, how the controllers were then, and how much has been told."""
+
+    start: float
+    parts: Parts
+    flips: Iterator[Flip]
+    course: Course
+    told: int = 0
+
+    def parts_at(self, bit: int) -> list[Access]:
+        """Return the controllers as they are after so many bits."""
+        return list(Play(self.parts(), copy(self.flips)).run(bit).parts)
+
+
+class Bus:
+    """Controllers that hear each other, at `bitrate` bit/s; `ended` and `changed` are told what happens.
+
+    All methods take the time in seconds. Who calls them does so at `next_event`, or has new frames in between. Nothing
+    is sent before `off_until`.
+    """
+
+    def __init__(self, bitrate: int, bit_errors: Sequence[BitErrors], ended: Ended, changed: Changed) -> None:
+        self.bitrate, self.controllers = bitrate, list[Controller]()
+        self._bit_errors, self._ended, self._changed = bit_errors, ended, changed
+        self.off_until = 0.0
+        self._under_way: UnderWay | None = None
+        self._idle_since = 0.0
+        self._later = inf
+
+    def is_free(self, now: float) -> bool:
+        """Tell whether an attempt may begin."""
+        return self._under_way is None and self.off_until <= now
+
+    @property
+    def next_event(self) -> float:
+        """When `advance` has something to do, in seconds; infinite if nothing is under way."""
+        attempt = self._under_way
+        if attempt is None:
+            return self._later
+        course = attempt.course
+        bit = course.moments[attempt.told].bit if attempt.told < len(course.moments) else course.bits
+        return attempt.start + bit / self.bitrate
+
+    def advance(self, now: float) -> bool:
+        """Tell what has happened by now; return whether there was anything."""
+        found = False
+        while self.next_event <= now:
+            found = True
+            self._step(now)
+        return found
+
+    def _step(self, now: float) -> None:
+        attempt = self._under_way
+        if attempt is None:
+            self._pass_idle(now)
+        elif attempt.told < len(attempt.course.moments):
+            moment = attempt.course.moments[attempt.told]
+            attempt.told += 1
+            for controller, rule in moment.counts:
+                self._count(controller, rule)
+            if moment.frame is not None:
+                self._ended(moment.frame, moment.senders, moment.receivers)
+        else:
+            self._finish(attempt.course, now)
+
+    def _count(self, controller: Controller, rule: Rule) -> None:
+        before = controller.state
+        controller.count(rule)
+        if controller.state is not before:
+            self._changed(controller, before, controller.state)
+
+    def _finish(self, course: Course, now: float) -> None:
+        self._under_way, self._idle_since = None, now
+        for controller in course.suspended:
+            controller.suspended_until = now + SUSPENDED / self.bitrate
+        for controller, sequences in course.sequences:
+            self._recover(controller, sequences)
+        self._look_ahead(now)
+
+    # The idle bus
+
+    def _look_ahead(self, now: float) -> None:
+        """Note when something changes if nobody sends until then: who is suspended may, who is bus-off is back."""
+        recovery = (self._recovery_time(each) for each in self.controllers if each.recovery)
+        suspended = (each.suspended_until for each in self.controllers if each.suspended_until > now)
+        self._later = min((*recovery, *suspended), default=inf)
+
+    def _recovery_time(self, controller: Controller) -> float:
+        return self._idle_since + controller.recovery * RECOVERY_BITS / self.bitrate
+
+    def _pass_idle(self, now: float) -> None:
+        """Count the recessive bits that have passed since the bus was free."""
+        if any(each.recovery for each in self.controllers):
+            sequences = int(((now - self._idle_since) * self.bitrate + ROUNDING) / RECOVERY_BITS)
+            self._idle_since += sequences * RECOVERY_BITS / self.bitrate
+            for each in self.controllers:
+                self._recover(each, sequences)
+        self._look_ahead(now)
+
+    def _recover(self, controller: Controller, sequences: int) -> None:
+        if controller.recovery and controller.recovers(sequences):
+            self._changed(controller, ErrorState.OFF, controller.state)
+
+    # Attempts
+
+    def arbitrate(self, now: float) -> None:
+        """Let those who have frames begin, if the bus is free."""
+        offers = [
+            (each, frame)
+            for each in self.controllers
+            if each.silent_until <= now and (frame := each.source.next(now)) is not None
+        ]
+        if offers and self.is_free(now):
+            ready = {each: frame for each, frame in offers if each.may_send(now)}
+            if ready:
+                self._begin(now, ready)
+
+    def _begin(self, now: float, offers: dict[Controller, Frame]) -> None:
+        if self._later < inf:
+            self._pass_idle(now)
+        here = [each for each in self.controllers if each.silent_until <= now]
+        counters = [each.counters for each in here]
+        frame = min(offers.values())
+        attempt = Attempt(now, frame, on_wire(frame).end, tuple(offers))
+        flips, first = tee(merge(*(errors(attempt) for errors in self._bit_errors), key=lambda flip: flip.bit))
+        struck = next(first, NO_FLIP).bit < attempt.bits + INTERMISSION
+
+        def parts() -> list[Access]:
+            return [Access(each, count, offers.get(each)) for each, count in zip(here, counters)]
+
+        course = None if struck else _undisturbed(frame, offers, here)
+        self._under_way = UnderWay(now, parts, flips, course or Play(parts(), copy(flips)).run().course)
+
+    # Who hears whom
+
+    def drop(self, now: float) -> None:
+        """Have what is under way come to nothing."""
+        self._under_way, self._idle_since = None, now
+        self._look_ahead(now)
+
+    def leave(self, now: float) -> Parts:
+        """Return how the controllers are now, in the midst of whatever is under way."""
+        attempt = self._under_way
+        if attempt is not None:
+            return partial(attempt.parts_at, int((now - attempt.start) * self.bitrate + ROUNDING))
+        self._pass_idle(now)
+        here = [(each, each.counters) for each in self.controllers if each.silent_until <= now]
+        return lambda: [Access(each, counters, None) for each, counters in here]
+
+    def go_on(self, now: float, controllers: Iterable[Controller], parts: Parts) -> None:
+        """Have other controllers, who go on from where they are: what one sends from now on, all these see."""
+        self.controllers[:] = controllers
+        self.drop(now)
+        playing = parts()
+        if not all(part.idle for part in playing):
+            self._under_way = UnderWay(now, parts, iter(()), Play(playing).run().course)
+
+
+def regroup(now: float, buses: Iterable[Bus], groups: Iterable[tuple[Bus, Sequence[Controller]]]) -> None:
+    """Have the controllers of some buses hear others from now on: each bus of `groups` gets those beside it."""
+    were = [bus.leave(now) for bus in buses]
+    for bus, controllers in groups:
+        bus.go_on(now, controllers, partial(_chosen, were, controllers))
+
+
+def _chosen(were: Iterable[Parts], controllers: Sequence[Controller]) -> list[Access]:
+    return [part for parts in were for part in parts() if part.controller in controllers]
+
+
+def _undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Controller]) -> Course | None:
+    """Return what becomes of an attempt in which nothing can go wrong, None if something may."""
+    senders = [each for each, offer in offers.items() if offer == frame]
+    receivers = [each for each in here if offers.get(each) != frame and not each.recovery]
+    if not receivers or any(each.cob_id == frame.cob_id and each != frame for each in offers.values()):
+        return None
+    end = on_wire(frame).end
+    worn = [each for each in here if each.counters != FRESH]
+    counts = [(each, Rule.TRANSMITTED if each in senders else Rule.RECEIVED) for each in worn if not each.recovery]
+    suspended = [each for each in senders if each.counters.after(Rule.TRANSMITTED).state is ErrorState.PASSIVE]
+    moments = (Moment(end, counts, frame, senders, receivers),)
+    return Course(moments, end + INTERMISSION, suspended, [(each, 1) for each in worn if each.recovery])
