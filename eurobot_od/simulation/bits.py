@@ -25,6 +25,9 @@ INTERMISSION = 3
 ARBITRATION_BITS = 1 + 11 + 1
 """Start of frame, identifier and RTR: here a recessive bit may be overwritten without an error."""
 
+RUN = {run: (min(run, 0) - 1, max(run, 0) + 1) for run in range(-STUFF_AFTER, STUFF_AFTER + 1)}
+"""How long a run of equal bits is after a dominant and after a recessive bit: zeros count down, ones up."""
+
 KNOWN = 1 << 16
 """How many frames are kept as bits: a bus repeats itself."""
 
@@ -46,17 +49,16 @@ class Wire(NamedTuple):
 def on_wire(frame: Frame) -> Wire:
     """Write out the bits of a frame."""
     head = f"0{frame.cob_id:011b}000{len(frame.data):04b}" + "".join(f"{byte:08b}" for byte in frame.data)
-    plain = [int(bit) for bit in head]
-    stuffing = Stuffing()
     bits: list[int] = []
-    stuffed: set[int] = set()
-    arbitration = 0
-    for number, bit in enumerate([*plain, *crc(plain)], 1):
+    stuffed: list[int] = []
+    run = arbitration = 0
+    for number, bit in enumerate(map(int, f"{head}{crc(head):0{CRC_BITS}b}"), 1):
         bits.append(bit)
-        if stuffing.follows(bit):
-            stuffed.add(len(bits))
+        run = RUN[run][bit]
+        if abs(run) == STUFF_AFTER:
+            stuffed.append(len(bits))
             bits.append(1 - bit)
-            stuffing.follows(1 - bit)
+            run = RUN[run][1 - bit]
         if number == ARBITRATION_BITS:
             arbitration = len(bits)
     return Wire(tuple(bits), frozenset(stuffed), arbitration, len(bits) + ACKNOWLEDGE_BITS + END_OF_FRAME)
@@ -67,27 +69,22 @@ def frame_bits(frame: Frame) -> int:
     return on_wire(frame).end + INTERMISSION
 
 
-def crc(bits: list[int]) -> list[int]:
-    """Return the bits of the CRC over `bits`, the highest first."""
+def crc(bits: str) -> int:
+    """Return the CRC over bits. Byte by byte: zeros in front change nothing, as it begins with zero."""
     register = 0
-    for bit in bits:
-        invert = bit ^ register >> (CRC_BITS - 1)
-        register = register << 1 & (1 << CRC_BITS) - 1
-        register ^= CRC_POLYNOMIAL * invert
-    return [register >> place & 1 for place in reversed(range(CRC_BITS))]
+    for byte in int(bits, 2).to_bytes((len(bits) + 7) // 8, "big"):
+        register = (register << 8 ^ CRC_OF_BYTE[register >> (CRC_BITS - 8) ^ byte]) & (1 << CRC_BITS) - 1
+    return register
 
 
-class Stuffing:
-    """Knows after which bit a stuff bit follows; such a bit begins the next run itself."""
+def _crc_of_byte(byte: int) -> int:
+    register = byte << (CRC_BITS - 8)
+    for _ in range(8):
+        register = register << 1 ^ CRC_POLYNOMIAL * (register >> (CRC_BITS - 1) & 1)
+    return register & (1 << CRC_BITS) - 1
 
-    def __init__(self) -> None:
-        self.last, self.run = -1, 0
 
-    def follows(self, bit: int) -> bool:
-        """Take in a bit, and tell whether a stuff bit has to follow it."""
-        self.run = self.run + 1 if bit == self.last else 1
-        self.last = bit
-        return self.run == STUFF_AFTER
+CRC_OF_BYTE = [_crc_of_byte(byte) for byte in range(256)]
 
 
 class Reading:
@@ -97,39 +94,38 @@ class Reading:
     """
 
     def __init__(self) -> None:
-        self._stuffing = Stuffing()
-        self._stuff_bit = False
-        self._bits: list[int] = []
+        self._run = 0
+        self._bits = ""
 
     def take(self, bit: int) -> bool:
         """Take in a bit; False if it breaks the rule of bit stuffing."""
-        fits = not self._stuff_bit or bit != self._stuffing.last
-        if not self._stuff_bit:
-            self._bits.append(bit)
-        self._stuff_bit = self._stuffing.follows(bit)
-        return fits
+        stuff_bit = abs(self._run) == STUFF_AFTER
+        self._run = RUN[self._run][bit] if abs(RUN[self._run][bit]) <= STUFF_AFTER else 0
+        if not stuff_bit:
+            self._bits += str(bit)
+        return not stuff_bit or abs(self._run) == 1
 
     @property
     def complete(self) -> bool:
         """Tell whether the CRC is there, and the stuff bit that may follow it."""
-        return len(self._bits) == self._length and not self._stuff_bit
+        return len(self._bits) == self._length and abs(self._run) < STUFF_AFTER
 
     @property
     def intact(self) -> bool:
         """Tell whether the CRC is right."""
-        return crc(self._bits[:-CRC_BITS]) == self._bits[-CRC_BITS:]
+        return crc(self._bits[:-CRC_BITS]) == int(self._bits[-CRC_BITS:], 2)
 
     @property
     def frame(self) -> Frame | None:
         """Return the frame that was read, None for a remote one or one with 29 bits."""
-        if self._extended or self._bits[12]:
+        if self._extended or self._is_recessive(12):
             return None
         data = self._bits[19:-CRC_BITS]
-        return Frame(_number(self._bits[1:12]), bytes(_number(data[at : at + 8]) for at in range(0, len(data), 8)))
+        return Frame(int(self._bits[1:12], 2), bytes(int(data[at : at + 8], 2) for at in range(0, len(data), 8)))
 
     @property
     def _extended(self) -> bool:
-        return len(self._bits) > ARBITRATION_BITS and bool(self._bits[ARBITRATION_BITS])
+        return self._is_recessive(ARBITRATION_BITS)
 
     @property
     def _length(self) -> int:
@@ -137,9 +133,8 @@ class Reading:
         head, remote = (39, 32) if self._extended else (19, 12)
         if len(self._bits) < head:
             return len(self._bits) + 1
-        octets = 0 if self._bits[remote] else min(_number(self._bits[head - 4 : head]), 8)
+        octets = 0 if self._is_recessive(remote) else min(int(self._bits[head - 4 : head], 2), 8)
         return head + 8 * octets + CRC_BITS
 
-
-def _number(bits: list[int]) -> int:
-    return int("".join(map(str, bits)), 2) if bits else 0
+    def _is_recessive(self, place: int) -> bool:
+        return self._bits[place : place + 1] == str(RECESSIVE)

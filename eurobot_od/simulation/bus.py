@@ -23,7 +23,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.simulation.access import Access, Received, Sent
 from eurobot_od.simulation.bit_errors import Attempt, BitErrors, Flip
 from eurobot_od.simulation.bits import INTERMISSION, on_wire
-from eurobot_od.simulation.confinement import FRESH, RECOVERY_BITS, ErrorState, Rule
+from eurobot_od.simulation.confinement import FRESH, RECOVERY_BITS, Counters, ErrorState, Rule
 from eurobot_od.simulation.controller import Controller
 
 SUSPENDED = 8
@@ -38,8 +38,9 @@ Ended: TypeAlias = Callable[[Frame, Sequence[Controller], Sequence[Controller]],
 Changed: TypeAlias = Callable[[Controller, ErrorState, ErrorState], None]
 """Takes a controller, the state it was in, and another one in which it is now."""
 
-NO_FLIP = Flip(1 << 62)
-"""A bit error that never comes."""
+NEVER = Flip(1 << 62)
+NO_FLIPS: Iterator[Flip] = tee(())[0]
+"""Never and no bit errors."""
 
 
 class Moment(NamedTuple):
@@ -123,6 +124,18 @@ Parts: TypeAlias = Callable[[], list[Access]]
 """Makes the controllers as they were at some time, as often as it is called."""
 
 
+class Start(NamedTuple):
+    """How an attempt begins: who is there, with which counters, and which of them send what."""
+
+    here: Sequence[Controller]
+    counters: Sequence[Counters]
+    offers: dict[Controller, Frame]
+
+    def parts(self) -> list[Access]:
+        """Make the controllers."""
+        return [Access(each, counters, self.offers.get(each)) for each, counters in zip(self.here, self.counters)]
+
+
 @dataclass
 class UnderWay:
     """An attempt that is under way since `start`, s, how the controllers were then, and how much has been told."""
@@ -133,6 +146,12 @@ class UnderWay:
     course: Course
     told: int = 0
 
+    def next_event(self, bitrate: int) -> float:
+        """When the next moment has come, or the bus is free, in seconds."""
+        course = self.course
+        bit = course.moments[self.told].bit if self.told < len(course.moments) else course.bits
+        return self.start + bit / bitrate
+
     def parts_at(self, bit: int) -> list[Access]:
         """Return the controllers as they are after so many bits."""
         return list(Play(self.parts(), copy(self.flips)).run(bit).parts)
@@ -141,8 +160,8 @@ class UnderWay:
 class Bus:
     """Controllers that hear each other, at `bitrate` bit/s; `ended` and `changed` are told what happens.
 
-    All methods take the time in seconds. Who calls them does so at `next_event`, or has new frames in between. Nothing
-    is sent before `off_until`.
+    All methods take the time in seconds. `next_event` is when `advance` has something to do, infinite if nothing is
+    planned. Nothing is sent before `off_until`.
     """
 
     def __init__(self, bitrate: int, bit_errors: Sequence[BitErrors], ended: Ended, changed: Changed) -> None:
@@ -151,43 +170,31 @@ class Bus:
         self.off_until = 0.0
         self._under_way: UnderWay | None = None
         self._idle_since = 0.0
-        self._later = inf
+        self.next_event = inf
 
     def is_free(self, now: float) -> bool:
         """Tell whether an attempt may begin."""
         return self._under_way is None and self.off_until <= now
 
-    @property
-    def next_event(self) -> float:
-        """When `advance` has something to do, in seconds; infinite if nothing is under way."""
-        attempt = self._under_way
-        if attempt is None:
-            return self._later
-        course = attempt.course
-        bit = course.moments[attempt.told].bit if attempt.told < len(course.moments) else course.bits
-        return attempt.start + bit / self.bitrate
-
-    def advance(self, now: float) -> bool:
-        """Tell what has happened by now; return whether there was anything."""
-        found = False
+    def advance(self, now: float) -> None:
+        """Do what is due by now."""
         while self.next_event <= now:
-            found = True
             self._step(now)
-        return found
 
     def _step(self, now: float) -> None:
         attempt = self._under_way
         if attempt is None:
             self._pass_idle(now)
-        elif attempt.told < len(attempt.course.moments):
+        elif attempt.told == len(attempt.course.moments):
+            self._finish(attempt.course, now)
+        else:
             moment = attempt.course.moments[attempt.told]
             attempt.told += 1
+            self.next_event = attempt.next_event(self.bitrate)
             for controller, rule in moment.counts:
                 self._count(controller, rule)
             if moment.frame is not None:
                 self._ended(moment.frame, moment.senders, moment.receivers)
-        else:
-            self._finish(attempt.course, now)
 
     def _count(self, controller: Controller, rule: Rule) -> None:
         before = controller.state
@@ -201,7 +208,9 @@ class Bus:
             controller.suspended_until = now + SUSPENDED / self.bitrate
         for controller, sequences in course.sequences:
             self._recover(controller, sequences)
-        self._look_ahead(now)
+        self.next_event = inf
+        if course.suspended or course.sequences:
+            self._look_ahead(now)
 
     # The idle bus
 
@@ -209,7 +218,7 @@ class Bus:
         """Note when something changes if nobody sends until then: who is suspended may, who is bus-off is back."""
         recovery = (self._recovery_time(each) for each in self.controllers if each.recovery)
         suspended = (each.suspended_until for each in self.controllers if each.suspended_until > now)
-        self._later = min((*recovery, *suspended), default=inf)
+        self.next_event = min((*recovery, *suspended), default=inf)
 
     def _recovery_time(self, controller: Controller) -> float:
         return self._idle_since + controller.recovery * RECOVERY_BITS / self.bitrate
@@ -231,31 +240,33 @@ class Bus:
 
     def arbitrate(self, now: float) -> None:
         """Let those who have frames begin, if the bus is free."""
-        offers = [
-            (each, frame)
-            for each in self.controllers
-            if each.silent_until <= now and (frame := each.source.next(now)) is not None
-        ]
-        if offers and self.is_free(now):
-            ready = {each: frame for each, frame in offers if each.may_send(now)}
-            if ready:
-                self._begin(now, ready)
+        if self.is_free(now):
+            offers = {
+                each: frame
+                for each in self.controllers
+                if each.may_send(now) and (frame := each.source.urgent()) is not None
+            }
+            if offers:
+                self._begin(now, offers)
 
     def _begin(self, now: float, offers: dict[Controller, Frame]) -> None:
-        if self._later < inf:
+        if self.next_event < inf:
             self._pass_idle(now)
-        here = [each for each in self.controllers if each.silent_until <= now]
-        counters = [each.counters for each in here]
+        here = [each for each in self.controllers if each.silent_until <= now or each.recovery]
+        start = Start(here, [each.counters for each in here], offers)
         frame = min(offers.values())
-        attempt = Attempt(now, frame, on_wire(frame).end, tuple(offers))
-        flips, first = tee(merge(*(errors(attempt) for errors in self._bit_errors), key=lambda flip: flip.bit))
-        struck = next(first, NO_FLIP).bit < attempt.bits + INTERMISSION
+        end = on_wire(frame).end
+        flips = self._flips(Attempt(now, frame, end, tuple(offers))) if self._bit_errors else NO_FLIPS
+        calm = flips is NO_FLIPS or next(copy(flips), NEVER).bit >= end + INTERMISSION
+        course = _undisturbed(frame, end, offers, here) if calm else None
+        self._go(UnderWay(now, start.parts, flips, course or Play(start.parts(), copy(flips)).run().course))
 
-        def parts() -> list[Access]:
-            return [Access(each, count, offers.get(each)) for each, count in zip(here, counters)]
+    def _flips(self, attempt: Attempt) -> Iterator[Flip]:
+        """Ask for the bit errors of an attempt; what is returned can be copied, to begin from the start again."""
+        return tee(merge(*(errors(attempt) for errors in self._bit_errors), key=lambda flip: flip.bit))[0]
 
-        course = None if struck else _undisturbed(frame, offers, here)
-        self._under_way = UnderWay(now, parts, flips, course or Play(parts(), copy(flips)).run().course)
+    def _go(self, attempt: UnderWay) -> None:
+        self._under_way, self.next_event = attempt, attempt.next_event(self.bitrate)
 
     # Who hears whom
 
@@ -279,7 +290,7 @@ class Bus:
         self.drop(now)
         playing = parts()
         if not all(part.idle for part in playing):
-            self._under_way = UnderWay(now, parts, iter(()), Play(playing).run().course)
+            self._go(UnderWay(now, parts, NO_FLIPS, Play(playing).run().course))
 
 
 def regroup(now: float, buses: Iterable[Bus], groups: Iterable[tuple[Bus, Sequence[Controller]]]) -> None:
@@ -293,15 +304,16 @@ def _chosen(were: Iterable[Parts], controllers: Sequence[Controller]) -> list[Ac
     return [part for parts in were for part in parts() if part.controller in controllers]
 
 
-def _undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Controller]) -> Course | None:
+def _undisturbed(frame: Frame, end: int, offers: dict[Controller, Frame], here: Sequence[Controller]) -> Course | None:
     """Return what becomes of an attempt in which nothing can go wrong, None if something may."""
     senders = [each for each, offer in offers.items() if offer == frame]
     receivers = [each for each in here if offers.get(each) != frame and not each.recovery]
     if not receivers or any(each.cob_id == frame.cob_id and each != frame for each in offers.values()):
         return None
-    end = on_wire(frame).end
-    worn = [each for each in here if each.counters != FRESH]
+    worn = [each for each in here if each.counters is not FRESH]
     counts = [(each, Rule.TRANSMITTED if each in senders else Rule.RECEIVED) for each in worn if not each.recovery]
-    suspended = [each for each in senders if each.counters.after(Rule.TRANSMITTED).state is ErrorState.PASSIVE]
-    moments = (Moment(end, counts, frame, senders, receivers),)
-    return Course(moments, end + INTERMISSION, suspended, [(each, 1) for each in worn if each.recovery])
+    suspended = [
+        each for each, rule in counts if each in senders and each.counters.after(rule).state is ErrorState.PASSIVE
+    ]
+    sequences = [(each, 1) for each in worn if each.recovery]
+    return Course((Moment(end, counts, frame, senders, receivers),), end + INTERMISSION, suspended, sequences)

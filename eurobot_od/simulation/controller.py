@@ -7,7 +7,6 @@ Rule of this file: what lasts from one frame to the next stands here; what a con
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 from typing import Protocol
 
 from eurobot_od.frame import Frame
@@ -17,7 +16,7 @@ from eurobot_od.simulation.confinement import FRESH, RECOVERY_SEQUENCES, Counter
 class Source(Protocol):
     """Where a controller's frames come from; `gatekeeper.Mailboxes` is one."""
 
-    def next(self, now: float) -> Frame | None:
+    def urgent(self) -> Frame | None:
         """Return the frame to be sent first, None without one; asked as often as anybody likes."""
 
     def complete(self, frame: Frame) -> object:
@@ -27,7 +26,7 @@ class Source(Protocol):
 class Nothing:
     """The source of who only listens."""
 
-    def next(self, now: float) -> Frame | None:
+    def urgent(self) -> Frame | None:
         return None
 
     def complete(self, frame: Frame) -> None:
@@ -36,13 +35,12 @@ class Nothing:
 
 @dataclass
 class Babble:
-    """The source of a node that babbles: the same frame again and again until a time in seconds."""
+    """The source of a node that babbles: the same frame again and again."""
 
     frame: Frame
-    until: float = inf
 
-    def next(self, now: float) -> Frame | None:
-        return self.frame if now < self.until else None
+    def urgent(self) -> Frame | None:
+        return self.frame
 
     def complete(self, frame: Frame) -> None:
         """Do nothing: there is always one more."""
@@ -69,7 +67,7 @@ class Controller:
 
     def may_send(self, now: float) -> bool:
         """Tell whether it may begin to send if the bus is free."""
-        return self.silent_until <= now and self.suspended_until <= now and not self.recovery
+        return self.silent_until <= now >= self.suspended_until and not self.recovery
 
     def count(self, rule: Rule) -> None:
         """Count an event by a rule of the standard."""

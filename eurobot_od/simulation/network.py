@@ -68,6 +68,15 @@ class Place:
     processing: float
     controller: Controller
 
+    @property
+    def wakeup(self) -> float:
+        """When the station may want to tick, in seconds: not before it says, and not while it is silent."""
+        return max(self.station.plan.soonest, self.controller.silent_until)
+
+    def ask(self) -> float:
+        """Ask the node when it wants to tick, which holds until something comes or it plans something sooner."""
+        return self.station.next_wakeup
+
 
 class Network:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
@@ -100,6 +109,7 @@ class Network:
         """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds."""
         station = Station(node, report=self.reports.append, clock=lambda: self.now)
         station.gatekeeper.start()
+        node.wake = partial(station.plan.at, -inf)
         controller = Controller(station.gatekeeper.mailboxes, silent_until=inf)
         self._places[station] = Place(station, processing, controller)
         self._stations[controller] = station
@@ -144,7 +154,7 @@ class Network:
 
     def babble(self, frame: Frame, until: float) -> Controller:
         """Have one more controller send the same frame again and again until a time in seconds; return it."""
-        controller = Controller(Babble(frame, until))
+        controller = Controller(Babble(frame))
         self._whole.controllers.append(controller)
         self._plan(self.now, _look_around)
         self._plan(until, partial(self._remove, controller))
@@ -175,19 +185,16 @@ class Network:
         if station in self._places:
             self.controller(station).silent_until = self.now
             station.start(self.now)
+            self._places[station].ask()
 
     # Time
 
     @property
     def next_event(self) -> float:
         """Time of the next event, infinite if nothing will ever happen."""
-        return self._next_event(self._wakeups())
-
-    def _wakeups(self) -> list[float]:
-        return [max(place.station.next_wakeup, place.controller.silent_until) for place in self._places.values()]
-
-    def _next_event(self, wakeups: list[float]) -> float:
-        times = [*wakeups, *(time for time, _, _ in self._queue[:1]), *(bus.next_event for bus in self._buses)]
+        times = [place.wakeup for place in self._places.values()]
+        times += [bus.next_event for bus in self._buses]
+        times += [time for time, _, _ in self._queue[:1]]
         if any(self._has_new(bus) for bus in self._buses):
             times.append(self.now)
         return max(min(times, default=inf), self.now)
@@ -202,16 +209,18 @@ class Network:
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
-        wakeups = self._wakeups()
-        event = self._next_event(wakeups)
+        event = self.next_event
         if event > until or event == inf:
             self.now = max(self.now, until)
             return False
         self.now = event
-        changed = [*(bus.advance(self.now) for bus in tuple(self._buses)), self._do_planned()]
-        for place, wakeup in zip(list(self._places.values()), self._wakeups() if any(changed) else wakeups):
-            if wakeup <= self.now:
-                place.station.tick(self.now)
+        for bus in tuple(self._buses):
+            bus.advance(event)
+        self._do_planned()
+        for place in tuple(self._places.values()):
+            if place.wakeup <= event and place.ask() <= event:
+                place.station.tick(event)
+                place.ask()
         self._arbitrate()
         return True
 
@@ -223,13 +232,10 @@ class Network:
     def _plan(self, time: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._queue, (time, next(self._order), action))
 
-    def _do_planned(self) -> bool:
-        """Do what is due, also what becomes due meanwhile; tell whether there was any."""
-        found = False
+    def _do_planned(self) -> None:
+        """Do what is due, also what becomes due meanwhile."""
         while self._queue and self._queue[0][0] <= self.now:
             heapq.heappop(self._queue)[-1]()
-            found = True
-        return found
 
     # The bus
 
@@ -259,9 +265,12 @@ class Network:
         """Have a station look at a frame that has come, if it still can."""
         if self._is_awake(station):
             station.gatekeeper.receive(frame, self.now)
+            self._places[station].ask()
 
     def _arbitrate(self) -> None:
-        """Let the most urgent frame of all mailboxes have the bus, if it is free."""
+        """Load the mailboxes, and let the most urgent frame of them all have the bus, if it is free."""
+        for station in filter(self._is_awake, self._places):
+            station.gatekeeper.mailboxes.load(self.now)
         for bus in self._buses:
             bus.arbitrate(self.now)
 
