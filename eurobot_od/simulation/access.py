@@ -58,19 +58,14 @@ Field: TypeAlias = Generator[int, int, "Fault | None"]
 """The same for a part of a frame; returns what went wrong in it."""
 
 
-class Sent(NamedTuple):
-    """A frame that its sender has brought through."""
+class Through(NamedTuple):
+    """A frame that is through: it has been `sent`, or it has come."""
 
     frame: Frame
+    sent: bool
 
 
-class Received(NamedTuple):
-    """A frame that has come."""
-
-    frame: Frame
-
-
-Note: TypeAlias = "Sent | Received | Rule"
+Note: TypeAlias = "Through | Rule"
 """What a controller notes."""
 
 
@@ -179,7 +174,7 @@ class Access:
             if (yield RECESSIVE) == DOMINANT:
                 return Fault.ERROR
         self._note(Rule.TRANSMITTED)
-        self._note(Sent(frame))
+        self._note(Through(frame, sent=True))
         return None
 
     def _receive(self, seen: tuple[int, ...]) -> Field:
@@ -204,7 +199,7 @@ class Access:
                 return Fault.ERROR
         last = yield RECESSIVE
         if reading.frame is not None:
-            self._note(Received(reading.frame))
+            self._note(Through(reading.frame, sent=False))
         return Fault.OVERLOAD if last == DOMINANT else None
 
     # What is sent when something is wrong

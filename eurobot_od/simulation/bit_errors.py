@@ -18,6 +18,9 @@ from eurobot_od.simulation.controller import Controller
 LAST_BUT_ONE = -2
 """The bit of the end of frame before its last: who sees an error there throws away what the others have already."""
 
+MOST = 0.5
+"""The highest bit error rate: with it, bits mean nothing any more."""
+
 
 class Attempt(NamedTuple):
     """An attempt to send `frame`, which begins at `time`, s, and takes `bits` to its end of frame.
@@ -46,8 +49,8 @@ class Noise:
     """Bit errors of chance: each bit with a probability of `rate`, for everyone or for one controller."""
 
     def __init__(self, rate: float, seed: int = 1, at: Controller | None = None) -> None:
-        if not 0 <= rate < 1:
-            raise ValueError(f"a bit error rate is a probability from 0 to below 1, not {rate}")
+        if not 0 <= rate <= MOST:
+            raise ValueError(f"a bit error rate is a probability from 0 to {MOST}, not {rate}")
         self._random, self._at = Random(f"{seed} bit errors"), at
         self._per_bit = log1p(-rate)
 

@@ -20,7 +20,7 @@ from math import inf
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.access import Access, Received, Sent
+from eurobot_od.simulation.access import Access
 from eurobot_od.simulation.bit_errors import Attempt, BitErrors, Flip
 from eurobot_od.simulation.bits import INTERMISSION, on_wire
 from eurobot_od.simulation.confinement import FRESH, RECOVERY_BITS, Counters, ErrorState, Rule
@@ -110,9 +110,10 @@ class Play:
         for part in self.parts:
             part.noted.clear()
         yield Moment(self.bit, [(each, note) for each, note in notes if isinstance(note, Rule)])
-        for frame in dict.fromkeys(note.frame for _, note in notes if not isinstance(note, Rule)):
-            senders = [each for each, note in notes if note == Sent(frame)]
-            yield Moment(self.bit, (), frame, senders, [each for each, note in notes if note == Received(frame)])
+        through = [(each, note) for each, note in notes if not isinstance(note, Rule)]
+        for frame in dict.fromkeys(note.frame for _, note in through):
+            senders, receivers = ([each for each, note in through if note == (frame, sent)] for sent in (True, False))
+            yield Moment(self.bit, (), frame, senders, receivers)
 
 
 def _is_flipped(flips: Iterable[Flip], controller: Controller) -> bool:
@@ -258,7 +259,7 @@ class Bus:
         end = on_wire(frame).end
         flips = self._flips(Attempt(now, frame, end, tuple(offers))) if self._bit_errors else NO_FLIPS
         calm = flips is NO_FLIPS or next(copy(flips), NEVER).bit >= end + INTERMISSION
-        course = _undisturbed(frame, end, offers, here) if calm else None
+        course = undisturbed(frame, offers, here) if calm else None
         self._go(UnderWay(now, start.parts, flips, course or Play(start.parts(), copy(flips)).run().course))
 
     def _flips(self, attempt: Attempt) -> Iterator[Flip]:
@@ -304,12 +305,13 @@ def _chosen(were: Iterable[Parts], controllers: Sequence[Controller]) -> list[Ac
     return [part for parts in were for part in parts() if part.controller in controllers]
 
 
-def _undisturbed(frame: Frame, end: int, offers: dict[Controller, Frame], here: Sequence[Controller]) -> Course | None:
+def undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Controller]) -> Course | None:
     """Return what becomes of an attempt in which nothing can go wrong, None if something may."""
     senders = [each for each, offer in offers.items() if offer == frame]
     receivers = [each for each in here if offers.get(each) != frame and not each.recovery]
     if not receivers or any(each.cob_id == frame.cob_id and each != frame for each in offers.values()):
         return None
+    end = on_wire(frame).end
     worn = [each for each in here if each.counters is not FRESH]
     counts = [(each, Rule.TRANSMITTED if each in senders else Rule.RECEIVED) for each in worn if not each.recovery]
     suspended = [

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.bits import CRC_BITS, STUFF_AFTER, Reading, frame_bits, on_wire
+from eurobot_od.simulation.bits import Reading, frame_bits, on_wire
 
 GENERATOR = 0b1100010110011001
 """x15 + x14 + x10 + x8 + x7 + x4 + x3 + 1 (ISO 11898-1)."""
@@ -27,8 +27,13 @@ def encoded(frame: Frame) -> tuple[str, list[int]]:
     control = f"{0:03b}{len(frame.data):04b}"
     plain = f"0{frame.cob_id:011b}{control}" + "".join(f"{byte:08b}" for byte in frame.data)
     checked = plain + f"{remainder(int(plain, 2) << 15):015b}"
+    return stuffed(checked)
+
+
+def stuffed(bits: str) -> tuple[str, list[int]]:
+    """Put a bit after every five equal ones; return where they stand, too."""
     wire, places = "", list[int]()
-    for bit in checked:
+    for bit in bits:
         wire += bit
         stuff_bit = {"00000": "1", "11111": "0"}.get(wire[-5:], "")
         places += [len(wire)] * len(stuff_bit)
@@ -113,19 +118,11 @@ ODD = {
 def test_frames_that_nobody_sends_are_read_to_their_end(head: str, length: int) -> None:
     plain = head + ("01" * 32)[: length - len(head)]
     reading = Reading()
-    for bit in stuffed(plain + f"{remainder(int(plain, 2) << CRC_BITS):015b}"):
+    for bit in stuffed(plain + f"{remainder(int(plain, 2) << 15):015b}")[0]:
         assert not reading.complete
         assert reading.take(int(bit))
     assert reading.complete
     assert reading.intact
-
-
-def stuffed(bits: str) -> str:
-    wire = ""
-    for bit in bits:
-        wire += bit
-        wire += {"0" * STUFF_AFTER: "1", "1" * STUFF_AFTER: "0"}.get(wire[-STUFF_AFTER:], "")
-    return wire
 
 
 @given(frames)
