@@ -15,7 +15,7 @@ from copy import copy
 from dataclasses import dataclass
 from functools import partial
 from heapq import merge
-from itertools import tee
+from itertools import chain, tee
 from math import inf
 from typing import NamedTuple, TypeAlias
 
@@ -39,8 +39,10 @@ Changed: TypeAlias = Callable[[Controller, ErrorState, ErrorState], None]
 """Takes a controller, the state it was in, and another one in which it is now."""
 
 NEVER = Flip(1 << 62)
+"""A bit error that does not come."""
+
 NO_FLIPS: Iterator[Flip] = tee(())[0]
-"""Never and no bit errors."""
+"""No bit errors in an attempt."""
 
 
 class Moment(NamedTuple):
@@ -258,13 +260,16 @@ class Bus:
         frame = min(offers.values())
         end = on_wire(frame).end
         flips = self._flips(Attempt(now, frame, end, tuple(offers))) if self._bit_errors else NO_FLIPS
-        calm = flips is NO_FLIPS or next(copy(flips), NEVER).bit >= end + INTERMISSION
-        course = undisturbed(frame, offers, here) if calm else None
+        course = undisturbed(frame, offers, here) if flips is NO_FLIPS else None
         self._go(UnderWay(now, start.parts, flips, course or Play(start.parts(), copy(flips)).run().course))
 
     def _flips(self, attempt: Attempt) -> Iterator[Flip]:
         """Ask for the bit errors of an attempt; what is returned can be copied, to begin from the start again."""
-        return tee(merge(*(errors(attempt) for errors in self._bit_errors), key=lambda flip: flip.bit))[0]
+        sources = [iter(errors(attempt)) for errors in self._bit_errors]
+        firsts = [next(source, NEVER) for source in sources]
+        if min(first.bit for first in firsts) >= attempt.bits + INTERMISSION:
+            return NO_FLIPS
+        return tee(merge(*map(chain, zip(firsts), sources), key=lambda flip: flip.bit))[0]
 
     def _go(self, attempt: UnderWay) -> None:
         self._under_way, self.next_event = attempt, attempt.next_event(self.bitrate)

@@ -29,6 +29,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
+from eurobot_od.gatekeeper.mailboxes import Mailboxes
 from eurobot_od.simulation.bit_errors import BitErrors
 from eurobot_od.simulation.bus import Bus, regroup
 from eurobot_od.simulation.confinement import ErrorState
@@ -67,6 +68,11 @@ class Place:
     station: Station
     processing: float
     controller: Controller
+
+    @property
+    def mailboxes(self) -> Mailboxes:
+        """The station's mailboxes, from which its controller sends."""
+        return self.station.gatekeeper.mailboxes
 
     @property
     def wakeup(self) -> float:
@@ -202,7 +208,7 @@ class Network:
     def _has_new(self, bus: Bus) -> bool:
         """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
         return bus.is_free(self.now) and any(
-            place.station.gatekeeper.mailboxes.next_expiry is not None
+            place.mailboxes.next_expiry is not None
             for place in self._places.values()
             if place.controller.may_send(self.now) and place.controller in bus.controllers
         )
@@ -269,8 +275,9 @@ class Network:
 
     def _arbitrate(self) -> None:
         """Load the mailboxes, and let the most urgent frame of them all have the bus, if it is free."""
-        for station in filter(self._is_awake, self._places):
-            station.gatekeeper.mailboxes.load(self.now)
+        for place in self._places.values():
+            if place.controller.silent_until <= self.now:
+                place.mailboxes.load(self.now)
         for bus in self._buses:
             bus.arbitrate(self.now)
 

@@ -190,7 +190,7 @@ def test_a_node_that_is_pulled_off_sends_again_and_again_and_is_heard_when_it_is
     wire.run(0.2)
     assert wire.emergencies("drive") == [ErrorCode.ERROR_PASSIVE]
     assert wire.heard("core", FRAME) == 1
-    # It was plugged in within an attempt, which the others have answered with an error flag; then two frames came through.
+    # It was plugged in within an attempt, which the others answered with an error flag; then two frames came through.
     assert wire.controller("drive").counters == (128 + 8 - 2, 0)
 
 
