@@ -278,6 +278,10 @@ class Bus:
 
     def drop(self, now: float) -> None:
         """Have what is under way come to nothing."""
+        if self._under_way is not None:
+            self._rest(now)
+
+    def _rest(self, now: float) -> None:
         self._under_way, self._idle_since = None, now
         self._look_ahead(now)
 
@@ -293,7 +297,7 @@ class Bus:
     def go_on(self, now: float, controllers: Iterable[Controller], parts: Parts) -> None:
         """Have other controllers, who go on from where they are: what one sends from now on, all these see."""
         self.controllers[:] = controllers
-        self.drop(now)
+        self._rest(now)
         playing = parts()
         if not all(part.idle for part in playing):
             self._go(UnderWay(now, parts, NO_FLIPS, Play(playing).run().course))

@@ -9,8 +9,11 @@ intermission. Then `disturb` says when it reaches the stations that have receive
 its own `processing` time. Who is silent at any of these times has lost it.
 
 What is to come stands in one queue: looks, starts, and the moments at which somebody may send again. Only what is under
-way on the bus, which `cut` may take back, and the nodes' own wake-ups, which they may change at any time, are asked for
-each time. Ties go: the bus, the queue in the order of planning, the stations in the order of attaching.
+way on the bus, which `cut` may take back, and the nodes' own wake-ups, which stand in their plans and may change at any
+time, are looked up each time. Ties go: the bus, the queue in the order of planning, the stations in the order of
+attaching.
+
+A bus that is cut in two is two buses (`split`) until they are joined; all other stations are on the whole one.
 """
 
 from __future__ import annotations
@@ -115,7 +118,7 @@ class Network:
         """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds."""
         station = Station(node, report=self.reports.append, clock=lambda: self.now)
         station.gatekeeper.start()
-        node.wake = partial(station.plan.at, -inf)
+        node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
         controller = Controller(station.gatekeeper.mailboxes, silent_until=inf)
         self._places[station] = Place(station, processing, controller)
         self._stations[controller] = station
@@ -179,7 +182,8 @@ class Network:
     def _join(self, part: Bus) -> None:
         """Have a part of the bus, and the whole, hear each other again."""
         self._buses.remove(part)
-        together = [*self._whole.controllers, *part.controllers]
+        order = {each: number for number, each in enumerate(self._stations)}
+        together = sorted([*self._whole.controllers, *part.controllers], key=lambda each: order.get(each, -1))
         regroup(self.now, [self._whole, part], [(self._whole, together)])
 
     def _remove(self, controller: Controller) -> None:

@@ -395,6 +395,16 @@ def test_who_is_off_neither_acknowledges_nor_receives() -> None:
     assert scene.frames == []
 
 
+def test_who_is_off_goes_on_counting_when_the_idle_bus_is_dropped() -> None:
+    scene = going_off()
+    while scene.controller("A").state is not ErrorState.OFF:
+        scene.run(10)
+    for _ in range(20):
+        scene.run(100)
+        scene.bus.drop(scene.now)
+    assert scene.controller("A").state is ErrorState.ACTIVE
+
+
 def test_a_receiver_never_goes_off() -> None:
     scene = Scene(
         3,
