@@ -144,7 +144,6 @@ class Access:
             if (yield RECESSIVE) == DOMINANT:
                 return Fault.OVERLOAD
         if (yield RECESSIVE) == DOMINANT:
-            self.transmitting = False
             return (yield from self._received_at_once())
         return None
 
@@ -164,7 +163,6 @@ class Access:
                 return Fault.ERROR
             if place in wire.stuffed:
                 return Fault.ARBITRATION_STUFFING
-            self.transmitting = False
             return (yield from self._receive((*wire.bits[:place], seen)))
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return Fault.ERROR
@@ -179,7 +177,7 @@ class Access:
 
     def _receive(self, seen: tuple[int, ...]) -> Field:
         """Receive a frame from the bits on that were `seen`; it is valid before the last bit of its end."""
-        reading = Reading()
+        self.transmitting, reading = False, Reading()
         for bit in seen:
             if not reading.take(bit):
                 return Fault.ERROR
@@ -207,6 +205,7 @@ class Access:
     def _signal(self, fault: Fault) -> Field:
         """Send a flag and its delimiter, and count why. What makes it error passive is told by an active flag yet."""
         passive = fault is not Fault.OVERLOAD and self.counters.state is ErrorState.PASSIVE
+        # Rule c, exception 1: a passive transmitter that is alone does not count on.
         if not (passive and fault is Fault.NOT_ACKNOWLEDGED):
             self._note((TRANSMITTER_COUNTS if self.transmitting else RECEIVER_COUNTS)[fault])
         flag = self._passive_flag(fault) if passive else self._dominant_flag()

@@ -194,6 +194,17 @@ def test_a_node_that_is_pulled_off_sends_again_and_again_and_is_heard_when_it_is
     assert wire.controller("drive").counters == (128 + 8 - 2, 0)
 
 
+@pytest.mark.parametrize("bit", range(1, on_wire(FRAME).end + 4, 4))
+def test_a_sender_that_is_pulled_off_in_any_bit_is_heard_by_all_in_the_end(bit: int) -> None:
+    wire = Wire(monitored=False)
+    wire.say("drive", FRAME)
+    wire.run((bit + 0.5) * BIT)
+    wire.network.split([wire.stations["drive"]], until=wire.network.now + 0.01)
+    wire.run(0.1)
+    assert wire.heard("core", FRAME) == wire.heard("navigation", FRAME) == 1
+    assert not wire.stations["drive"].gatekeeper.mailboxes.holds(FRAME)
+
+
 def test_a_bus_may_be_cut_within_a_frame_again_and_again() -> None:
     wire = Wire(monitored=False)
     wire.say("drive", FRAME)
