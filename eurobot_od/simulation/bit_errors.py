@@ -12,6 +12,7 @@ from math import log, log1p
 from random import Random
 from typing import NamedTuple, TypeAlias
 
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.simulation.controller import Controller
 
@@ -46,11 +47,14 @@ BitErrors: TypeAlias = Callable[[Attempt], Iterable[Flip]]
 
 
 class Noise:
-    """Bit errors of chance: each bit with a probability of `rate`, for everyone or for one controller."""
+    """Bit errors of chance: each bit with a probability of `rate`, for everyone or for one controller.
+
+    Raises LocalError for a rate that is no probability, or above MOST.
+    """
 
     def __init__(self, rate: float, seed: int = 1, at: Controller | None = None) -> None:
         if not 0 <= rate <= MOST:
-            raise ValueError(f"a bit error rate is a probability from 0 to {MOST}, not {rate}")
+            raise LocalError(f"a bit error rate is a probability from 0 to {MOST}, not {rate}")
         self._random, self._at = Random(f"{seed} bit errors"), at
         self._per_bit = log1p(-rate)
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.simulation.access import Access
 from eurobot_od.simulation.bit_errors import LAST_BUT_ONE, Attempt, BitErrors, Noise, Strike
@@ -443,7 +444,7 @@ def test_noise_of_rate_0_is_none() -> None:
 
 @pytest.mark.parametrize("rate", [-0.1, 0.6, 1.0])
 def test_a_rate_that_is_none_is_refused(rate: float) -> None:
-    with pytest.raises(ValueError, match="bit error rate"):
+    with pytest.raises(LocalError, match="bit error rate"):
         Noise(rate)
 
 
