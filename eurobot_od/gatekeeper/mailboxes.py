@@ -86,7 +86,7 @@ class Mailboxes:
             # Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place, so that
             # they may wait as long as any other from now on.
             late = now + self.wait
-            self._waiting = [w if w.lasting else w._replace(deadline=min(w.deadline, late)) for w in self._waiting]
+            self._waiting = [w if w.lasting or w.deadline <= late else w._replace(deadline=late) for w in self._waiting]
         return loaded
 
     def holds(self, frame: Frame) -> bool:

@@ -1,34 +1,42 @@
-"""Stations on a simulated CAN bus: arbitration, bit times, what goes wrong on demand, and the order of all events.
+"""Stations on a simulated CAN bus: who hears what and when, what goes wrong on demand, and the order of all events.
 
-Rule of this file: one event after the other, each at its time. The lowest COB-ID in all mailboxes wins the bus; frames
-that are equal to the bit go out as one.
+Rule of this file: one event after the other, each at its time. What the bus makes of the frames is in `bus`: the lowest
+COB-ID in all mailboxes wins it, and frames that are equal to the bit go out as one.
 
 A frame's way: its node leaves it to the mailboxes; it wins the arbitration; after its bits it has ended. At that moment
-the mailboxes of its senders are free and the observers are told, whatever becomes of it next. Then `disturb` says when
-it reaches the stations that hear now, and each of them looks at it after its own `processing` time. Who is silent at
-either of these two times has lost it.
+the mailboxes of its senders are free and the observers are told, whatever becomes of it next; the bus is free after the
+intermission. Then `disturb` says when it reaches the stations that have received it, and each of them looks at it after
+its own `processing` time. Who is silent at any of these times has lost it.
 
-What is to come stands in one queue: looks, starts, and the moments at which somebody may send again. Only the end of
-the frame on the bus, which `cut` may take back, and the nodes' own wake-ups, which they may change at any time, are
-asked for each time. Ties go: the bus, the queue in the order of planning, the stations in the order of attaching.
+What is to come stands in one queue: looks, starts, and the moments at which somebody may send again. Only what is under
+way on the bus, which `cut` may take back, and the nodes' own wake-ups, which stand in their plans and may change at any
+time, are looked up each time. Ties go: the bus, the queue in the order of planning, the stations in the order of
+attaching.
+
+A bus that is cut in two is two buses (`split`) until they are joined; all other stations are on the whole one.
 """
 
 from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import inf
 from random import Random
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
+from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
-from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.gatekeeper.mailboxes import Mailboxes
+from eurobot_od.simulation.bit_errors import BitErrors
+from eurobot_od.simulation.bus import Bus, regroup
+from eurobot_od.simulation.confinement import ErrorState
+from eurobot_od.simulation.controller import Babble, Controller, Nothing
 
 PROCESSING_TIMES = (50e-6, 100e-6, 150e-6, 200e-6)
 """How long a node may take until it looks at a frame, s: about as long as a frame takes at 500 kbit/s.
@@ -49,41 +57,60 @@ def processing_time(seed: int, name: str) -> float:
     return Random(f"{seed} processing {name}").choice(PROCESSING_TIMES)
 
 
-class Sending(NamedTuple):
-    """A frame on the bus, who sends it, and when it is through."""
-
-    frame: Frame
-    senders: tuple[Station, ...]
-    end: float
+REPORTED = {
+    (ErrorState.ACTIVE, ErrorState.PASSIVE): ErrorCode.ERROR_PASSIVE,
+    (ErrorState.OFF, ErrorState.ACTIVE): ErrorCode.RECOVERED_FROM_BUS_OFF,
+}
+"""What a controller reports to its node when its state changes; nobody hears a node that is bus-off."""
 
 
 @dataclass
 class Place:
-    """A station's place on the bus; it is silent before its start and while it is frozen. Times are seconds."""
+    """A station's place on the bus, and the seconds that it takes until it looks at a frame."""
 
     station: Station
     processing: float
-    silent_until: float = inf
+    controller: Controller
+
+    @property
+    def mailboxes(self) -> Mailboxes:
+        """The station's mailboxes, from which its controller sends."""
+        return self.station.gatekeeper.mailboxes
+
+    @property
+    def wakeup(self) -> float:
+        """When the station may want to tick, in seconds: not before it says, and not while it is silent."""
+        return max(self.station.plan.soonest, self.controller.silent_until)
+
+    def ask(self) -> float:
+        """Ask the node when it wants to tick, which holds until something comes or it plans something sooner."""
+        return self.station.next_wakeup
 
 
 class Network:
     """A simulated bus at `bitrate` bit/s with its stations; `now` is the simulated time in seconds.
 
     `reports` are the gatekeepers' reports. `observers` are called with each frame and the time, in seconds, at which
-    its transmission ended. `disturb` may be set to lose, double and delay frames.
+    its transmission ended. `disturb` may be set to lose, double and delay frames; `bit_errors` spoil them on the wire.
+    A `monitored` bus has a controller that only listens, and acknowledges what it hears, so that the first node that
+    boots is not alone. Without it, one that is alone sends its frame again and again.
     """
 
-    def __init__(self, bitrate: int = 500_000) -> None:
+    def __init__(self, bitrate: int = 500_000, *, monitored: bool = True) -> None:
         self.bitrate = bitrate
         self.now = 0.0
         self.observers: list[Callable[[float, Frame], None]] = []
         self.reports: list[Report] = []
         self.disturb: Disturb = lambda _now, _frame: ON_TIME
+        self.bit_errors: list[BitErrors] = []
         self._places: dict[Station, Place] = {}
+        self._stations: dict[Controller, Station] = {}
         self._queue: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
-        self._sending: Sending | None = None
-        self._off_until = 0.0
+        self._buses: list[Bus] = []
+        self._whole = self._add_bus()
+        if monitored:
+            self._whole.controllers.append(Controller(Nothing()))
 
     # Stations and their lives
 
@@ -91,64 +118,119 @@ class Network:
         """Connect a node that is switched on at `start` and looks at a frame `processing` after it came, in seconds."""
         station = Station(node, report=self.reports.append, clock=lambda: self.now)
         station.gatekeeper.start()
-        self._places[station] = Place(station, processing)
+        node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
+        controller = Controller(station.gatekeeper.mailboxes, silent_until=inf)
+        self._places[station] = Place(station, processing, controller)
+        self._stations[controller] = station
+        self._whole.controllers.append(controller)
         self._plan(start, partial(self._start, station))
         return station
 
     def detach(self, station: Station) -> None:
         """End a station's life: it neither receives, ticks nor sends any more. A frame of it on the wire ends."""
-        del self._places[station]
+        controller = self._places.pop(station).controller
+        del self._stations[controller]
+        self._remove(controller)
 
     def freeze(self, station: Station, until: float) -> None:
         """Have a station neither receive, tick nor send until a time in seconds; what comes meanwhile is lost for it.
 
         A frame of it on the wire ends. Afterwards it goes on with what it had, its mailboxes as well.
         """
-        place = self._places[station]
-        place.silent_until = max(place.silent_until, until)
+        controller = self.controller(station)
+        controller.silent_until = max(controller.silent_until, until)
         self._plan(until, _look_around)
 
     def cut(self, until: float) -> None:
         """Switch the bus off until a time in seconds: a frame on the wire is lost, and begins anew afterwards."""
-        self._sending = None
-        self._off_until = max(self._off_until, until)
+        for bus in self._buses:
+            bus.drop(self.now)
+            bus.off_until = max(bus.off_until, until)
         self._plan(until, _look_around)
+
+    def split(self, stations: Iterable[Station], until: float = inf) -> None:
+        """Cut the bus in two until a time in seconds: these stations, and the others with the monitor.
+
+        Neither part hears the other; a frame on the wire goes on where its sender is. One station alone has been pulled
+        off, and is plugged in again at that time.
+        """
+        moved = [self.controller(station) for station in stations]
+        torn = [bus for bus in self._buses if not set(bus.controllers).isdisjoint(moved)]
+        left = [(bus, [each for each in bus.controllers if each not in moved]) for bus in torn]
+        part = self._add_bus()
+        regroup(self.now, torn, [*left, (part, moved)])
+        self._plan(until, partial(self._join, part))
+
+    def babble(self, frame: Frame, until: float) -> Controller:
+        """Have one more controller send the same frame again and again until a time in seconds; return it."""
+        controller = Controller(Babble(frame))
+        self._whole.controllers.append(controller)
+        self._plan(self.now, _look_around)
+        self._plan(until, partial(self._remove, controller))
+        return controller
+
+    def controller(self, station: Station) -> Controller:
+        """Return a station's CAN controller, which has its error counters and state."""
+        return self._places[station].controller
+
+    def _add_bus(self) -> Bus:
+        bus = Bus(self.bitrate, self.bit_errors, self._has_ended, self._has_changed)
+        bus.off_until = max((each.off_until for each in self._buses), default=0.0)
+        self._buses.append(bus)
+        return bus
+
+    def _join(self, part: Bus) -> None:
+        """Have a part of the bus, and the whole, hear each other again."""
+        self._buses.remove(part)
+        order = {each: number for number, each in enumerate(self._stations)}
+        together = sorted([*self._whole.controllers, *part.controllers], key=lambda each: order.get(each, -1))
+        regroup(self.now, [self._whole, part], [(self._whole, together)])
+
+    def _remove(self, controller: Controller) -> None:
+        for bus in self._buses:
+            if controller in bus.controllers:
+                bus.controllers.remove(controller)
 
     def _start(self, station: Station) -> None:
         if station in self._places:
-            self._places[station].silent_until = self.now
+            self.controller(station).silent_until = self.now
             station.start(self.now)
+            self._places[station].ask()
 
     # Time
 
     @property
     def next_event(self) -> float:
         """Time of the next event, infinite if nothing will ever happen."""
-        return self._next_event(self._wakeups())
-
-    def _wakeups(self) -> list[float]:
-        return [max(place.station.next_wakeup, place.silent_until) for place in self._places.values()]
-
-    def _next_event(self, wakeups: list[float]) -> float:
-        times = [*wakeups, *(time for time, _, _ in self._queue[:1])]
-        if self._sending:
-            times.append(self._sending.end)
-        elif self._is_on and any(each.gatekeeper.mailboxes.next_expiry is not None for each in self._awake()):
-            times.append(self.now)  # a frame submitted from outside, between two events
+        times = [place.wakeup for place in self._places.values()]
+        times += [bus.next_event for bus in self._buses]
+        times += [time for time, _, _ in self._queue[:1]]
+        if any(self._has_new(bus) for bus in self._buses):
+            times.append(self.now)
         return max(min(times, default=inf), self.now)
+
+    def _has_new(self, bus: Bus) -> bool:
+        """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
+        return bus.is_free(self.now) and any(
+            place.mailboxes.next_expiry is not None
+            for place in self._places.values()
+            if place.controller.may_send(self.now) and place.controller in bus.controllers
+        )
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
-        wakeups = self._wakeups()
-        event = self._next_event(wakeups)
+        event = self.next_event
         if event > until or event == inf:
             self.now = max(self.now, until)
             return False
         self.now = event
-        changed = [self._end_sending(), self._do_planned()]
-        for place, wakeup in zip(list(self._places.values()), self._wakeups() if any(changed) else wakeups):
-            if wakeup <= self.now:
-                place.station.tick(self.now)
+        for bus in tuple(self._buses):
+            bus.advance(event)
+        self._do_planned()
+        for place in tuple(self._places.values()):
+            if place.wakeup <= event and place.ask() <= event:
+                place.station.tick(event)
+                place.ask()
         self._arbitrate()
         return True
 
@@ -160,52 +242,48 @@ class Network:
     def _plan(self, time: float, action: Callable[[], None]) -> None:
         heapq.heappush(self._queue, (time, next(self._order), action))
 
-    def _do_planned(self) -> bool:
-        """Do what is due, also what becomes due meanwhile; tell whether there was any."""
-        found = False
+    def _do_planned(self) -> None:
+        """Do what is due, also what becomes due meanwhile."""
         while self._queue and self._queue[0][0] <= self.now:
             heapq.heappop(self._queue)[-1]()
-            found = True
-        return found
 
     # The bus
 
-    @property
-    def _is_on(self) -> bool:
-        return self._off_until <= self.now
+    def _is_awake(self, station: Station) -> bool:
+        """Tell whether a station takes part."""
+        return station in self._places and self.controller(station).silent_until <= self.now
 
-    def _awake(self) -> Iterator[Station]:
-        """Give the stations that take part, in the order they were attached."""
-        return (station for station, place in self._places.items() if place.silent_until <= self.now)
-
-    def _end_sending(self) -> bool:
-        """Let the frame on the bus end if it is through, and plan when who looks at it; tell whether it was."""
-        if self._sending is None or self._sending.end > self.now:
-            return False
-        (frame, senders, _), self._sending = self._sending, None
-        for station in senders:
-            station.gatekeeper.mailboxes.complete(frame)
+    def _has_ended(self, frame: Frame, senders: Sequence[Controller], receivers: Sequence[Controller]) -> None:
+        """Free the mailboxes of a frame that has ended, and plan when who looks at it."""
+        for controller in senders:
+            controller.source.complete(frame)
         for observer in self.observers:
             observer(self.now, frame)
+        stations = [self._stations[each] for each in receivers if each in self._stations]
         for delay in self.disturb(self.now, frame):
-            for station in self._awake():
-                if station not in senders:
-                    look = self.now + delay + self._places[station].processing
-                    self._plan(look, partial(self._look, station, frame))
-        return True
+            for station in filter(self._is_awake, stations):
+                look = self.now + delay + self._places[station].processing
+                self._plan(look, partial(self._look, station, frame))
+
+    def _has_changed(self, controller: Controller, before: ErrorState, after: ErrorState) -> None:
+        """Tell a node what its controller reports."""
+        station, code = self._stations.get(controller), REPORTED.get((before, after))
+        if station is not None and code is not None and self._is_awake(station):
+            station.bus_error(code, self.now)
 
     def _look(self, station: Station, frame: Frame) -> None:
         """Have a station look at a frame that has come, if it still can."""
-        if station in self._awake():
+        if self._is_awake(station):
             station.gatekeeper.receive(frame, self.now)
+            self._places[station].ask()
 
     def _arbitrate(self) -> None:
-        """Let the most urgent frame of all mailboxes have the bus, if it is free."""
-        offers = [(frame, s) for s in self._awake() if (frame := s.gatekeeper.mailboxes.next(self.now)) is not None]
-        if offers and self._sending is None and self._is_on:
-            winner = min(frame for frame, _ in offers)
-            senders = tuple(station for frame, station in offers if frame == winner)
-            self._sending = Sending(winner, senders, self.now + frame_bits(winner) / self.bitrate)
+        """Load the mailboxes, and let the most urgent frame of them all have the bus, if it is free."""
+        for place in self._places.values():
+            if place.controller.silent_until <= self.now:
+                place.mailboxes.load(self.now)
+        for bus in self._buses:
+            bus.arbitrate(self.now)
 
 
 def _look_around() -> None:

@@ -20,15 +20,14 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import ROLES, Drive
-from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.simulation.bits import frame_bits, on_wire
 from eurobot_od.simulation.network import ON_TIME, PROCESSING_TIMES, Network, processing_time
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, Peer
 
 GOTO = PROTOCOL.encode(GotoXY(1500, 1000, 90, 80))
 
-
-GOTO_TIME = frame_bits(GOTO) / 500_000
-"""Seconds that it takes on the bus."""
+GOTO_TIME = on_wire(GOTO).end / 500_000
+"""Seconds that it takes on the bus, to the end of frame."""
 
 
 class Ear(Peer):
@@ -116,11 +115,13 @@ def test_equal_frames_merge_into_one_and_count_as_sent_by_both() -> None:
     assert [later - earlier for earlier, later in zip(before, after)] == [0, 1, 1]
 
 
-def test_frames_of_one_identifier_and_other_data_do_not_merge() -> None:
+def test_frames_of_one_identifier_and_other_data_are_bit_errors_until_their_senders_are_error_passive() -> None:
     wire = Wire()
-    wire.drive.say(Frame(0x6F0, b"\x02"))
-    wire.navigation.say(Frame(0x6F0, b"\x01"))
-    assert wire.run(0.2) == [Frame(0x6F0, b"\x01"), Frame(0x6F0, b"\x02")]
+    dominant, recessive = Frame(0x6F0, b"\x01"), Frame(0x6F0, b"\x02")
+    wire.drive.say(recessive)
+    wire.navigation.say(dominant)
+    assert [frame.cob_id for frame in wire.run(0.2)] == [0x082, 0x083, 0x6F0, 0x6F0]
+    assert wire.run(0.2)[2:] == [dominant, recessive]  # whose error flags are passive disturbs the other no more
 
 
 def test_equal_frames_of_one_node_both_go_out() -> None:
@@ -148,8 +149,8 @@ def test_a_frame_takes_its_bits_at_the_bitrate(bitrate: int) -> None:
     network.observers.append(lambda time, _: times.append(time))
     peer.say(GOTO, GOTO)
     network.run(0.2)
-    duration = frame_bits(GOTO) / bitrate
-    assert times == pytest.approx([0.1 + duration, 0.1 + 2 * duration])
+    end, free = on_wire(GOTO).end / bitrate, frame_bits(GOTO) / bitrate
+    assert times == pytest.approx([0.1 + end, 0.1 + free + end], abs=1e-9)
 
 
 def test_time_goes_on_without_events() -> None:

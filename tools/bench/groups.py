@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bench.measure import Series
-from bench.rows import codec, configure, echo, lint, logs, match, monitor, receive, socketcan, startup
+from bench.rows import bus, codec, configure, echo, lint, logs, match, monitor, receive, socketcan, startup
 
 GROUPS: tuple[Sequence[Series], ...] = (
     codec.SERIES,
@@ -20,5 +20,6 @@ GROUPS: tuple[Sequence[Series], ...] = (
     startup.SERIES,
     lint.SERIES,
     configure.SERIES,
+    bus.SERIES,
     match.SERIES,
 )

@@ -47,7 +47,8 @@ class Peer(Node):
 
     def say(self, *what: Message | Frame) -> None:
         """Send messages and frames at once, so that the most urgent one leaves first."""
-        self._out += [each if isinstance(each, Frame) else PROTOCOL.encode(each) for each in what]
+        for each in what:
+            self.put(each if isinstance(each, Frame) else PROTOCOL.encode(each))
 
 
 class Wheels:

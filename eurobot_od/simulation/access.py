@@ -1,0 +1,242 @@
+"""What a controller does in each bit of an attempt to send a frame (ISO 11898-1, medium access control).
+
+Each controller is a generator: it gives the level that it sends, and gets the level that it sees. So the file reads as
+the standard does, one field after the other. Errors need no cases of their own: who sees something wrong sends an
+error flag; the others see the flag, and what follows from that follows.
+
+Rule of this file: bits and no time. Whatever is counted or has come is noted in `noted`, for the bus to date it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from enum import Enum, auto
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.frame import Frame
+from eurobot_od.simulation.bits import DOMINANT, END_OF_FRAME, INTERMISSION, RECESSIVE, Reading, on_wire
+from eurobot_od.simulation.confinement import RECOVERY_BITS, Counters, ErrorState, Rule
+from eurobot_od.simulation.controller import Controller
+
+FLAG = 6
+"""Bits of an error flag or overload flag."""
+
+DELIMITER = 8
+"""Recessive bits after such flags."""
+
+STUCK = 8
+"""So many dominant bits behind a flag are counted; up to seven are the flags of others."""
+
+
+class Fault(Enum):
+    """Why a controller sends a flag."""
+
+    ERROR = auto()
+    ARBITRATION_STUFFING = auto()
+    NOT_ACKNOWLEDGED = auto()
+    FLAG_ERROR = auto()
+    OVERLOAD = auto()
+
+
+TRANSMITTER_COUNTS: dict[Fault, Rule | None] = {
+    Fault.ERROR: Rule.TRANSMITTER_ERROR,
+    Fault.ARBITRATION_STUFFING: None,  # rule c, exception 2: it may well be the other one who is wrong
+    Fault.NOT_ACKNOWLEDGED: Rule.TRANSMITTER_ERROR,
+    Fault.FLAG_ERROR: Rule.TRANSMITTER_FLAG_ERROR,
+    Fault.OVERLOAD: None,
+}
+RECEIVER_COUNTS: dict[Fault, Rule | None] = {
+    Fault.ERROR: Rule.RECEIVER_ERROR,
+    Fault.FLAG_ERROR: Rule.RECEIVER_FLAG_ERROR,
+    Fault.OVERLOAD: None,
+}
+
+Levels: TypeAlias = Generator[int, int, None]
+"""Gives the level of each bit that is sent, gets the level that is seen."""
+
+Field: TypeAlias = Generator[int, int, "Fault | None"]
+"""The same for a part of a frame; returns what went wrong in it."""
+
+
+class Through(NamedTuple):
+    """A frame that is through: it has been `sent`, or it has come."""
+
+    frame: Frame
+    sent: bool
+
+
+Note: TypeAlias = "Through | Rule"
+"""What a controller notes."""
+
+
+class Access:
+    """A controller during one attempt: `level` is what it sends now, `idle` tells whether it waits for a frame.
+
+    `sequences` counts what it has to see to come back when it is bus-off.
+    """
+
+    def __init__(self, controller: Controller, counters: Counters, frame: Frame | None) -> None:
+        self.controller, self.counters = controller, counters
+        self.transmitting = False
+        self.noted: list[Note] = []
+        self.level, self._levels = RECESSIVE, self._nothing()
+        self.idle = True
+        self.sequences = self._recessive = 0
+        if frame is not None:
+            self._begin(self._transmit(frame))
+
+    @property
+    def off(self) -> bool:
+        """Tell whether it has gone bus-off."""
+        return self.counters.state is ErrorState.OFF
+
+    @property
+    def suspends(self) -> bool:
+        """Tell whether it has to let the others go first now: it has sent, and is error passive."""
+        return self.transmitting and self.counters.state is ErrorState.PASSIVE
+
+    def see(self, level: int) -> None:
+        """Take in the level of the bit that it has sent its own `level` in, and go on to the next bit."""
+        if self.off:
+            self._wait_for_recovery(level)
+        elif not self.idle:
+            try:
+                self.level = self._levels.send(level)
+            except StopIteration:
+                self.level, self.idle = RECESSIVE, True
+        elif level == DOMINANT:
+            self._begin(self._receive((level,)))
+
+    def _wait_for_recovery(self, level: int) -> None:
+        self.level, self.idle = RECESSIVE, True
+        self._recessive = self._recessive + 1 if level == RECESSIVE else 0
+        if self._recessive == RECOVERY_BITS:
+            self.sequences, self._recessive = self.sequences + 1, 0
+
+    def _begin(self, field: Field) -> None:
+        self.idle, self._levels = False, self._attempt(field)
+        self.level = next(self._levels)
+
+    def _note(self, note: Note | None) -> None:
+        if isinstance(note, Rule):
+            self.counters = self.counters.after(note)
+        if note is not None:
+            self.noted.append(note)
+
+    @staticmethod
+    def _nothing() -> Levels:
+        yield from ()
+
+    # From the start of frame to the end of the intermission
+
+    def _attempt(self, field: Field) -> Levels:
+        while True:
+            fault = yield from field
+            if fault is None:
+                fault = yield from self._intermission()
+            if fault is None:
+                return
+            field = self._signal(fault)
+
+    def _intermission(self) -> Field:
+        """Wait until the bus is free; a dominant third bit is a start of frame."""
+        for _ in range(INTERMISSION - 1):
+            if (yield RECESSIVE) == DOMINANT:
+                return Fault.OVERLOAD
+        if (yield RECESSIVE) == DOMINANT:
+            return (yield from self._received_at_once())
+        return None
+
+    def _received_at_once(self) -> Field:
+        fault = yield from self._receive((DOMINANT,))
+        return fault if fault is not None else (yield from self._intermission())
+
+    # A frame
+
+    def _transmit(self, frame: Frame) -> Field:
+        self.transmitting, wire = True, on_wire(frame)
+        for place, bit in enumerate(wire.bits):
+            seen = yield bit
+            if seen == bit:
+                continue
+            if seen == RECESSIVE or place >= wire.arbitration:
+                return Fault.ERROR
+            if place in wire.stuffed:
+                return Fault.ARBITRATION_STUFFING
+            return (yield from self._receive((*wire.bits[:place], seen)))
+        if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
+            return Fault.ERROR
+        if (yield RECESSIVE) == RECESSIVE:
+            return Fault.NOT_ACKNOWLEDGED
+        for _ in range(1 + END_OF_FRAME):  # after the acknowledge delimiter
+            if (yield RECESSIVE) == DOMINANT:
+                return Fault.ERROR
+        self._note(Rule.TRANSMITTED)
+        self._note(Through(frame, sent=True))
+        return None
+
+    def _receive(self, seen: tuple[int, ...]) -> Field:
+        """Receive a frame from the bits on that were `seen`; it is valid before the last bit of its end."""
+        self.transmitting, reading = False, Reading()
+        for bit in seen:
+            if not reading.take(bit):
+                return Fault.ERROR
+        while not reading.complete:
+            if not reading.take((yield RECESSIVE)):
+                return Fault.ERROR
+        intact = reading.intact
+        if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
+            return Fault.ERROR
+        if (yield DOMINANT if intact else RECESSIVE) == RECESSIVE and intact:
+            return Fault.ERROR
+        if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; then a wrong CRC is told
+            return Fault.ERROR
+        self._note(Rule.RECEIVED)
+        for _ in range(END_OF_FRAME - 1):
+            if (yield RECESSIVE) == DOMINANT:
+                return Fault.ERROR
+        last = yield RECESSIVE
+        if reading.frame is not None:
+            self._note(Through(reading.frame, sent=False))
+        return Fault.OVERLOAD if last == DOMINANT else None
+
+    # What is sent when something is wrong
+
+    def _signal(self, fault: Fault) -> Field:
+        """Send a flag and its delimiter, and count why. What makes it error passive is told by an active flag yet."""
+        passive = fault is not Fault.OVERLOAD and self.counters.state is ErrorState.PASSIVE
+        # Rule c, exception 1: a passive transmitter that is alone does not count on.
+        if not (passive and fault is Fault.NOT_ACKNOWLEDGED):
+            self._note((TRANSMITTER_COUNTS if self.transmitting else RECEIVER_COUNTS)[fault])
+        flag = self._passive_flag(fault) if passive else self._dominant_flag()
+        failure = yield from flag
+        return failure if failure is not None else (yield from self._delimiter(fault))
+
+    def _dominant_flag(self) -> Field:
+        for _ in range(FLAG):
+            if (yield DOMINANT) == RECESSIVE:
+                return Fault.FLAG_ERROR
+        return None
+
+    def _passive_flag(self, fault: Fault) -> Field:
+        """Wait for six equal bits. A lone node sees no dominant one: nobody is there, and it counts no further."""
+        seen: list[int] = []
+        while len(seen) < FLAG or len(set(seen[-FLAG:])) > 1:
+            seen.append((yield RECESSIVE))
+        if fault is Fault.NOT_ACKNOWLEDGED and DOMINANT in seen:
+            self._note(Rule.TRANSMITTER_ERROR)
+        return None
+
+    def _delimiter(self, fault: Fault) -> Field:
+        """Wait until the flags of all others are over, then for the rest of the delimiter."""
+        dominant = 0
+        while (yield RECESSIVE) == DOMINANT:
+            dominant += 1
+            if dominant == 1 and not self.transmitting and fault is not Fault.OVERLOAD:
+                self._note(Rule.RECEIVER_DOMINANT_AFTER_FLAG)
+            if dominant % STUCK == 0:
+                self._note(Rule.TRANSMITTER_STUCK if self.transmitting else Rule.RECEIVER_STUCK)
+        for place in reversed(range(DELIMITER - 1)):
+            if (yield RECESSIVE) == DOMINANT:
+                return Fault.ERROR if place else Fault.OVERLOAD
+        return None

@@ -1,0 +1,91 @@
+"""Fault confinement: the error counters of a controller, and what they make of it (ISO 11898-1, fault confinement).
+
+Rule of this file: what each rule of the standard counts stands in one table. Values are frozen.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from functools import cache
+from typing import NamedTuple
+
+PASSIVE_ABOVE = 127
+OFF_ABOVE = 255
+
+RECOVERY_SEQUENCES, RECOVERY_BITS = 128, 11
+"""A controller that is bus-off comes back after so many sequences of so many recessive bits."""
+
+RECEIVE_LIMIT = 255
+"""The receive counter goes no further: it has eight bits, and above 127 its value means nothing more."""
+
+
+class ErrorState(Enum):
+    """What a controller may do: all, all but disturb the others, nothing."""
+
+    ACTIVE = "error active"
+    PASSIVE = "error passive"
+    OFF = "bus-off"
+
+
+class Rule(Enum):
+    """What is counted, by the standard's letters of its rules."""
+
+    RECEIVER_ERROR = "a: a receiver finds an error, but none in a flag of its own"
+    RECEIVER_DOMINANT_AFTER_FLAG = "b: the first bit after a receiver's error flag is dominant"
+    TRANSMITTER_ERROR = "c: a transmitter sends an error flag"
+    TRANSMITTER_FLAG_ERROR = "d: a transmitter finds a bit error in a flag of its own"
+    RECEIVER_FLAG_ERROR = "e: a receiver finds a bit error in a flag of its own"
+    TRANSMITTER_STUCK = "f: eight more dominant bits behind a transmitter's flag"
+    RECEIVER_STUCK = "f: eight more dominant bits behind a receiver's flag"
+    TRANSMITTED = "g: a frame is transmitted"
+    RECEIVED = "h: a frame is received"
+
+
+class Step(NamedTuple):
+    """What is added to the transmit and to the receive error counter."""
+
+    transmit: int
+    receive: int
+
+
+STEPS = {
+    Rule.RECEIVER_ERROR: Step(0, 1),
+    Rule.RECEIVER_DOMINANT_AFTER_FLAG: Step(0, 8),
+    Rule.TRANSMITTER_ERROR: Step(8, 0),
+    Rule.TRANSMITTER_FLAG_ERROR: Step(8, 0),
+    Rule.RECEIVER_FLAG_ERROR: Step(0, 8),
+    Rule.TRANSMITTER_STUCK: Step(8, 0),
+    Rule.RECEIVER_STUCK: Step(0, 8),
+    Rule.TRANSMITTED: Step(-1, 0),
+    Rule.RECEIVED: Step(0, -1),
+}
+
+
+class Counters(NamedTuple):
+    """The transmit and the receive error counter of a controller."""
+
+    transmit: int = 0
+    receive: int = 0
+
+    @property
+    def state(self) -> ErrorState:
+        """What a controller with these counters may do."""
+        if self.transmit > OFF_ABOVE:
+            return ErrorState.OFF
+        return ErrorState.PASSIVE if max(self) > PASSIVE_ABOVE else ErrorState.ACTIVE
+
+    def after(self, rule: Rule) -> Counters:
+        """Return the counters after an event; a frame received makes a receive counter above 127 one of 127."""
+        return _after(self, rule)
+
+
+@cache
+def _after(counters: Counters, rule: Rule) -> Counters:
+    step = STEPS[rule]
+    # The standard leaves open to which value between 119 and 127 it goes back.
+    received = min(counters.receive, PASSIVE_ABOVE + 1) if step.receive < 0 else counters.receive
+    return Counters(max(counters.transmit + step.transmit, 0), min(max(received + step.receive, 0), RECEIVE_LIMIT))
+
+
+FRESH = Counters()
+"""The counters of a controller that has just been switched on."""

@@ -1,0 +1,72 @@
+"""Error counters and states, rule by rule (ISO 11898-1, fault confinement)."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eurobot_od.simulation.confinement import FRESH, RECEIVE_LIMIT, STEPS, Counters, ErrorState, Rule
+
+RULES = [
+    # What happens; the counters before and after it; why
+    (Rule.RECEIVER_ERROR, (0, 0), (0, 1), "a receiver is not the likely culprit"),
+    (Rule.RECEIVER_ERROR, (5, 127), (5, 128), "the transmit counter is a transmitter's"),
+    (Rule.RECEIVER_DOMINANT_AFTER_FLAG, (0, 1), (0, 9), "the others have flagged later: it was the first to see it"),
+    (Rule.TRANSMITTER_ERROR, (0, 0), (8, 0), "a transmitter is the likely culprit"),
+    (Rule.TRANSMITTER_ERROR, (120, 3), (128, 3), "the receive counter is a receiver's"),
+    (Rule.TRANSMITTER_FLAG_ERROR, (8, 0), (16, 0), "its dominant bits do not get through"),
+    (Rule.RECEIVER_FLAG_ERROR, (0, 1), (0, 9), "its dominant bits do not get through"),
+    (Rule.TRANSMITTER_STUCK, (16, 0), (24, 0), "the bus is stuck dominant"),
+    (Rule.RECEIVER_STUCK, (0, 9), (0, 17), "the bus is stuck dominant"),
+    (Rule.TRANSMITTED, (8, 4), (7, 4), "one frame makes up for an eighth of an error"),
+    (Rule.TRANSMITTED, (0, 0), (0, 0), "no counter is below zero"),
+    (Rule.RECEIVED, (3, 5), (3, 4), "one frame makes up for one error"),
+    (Rule.RECEIVED, (0, 0), (0, 0), "no counter is below zero"),
+    (Rule.RECEIVED, (0, 127), (0, 126), "error active: one less"),
+    (Rule.RECEIVED, (0, 128), (0, 127), "error passive: to between 119 and 127"),
+    (Rule.RECEIVED, (0, 200), (0, 127), "error passive: to between 119 and 127, from wherever it was"),
+    (Rule.RECEIVER_STUCK, (0, 250), (0, 255), "eight bits hold no more"),
+]
+
+
+@pytest.mark.parametrize(("rule", "before", "after", "_why"), RULES)
+def test_what_a_rule_counts(rule: Rule, before: tuple[int, int], after: tuple[int, int], _why: str) -> None:
+    assert Counters(*before).after(rule) == Counters(*after)
+
+
+def test_every_rule_has_a_case() -> None:
+    assert {rule for rule, *_ in RULES} == set(Rule) == set(STEPS)
+
+
+STATES = [
+    ((0, 0), ErrorState.ACTIVE),
+    ((127, 127), ErrorState.ACTIVE),
+    ((128, 0), ErrorState.PASSIVE),
+    ((0, 128), ErrorState.PASSIVE),
+    ((255, 0), ErrorState.PASSIVE),
+    ((0, 255), ErrorState.PASSIVE),  # who only listens never goes off
+    ((256, 0), ErrorState.OFF),
+]
+
+
+@pytest.mark.parametrize(("counters", "state"), STATES)
+def test_what_state_counters_mean(counters: tuple[int, int], state: ErrorState) -> None:
+    assert Counters(*counters).state is state
+
+
+@given(st.lists(st.sampled_from(Rule), max_size=100))
+def test_counters_never_go_below_zero(rules: list[Rule]) -> None:
+    counters = FRESH
+    for rule in rules:
+        counters = counters.after(rule)
+        assert min(counters) >= 0
+
+
+@given(st.lists(st.sampled_from([rule for rule, step in STEPS.items() if step.receive]), max_size=100))
+def test_who_only_receives_never_goes_bus_off(rules: list[Rule]) -> None:
+    counters = FRESH
+    for rule in rules:
+        counters = counters.after(rule)
+    assert counters.state is not ErrorState.OFF
+    assert counters.receive <= RECEIVE_LIMIT

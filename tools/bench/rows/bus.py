@@ -1,0 +1,85 @@
+"""The simulated bus alone: controllers that always have one more frame, without nodes.
+
+Rule of this file: as many frames as a second is to bring; how many have really ended is checked.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+
+from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
+from eurobot_od.frame import Frame
+from eurobot_od.simulation.bit_errors import BitErrors, Noise
+from eurobot_od.simulation.bus import Bus
+from eurobot_od.simulation.controller import Controller
+
+BITRATE = 1_000_000
+CONTROLLERS = 3
+DIFFERENT = 256
+"""Frames of each controller that differ in their data."""
+
+FRAMES = 100_000
+NOISE = 1e-5
+"""A bit error in about every thousandth frame."""
+
+
+class Endless:
+    """The source of a controller that has one frame after the other, round and round."""
+
+    def __init__(self, cob_id: int) -> None:
+        self._frames = [Frame(cob_id, bytes([number]) * 8) for number in range(DIFFERENT)]
+        self._sent = 0
+
+    def urgent(self) -> Frame:
+        """Return the frame whose turn it is."""
+        return self._frames[self._sent % DIFFERENT]
+
+    def complete(self, _: Frame) -> None:
+        """Go on to the next frame."""
+        self._sent += 1
+
+
+def carried(count: int, bit_errors: Sequence[BitErrors]) -> Figures:
+    """Have a bus carry so many frames; raises Wrong if there were fewer."""
+    ended = 0
+
+    def end(frame: Frame, senders: Sequence[Controller], _: Sequence[Controller]) -> None:
+        nonlocal ended
+        ended += 1
+        for sender in senders:
+            sender.source.complete(frame)
+
+    bus = Bus(BITRATE, bit_errors, end, lambda *_: None)
+    bus.controllers += [Controller(Endless(0x100 + number)) for number in range(CONTROLLERS)]
+    begin, now = time.perf_counter(), 0.0
+    while ended < count:
+        bus.arbitrate(now)
+        now = bus.next_event
+        bus.advance(now)
+    seconds = time.perf_counter() - begin
+    if now * BITRATE < count * 111:  # the shortest frame of 8 bytes
+        raise Wrong(f"{count} frames in {now:.3f} s of simulated time")
+    return {Quantity.TIME: seconds}
+
+
+@contextmanager
+def bare(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Give the bus without and with bit errors."""
+    count = scale.of(FRAMES, 100)
+    yield {"calm": partial(carried, count, ()), "noisy": partial(carried, count, (Noise(NOISE),))}
+
+
+SERIES = (
+    Series(
+        "bus",
+        "simulated bus",
+        bare,
+        (
+            Claim("100 000 frames on the simulated bus", "calm", None, Way.ALONE, 1.0),
+            Claim("the same with a bit error in every 1000th frame", "noisy", "calm", Way.RATIO),
+        ),
+    ),
+)
