@@ -10,14 +10,22 @@ from bus_crosscheck import attempt, crosscheck, random_set, summary, worst_frame
 
 from eurobot_od.load import analysis, frames
 from eurobot_od.load.frames import longest_frame
+from eurobot_od.load.message_set import ErrorRate
 from eurobot_od.simulation.bits import frame_bits
 
 
+@pytest.mark.parametrize("rate", bus_crosscheck.RATES)
 @pytest.mark.parametrize("number", [0, 3, 4, 5])
-def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int) -> None:
-    outcome = attempt(number, 2000)
-    assert outcome.frames >= 2000
+def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int, rate: ErrorRate) -> None:
+    outcome = attempt(number, 2000, rate)
+    assert outcome.frames >= 1990  # as near as whole messages come
     assert not wrong(outcome), outcome
+
+
+def test_errors_make_messages_late_and_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bus_crosscheck, "STRUCK", 0.3)
+    monkeypatch.setattr(analysis.Errors, "within", lambda *_: 0)
+    assert attempt(5, 2000, bus_crosscheck.RATES[1]).over
 
 
 def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,4 +53,4 @@ def test_the_worst_frame_that_is_found_is_nearly_the_longest(identifier: int, le
 
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert bus_crosscheck.main(["--frames", "100", "--sets", "1", "--jobs", "1"]) == bus_crosscheck.FINE
-    assert "frames of 5 sets: 0 response times over their bound" in capsys.readouterr().out
+    assert "frames of 10 sets: 0 response times over their bound" in capsys.readouterr().out
