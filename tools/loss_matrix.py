@@ -30,7 +30,6 @@ from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match import stage
 from eurobot_od.robot.match.player import Player
 from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
@@ -108,9 +107,9 @@ class Result(NamedTuple):
 class Watched:
     """The wheels of the robot in its world, which notice how long they are moved uncommanded."""
 
-    def __init__(self, world: World, commanded: Callable[[], bool], clock: Callable[[], float]) -> None:
-        self.world, self._commanded, self._clock = world, commanded, clock
-        self._since: tuple[float, Pose] | None = None
+    def __init__(self, world: World, commanded: Callable[[], bool]) -> None:
+        self.world, self._commanded = world, commanded
+        self._rolled, self._from = 0.0, world.robot
         self.seconds = self.distance = 0.0
         self.moving = False
 
@@ -119,11 +118,12 @@ class Watched:
         before, odometry = self.world.robot, self.world.advance(command, dt)
         self.moving = command != AT_REST
         if not self.moving or self._commanded():
-            self._since = None
+            self._rolled = 0.0
         else:
-            begin, place = self._since = self._since or (self._clock(), before)
-            self.seconds = max(self.seconds, self._clock() + dt - begin)
-            self.distance = max(self.distance, self.world.robot.distance(place.point))
+            self._from = self._from if self._rolled else before
+            self._rolled += dt  # not by the clock: a drive that hangs does not roll meanwhile
+            self.seconds = max(self.seconds, self._rolled)
+            self.distance = max(self.distance, self.world.robot.distance(self._from.point))
         return odometry
 
 
@@ -142,7 +142,7 @@ class Trial:
         self.options = MatchOptions(seed=cell.seed, duration=DURATION, emergency_at=emergency, dialect=cell.dialect)
         self.network = Network()
         nodes, self.world = stage.cast_for(self.options, self.files, self._clock)
-        self.wheels = Watched(self.world, self._is_commanded, self._clock)
+        self.wheels = Watched(self.world, self._is_commanded)
         self.nodes: dict[str, Node] = {node.name: node for node in nodes}
         self.stations: dict[str, Station] = {}
         for node in nodes:
