@@ -10,7 +10,7 @@ import asyncio
 from itertools import cycle
 from math import inf
 
-from eurobot_od.errors import LocalError, NoAnswer, StateError
+from eurobot_od.errors import LocalError, NoAnswer, RemoteError, StateError
 from eurobot_od.robot.field import Point
 from eurobot_od.robot.match.tasks import TASKS, Task
 from eurobot_od.robot.match.timeline import EventKind, Timeline
@@ -123,7 +123,7 @@ class Player:
                 return
             outcome, seconds = report.outcome.value, report.ended
             why = self._why if report.outcome is Outcome.STOPPED and not report.why else report.why
-        except (NoAnswer, StateError) as error:
+        except (RemoteError, StateError) as error:
             outcome, why, seconds = "failed", str(error), self.clock() - begin
         if self.core.match_over:
             self._tell_match_over()
