@@ -71,8 +71,8 @@ OFF = 1.0
 TIMES = 200
 """At how many times of the match a node is lost."""
 
-AFTERWARDS = 8.0
-"""Seconds after the match in which everything has to end."""
+AFTERWARDS = 12.0
+"""Seconds after the match in which everything has to end: a node check alone waits for 10 s."""
 
 NEVER = 1 << 30
 
