@@ -10,7 +10,6 @@ meant (a byte order mark, comments after values, sections twice, numbers in any 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from copy import copy
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -199,6 +198,8 @@ class Outline:
 
     def configured(self, present: Mapping[Address, Value]) -> Self:
         """Return the same device with values that it has at `present` in place of the file's."""
+        from copy import copy  # only where somebody asks
+
         other = copy(self)
         other._defaults = {**self._defaults, **present}
         other.__dict__.pop("pdos", None)  # made of the values, and kept
