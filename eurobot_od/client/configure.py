@@ -14,13 +14,13 @@ from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
 from eurobot_od.client.objects import NamedObject, all_objects, at, encode, shown
 from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
-from eurobot_od.client.time_of_day import TimeOfDay
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
 from eurobot_od.device.objects import VERIFY_CONFIGURATION
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.time_of_day import TimeOfDay
 from eurobot_od.od.values import DOMAIN, Address, label
 from eurobot_od.sdo.wire import AbortCode
 

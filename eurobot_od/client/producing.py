@@ -10,9 +10,9 @@ from datetime import datetime
 from itertools import count
 
 from eurobot_od.client.master import Master
-from eurobot_od.client.time_of_day import TimeOfDay
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
+from eurobot_od.od.time_of_day import TimeOfDay
 from eurobot_od.od.values import SYNC_COB_ID, TIME_COB_ID
 
 COUNTERS = range(2, 241)

@@ -14,6 +14,7 @@ from math import inf
 from statistics import median_low
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.device.guarding import TOGGLE
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
 
@@ -25,9 +26,6 @@ LOST_AFTER = 2.0
 
 REMEMBERED_INTERVALS = 5
 """A node's period is the middle one of so many of its last intervals: one long silence does not change it."""
-
-TOGGLE = 0x80
-"""Bit of an answer to a guard, the other one each time (CiA 301, 7.2.8.3.2.1)."""
 
 LONGEST_PAUSE = 0.1
 """Seconds after which `watch_nodes` looks whether it is to end."""

@@ -23,7 +23,7 @@ from eurobot_od.device.plan import Plan
 from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, predefined
 from eurobot_od.device.storage import Store
 from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
-from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, TimeOfDay
+from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, Clock
 from eurobot_od.errors import DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -105,7 +105,7 @@ class Device:
         application: Application = NO_APPLICATION,
     ) -> None:
         self._file, self._catalogue, self._application = dictionary, catalogue, application
-        self._store, self.plan, self.time_of_day = store, Plan(), TimeOfDay()
+        self._store, self.plan, self.time_of_day = store, Plan(), Clock()
         self._stored = store.load() if store else {}
         self.state = NmtState.INITIALISING
         self._now = 0.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from math import inf
 
+from eurobot_od.od.time_of_day import DAY, EPOCH, TimeOfDay
 from eurobot_od.od.values import Address
 
 TIME: Address = (0x1012, 0)
@@ -19,10 +20,6 @@ CONSUMER, PRODUCER = 1 << 31, 1 << 30
 PERIOD = 1.0
 """Seconds from one TIME to the next: CiA 301 has no object for that."""
 
-EPOCH = datetime(1984, 1, 1)  # a time of day in the place where the network is
-"""Day 0 of TIME_OF_DAY."""
-
-DAY = 24 * 60 * 60
 LENGTH = 6
 MILLISECONDS = (1 << 28) - 1
 """Bits of the first four bytes that hold the milliseconds after midnight; the others are reserved."""
@@ -30,7 +27,7 @@ MILLISECONDS = (1 << 28) - 1
 MOST_DAYS = 0xFFFF
 
 
-class TimeOfDay:
+class Clock:
     """The device's clock, at day 0 until it is set, and when it is told next."""
 
     def __init__(self) -> None:
@@ -48,13 +45,13 @@ class TimeOfDay:
     def hear(self, data: bytes, now: float) -> None:
         """Set the clock by a TIME message; one of another length, or of no time of a day, says nothing."""
         milliseconds = int.from_bytes(data[:4], "little") & MILLISECONDS
-        if len(data) == LENGTH and milliseconds < DAY * 1000:
-            self._ahead = int.from_bytes(data[4:], "little") * DAY + milliseconds / 1000 - now
+        if len(data) == LENGTH and milliseconds < DAY:
+            self._ahead = int.from_bytes(data[4:], "little") * (DAY // 1000) + milliseconds / 1000 - now
 
     def told(self, now: float) -> bytes:
         """Return the data of a TIME message."""
-        days, milliseconds = divmod(round((self._ahead + now) * 1000), DAY * 1000)
-        return milliseconds.to_bytes(4, "little") + (days & MOST_DAYS).to_bytes(2, "little")
+        days, milliseconds = divmod(round((self._ahead + now) * 1000), DAY)
+        return TimeOfDay(days & MOST_DAYS, milliseconds).data
 
     def produce(self, now: float) -> None:
         """Plan to tell the time from now on."""

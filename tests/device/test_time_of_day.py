@@ -7,8 +7,9 @@ from datetime import datetime
 import pytest
 
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.device.time_of_day import EPOCH, TimeOfDay
+from eurobot_od.device.time_of_day import Clock
 from eurobot_od.frame import Frame
+from eurobot_od.od.time_of_day import EPOCH
 from tests.device.io_module import module
 
 NOON = datetime(2026, 11, 22, 12, 0, 0, 250_000)
@@ -17,10 +18,10 @@ TOLD = bytes.fromhex("fa2e 9302 323d")
 
 
 def test_the_form_of_a_time() -> None:
-    clock = TimeOfDay()
+    clock = Clock()
     clock.set(NOON, 7.0)
     assert clock.told(7.0) == TOLD
-    other = TimeOfDay()
+    other = Clock()
     other.hear(TOLD, 100.0)
     assert other.at(100.0) == NOON
 
@@ -35,13 +36,13 @@ NO_TIMES = [
 
 @pytest.mark.parametrize(("data", "why"), NO_TIMES)
 def test_what_is_no_time_leaves_the_clock_alone(data: bytes, why: str) -> None:
-    clock = TimeOfDay()
+    clock = Clock()
     clock.hear(data, 1.0)
     assert clock.at(0.0) == EPOCH, why
 
 
 def test_reserved_bits_do_not_count() -> None:
-    clock = TimeOfDay()
+    clock = Clock()
     clock.hear(bytes([*TOLD[:3], TOLD[3] | 0xF0, *TOLD[4:]]), 0.0)
     assert clock.at(0.0) == NOON
 

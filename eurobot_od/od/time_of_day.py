@@ -5,7 +5,8 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from typing import NamedTuple
 
-EPOCH = datetime(1984, 1, 1)
+EPOCH = datetime(1984, 1, 1)  # a time of day in the place where the network is
+"""Day 0 of TIME_OF_DAY."""
 
 DAY = 24 * 60 * 60 * 1000
 """Milliseconds."""
