@@ -99,8 +99,11 @@ def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
 
     Raises LocalError, DictionaryError, UnknownName.
     """
-    files = named_files(arguments)
-    return network.load(files, Outline) if files else dialects.outlines(arguments.dialect)
+    return _loaded(named_files(arguments), arguments.dialect)
+
+
+def _loaded(files: list[NodeFile], dialect: str | None) -> tuple[Outline, ...]:
+    return network.load(files, Outline) if files else dialects.outlines(dialect)
 
 
 def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
@@ -173,8 +176,9 @@ def protocol(arguments: argparse.Namespace) -> Protocol:
 
 def _told(arguments: argparse.Namespace) -> tuple[Outline, ...]:
     """Load the devices, and say what had to be looked over in the files that are named."""
-    loaded = devices(arguments)
-    if named_files(arguments):  # the dialects' files are in order; to look again takes as long as to load them
+    files = named_files(arguments)
+    loaded = _loaded(files, arguments.dialect)
+    if files:  # the dialects' files are in order; to look again takes as long as to load them
         tell_repairs(loaded)
     return loaded
 

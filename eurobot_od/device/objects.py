@@ -28,10 +28,10 @@ SETTINGS = ("rw", "wo")
 """Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is none."""
 
 EMCY_COB_ID: Address = (0x1014, 0)
-"""Identifier of the device's own emergency messages (CiA 301, 7.5.2.15)."""
+"""Identifier of the device's own emergency messages (CiA 301, 7.5.2.17)."""
 
 VERIFY_CONFIGURATION: tuple[Address, ...] = ((0x1020, 1), (0x1020, 2))
-"""Date and time of the configuration (CiA 301, 7.5.2.21)."""
+"""Date and time of the configuration (CiA 301, 7.5.2.23)."""
 
 OnRead = Callable[[int], Value]
 """Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
@@ -186,7 +186,7 @@ class Objects:
             raise Abort(REFUSAL[refused.cause], str(refused)) from refused
         is_setting = address not in VERIFY_CONFIGURATION and is_configuration(self.dictionary, address)
         if is_setting and self.kept(address) != before:
-            # A changed configuration is not the verified one any more (CiA 301, 7.5.2.21).
+            # A changed configuration is not the verified one any more (CiA 301, 7.5.2.23).
             for mark in VERIFY_CONFIGURATION:
                 self.values.pop(mark, None)
 
