@@ -15,7 +15,7 @@ from typing import Any
 
 from eurobot_od.device.flow import Result
 from eurobot_od.errors import EurobotError
-from eurobot_od.simulation.network import Network
+from eurobot_od.simulation.several import Simulated
 
 
 class NothingHappens(EurobotError):
@@ -25,7 +25,7 @@ class NothingHappens(EurobotError):
 class _Selector(selectors.DefaultSelector):
     """Runs the network instead of sleeping, until it is `woken` or a file that somebody registered is ready."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Simulated) -> None:
         super().__init__()
         self._network = network
         self.woken = False
@@ -49,7 +49,7 @@ class _Selector(selectors.DefaultSelector):
 class SimulatedLoop(asyncio.SelectorEventLoop):
     """An event loop on the clock of `network`."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: Simulated) -> None:
         self._simulated = _Selector(network)
         super().__init__(self._simulated)
         self._network = network
@@ -66,7 +66,7 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
         return self._network.now
 
 
-def run(network: Network, main: Coroutine[Any, Any, Result]) -> Result:
+def run(network: Simulated, main: Coroutine[Any, Any, Result]) -> Result:
     """Run a coroutine to its end in simulated time, as `asyncio.run` does in real time."""
     loop = SimulatedLoop(network)
     try:

@@ -9,7 +9,8 @@ import asyncio
 import time
 from collections.abc import Callable, Coroutine, Iterable, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from eurobot_od import live as runtime
 from eurobot_od.device.flow import Result
@@ -19,16 +20,22 @@ from eurobot_od.live.signals import EndedBySigterm
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.assembly import assemble
-from eurobot_od.robot.match.player import Player
+from eurobot_od.robot.assembly import equip
+from eurobot_od.robot.faults import faulty_kinds
+from eurobot_od.robot.match import strategy as shipped
+from eurobot_od.robot.match.observer import Observer
+from eurobot_od.robot.match.referee import Referee, Strategy
 from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.messages import CATALOGUE
-from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
+from eurobot_od.robot.world.world import OURS, RIVAL, Touch
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network, processing_time
+from eurobot_od.simulation.several import Several
 
 if TYPE_CHECKING:
     import can
@@ -48,6 +55,14 @@ ShowEvent = Callable[[MatchEvent], None]
 """Called with each event of the timeline as it comes."""
 
 
+def _unseen(_: MatchEvent) -> None:
+    """Show nothing of what a rival does."""
+
+
+def _unwatched(_time: float, _frame: Frame) -> None:
+    """Watch no frame."""
+
+
 class EdsFiles(NamedTuple):
     """The EDS files of a dialect, read once for any number of matches: each node's dictionary and all messages."""
 
@@ -63,47 +78,64 @@ class EdsFiles(NamedTuple):
         return cls(dialects.folder(dialect).name, dictionaries, protocol)
 
 
-def cast_for(
-    options: MatchOptions, files: EdsFiles, clock: Callable[[], float]
-) -> tuple[tuple[Core, Drive, Navigation], World]:
-    """Make the nodes, which are ordered by node-ID, and put them into their world."""
-    core, drive = Core(files.dictionaries["core"]), Drive(files.dictionaries["drive"])
-    nodes = (core, drive, Navigation(files.dictionaries["navigation"]))
-    return nodes, assemble(nodes, options, clock)
+def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, Node, Node]:
+    """Make core, drive and navigation of a robot in the world; raises UnknownName for a fault that there is not."""
+    kinds = faulty_kinds(options.faults)
+    nodes = [kinds[role](files.dictionaries[role]) for role in BOOT_TIMES]
+    seed = str(options.seed) if name == OURS else f"{options.seed} {name}"
+    equip(nodes, world.vehicle(name), options.errors, seed)
+    core, drive, navigation = nodes
+    return cast(Core, core), drive, navigation
 
 
 class Performance:
-    """A match that is ready to be played, by whatever clock and bus: its nodes and world, and who watches and counts.
+    """A match of one robot that is ready to be played, by whatever clock and bus: its nodes, who watches and counts.
 
     Raises LocalError for options that do not fit each other.
     """
 
     def __init__(
-        self, options: MatchOptions, files: EdsFiles, clock: Callable[[], float], show: ShowEvent, watch: Watcher
+        self,
+        options: MatchOptions,
+        files: EdsFiles,
+        world: World,
+        show: ShowEvent = _unseen,
+        watch: Watcher = _unwatched,
+        name: str = OURS,
     ) -> None:
-        self._dialect = files.dialect
-        self.nodes, self._world = cast_for(options, files, clock)
-        self._counter, self._timeline = FrameCounter(files.protocol), Timeline(clock, show)
-        self._player = Player(self.nodes[0], self._world, options, self._timeline)
+        self._dialect, self.name, self._world = files.dialect, name, world
+        self.nodes = cast_for(options, files, world, name)
+        self._counter, self._timeline = FrameCounter(files.protocol), Timeline(world.clock, show)
+        self._observer = Observer(self.nodes[0], self._timeline, self._truth)
+        self._referee = Referee(self.nodes[0], options, self._timeline, self._truth)
         self._watch = watch
+        world.watchers.append(self._tell_touch)
+
+    def _truth(self) -> Any:
+        return self._world.robots[self.name].pose
+
+    def _tell_touch(self, touch: Touch) -> None:
+        if touch.robot == self.name or touch.thing == self.name:
+            self._timeline.tell(EventKind.TOUCH, str(touch), **touch._asdict())
 
     def seen(self, now: float, frame: Frame) -> None:
         """Take in a frame that was on the bus."""
         self._counter.count(frame)
         self._watch(now, frame)
 
-    async def play(self, bitrate: int, how: str) -> None:
+    async def play(self, strategy: Strategy, bitrate: int, how: str) -> None:
         """Play from power-on to the end; raises NoAnswer."""
         who = ", ".join(node.name for node in self.nodes)
         where = f"{bitrate // 1000} kbit/s, {how}; EDS files: {self._dialect}"
         self._timeline.tell(EventKind.START, f"{who} at {where}")
         await asyncio.sleep(POWER_UP)
-        await self._player.play()
+        await self._referee.play(strategy)
 
-    def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> tuple[Summary, World]:
-        """Return what the match came to, `seconds` after power-on, and its world."""
-        summary = self._counter.summary(seconds, bitrate, self._player.errors, [str(each) for each in reports])
-        return summary, self._world
+    def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
+        """Return what the match came to, `seconds` after power-on."""
+        points = {name: self._world.game.points(name) for name in (OURS, RIVAL) if name in self._world.robots}
+        texts = [str(each) for each in reports]
+        return self._counter.summary(seconds, bitrate, self._observer.errors, texts, points, self._referee.failure)
 
 
 def _switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
@@ -111,35 +143,69 @@ def _switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
         network.attach(node, BOOT_TIMES[node.name], processing_time(seed, node.name))
 
 
-def rehearse(strategy: Callable[[Core], Coroutine[Any, Any, Result]], options: MatchOptions = DEFAULTS) -> Result:
+def rehearse(
+    strategy: Callable[[Core], Coroutine[Any, Any, Result]],
+    options: MatchOptions = DEFAULTS,
+    watch: Watcher = _unwatched,
+) -> Result:
     """Run a team's strategy in simulated time against simulated nodes, and return its result.
 
-    The strategy starts when the nodes have booted. Raises what the strategy raises, DictionaryError.
+    The strategy starts when the nodes have booted. `watch` is called with the time and each frame on the bus. Raises
+    what the strategy raises, DictionaryError.
     """
     network = Network()
-    nodes, _ = cast_for(options, EdsFiles.read(options.dialect), lambda: network.now)
+    world = World(options, lambda: network.now)
+    nodes = cast_for(options, EdsFiles.read(options.dialect), world)
     _switch_on(nodes, network, options.seed)
+    network.observers.append(watch)
     network.run(POWER_UP)
     return loop.run(network, strategy(nodes[0]))
 
 
 def play_simulated(
-    options: MatchOptions, show: ShowEvent, watch: Watcher, files: EdsFiles | None = None
+    options: MatchOptions,
+    show: ShowEvent,
+    watch: Watcher,
+    files: EdsFiles | None = None,
+    strategy: Strategy = shipped.play,
+    against: Strategy | None = None,
 ) -> tuple[Summary, World]:
     """Play a match in simulated time; without `files` the EDS files are read.
 
-    Raises NoAnswer, UnknownName, DictionaryError, LocalError.
+    `against` is the strategy of a second robot, which takes enemy 1's place on a bus of its own. Raises NoAnswer,
+    UnknownName, DictionaryError, LocalError.
     """
-    network = Network()
-    match = Performance(options, files or EdsFiles.read(options.dialect), lambda: network.now, show, watch)
-    _switch_on(match.nodes, network, options.seed)
-    network.observers.append(match.seen)
-    loop.run(network, match.play(network.bitrate, "simulated"))
-    return match.result(network.now, network.bitrate, network.reports)
+    files = files or EdsFiles.read(options.dialect)
+    networks = [Network()] if against is None else [Network(), Network()]
+    clock = Several(*networks)
+    world = World(options, lambda: clock.now, rival=against is not None)
+    match = Performance(options, files, world, show, watch)
+    sides = [match] if against is None else [match, Performance(_rival(options), files, world, name=RIVAL)]
+    for side, network in zip(sides, networks):
+        _switch_on(side.nodes, network, options.seed)
+        network.observers.append(side.seen)
+    bitrate = networks[0].bitrate
+    plays = [side.play(each, bitrate, "simulated") for side, each in zip(sides, (strategy, against)) if each]
+    loop.run(clock, _together(plays))
+    return match.result(clock.now, bitrate, networks[0].reports), world
+
+
+def _rival(options: MatchOptions) -> MatchOptions:
+    """Return the match as the other robot sees it: of the other colour, with as many others around it."""
+    others = {"enemies": 1 + options.confederates, "confederates": max(options.enemies - 1, 0)}
+    return replace(options, team=TeamColour(1 - options.team), emergency_at=None, faults=(), **others)
+
+
+async def _together(plays: Iterable[Coroutine[Any, Any, None]]) -> None:
+    await asyncio.gather(*plays)
 
 
 def play_live(
-    options: MatchOptions, show: ShowEvent, watch: Watcher, open_bus: Callable[[], can.BusABC]
+    options: MatchOptions,
+    show: ShowEvent,
+    watch: Watcher,
+    open_bus: Callable[[], can.BusABC],
+    strategy: Strategy = shipped.play,
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
 
@@ -150,7 +216,8 @@ def play_live(
     def clock() -> float:
         return time.monotonic() - begin
 
-    match = Performance(options, EdsFiles.read(options.dialect), clock, show, watch)
+    world = World(options, clock)
+    match = Performance(options, EdsFiles.read(options.dialect), world, show, watch)
     reports: list[Report] = []
     with ExitStack() as stack:
         sigterm = stack.enter_context(EndedBySigterm())
@@ -158,5 +225,5 @@ def play_live(
         for node in reversed(match.nodes):  # the core leaves first: it stops the drive, and sees that it stands
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
         stack.callback(sigterm.hold)
-        asyncio.run(match.play(runtime.BITRATE, "in real time"))
-    return match.result(clock(), runtime.BITRATE, reports)
+        asyncio.run(match.play(strategy, runtime.BITRATE, "in real time"))
+    return match.result(clock(), runtime.BITRATE, reports), world

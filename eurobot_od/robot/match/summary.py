@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from eurobot_od.device.nmt import NmtState
@@ -19,7 +19,8 @@ class Summary:
     """Frames by message name in the order of the protocol, those of no message, and what they came to.
 
     `load` is the share of the time that the bus was in use at `bitrate`; `errors` the position errors in mm at the
-    arrivals, `reports` what the gatekeepers had to say.
+    arrivals, `reports` what the gatekeepers had to say, `points` those of each robot that plays. `failure` is the end
+    of the traceback if the strategy raised.
     """
 
     seconds: float
@@ -29,6 +30,8 @@ class Summary:
     load: float
     errors: list[float]
     reports: list[str]
+    points: dict[str, int] = field(default_factory=dict)
+    failure: str | None = None
 
     @property
     def messages_sent(self) -> int:
@@ -49,6 +52,8 @@ class Summary:
             reached, mean = len(self.errors), sum(self.errors) / len(self.errors)
             places = f"{reached} place{'s' * (reached != 1)} reached"
             lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
+        if self.points:
+            lines.append(", ".join(f"{name}: {points} points" for name, points in self.points.items()))
         return "\n".join(lines + [f"gatekeeper: {report}" for report in self.reports])
 
 
@@ -74,8 +79,16 @@ class FrameCounter:
             boot_up = name == "Heartbeat" and frame.data == bytes([NmtState.INITIALISING])
             self._others["Boot-up" if boot_up else name] += 1
 
-    def summary(self, seconds: float, bitrate: int, errors: list[float], reports: list[str]) -> Summary:
+    def summary(
+        self,
+        seconds: float,
+        bitrate: int,
+        errors: list[float],
+        reports: list[str],
+        points: dict[str, int],
+        failure: str | None,
+    ) -> Summary:
         """Return what was counted in `seconds`."""
         frames = {name: self._counts[name] for name in self._protocol.names()}
         load = self._bits / bitrate / seconds if seconds else 0.0
-        return Summary(seconds, bitrate, frames, dict(self._others), load, errors, reports)
+        return Summary(seconds, bitrate, frames, dict(self._others), load, errors, reports, points, failure)

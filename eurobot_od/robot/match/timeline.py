@@ -19,8 +19,11 @@ class EventKind(Enum):
     GOTO = "goto"
     ARRIVED = "arrived"
     GIVEN_UP = "given up"
+    TASK = "task"
+    TOUCH = "touch"
     STOP = "stop"
     EMERGENCY = "emergency"
+    FAILED = "failed"
     END = "end"
 
 

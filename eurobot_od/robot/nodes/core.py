@@ -16,6 +16,10 @@ A node that was lost may have forgotten everything. So the next goto begins with
 and a look whether the drive is where it was seen last. `_place` is that place. It is kept apart from the sightings, as
 a drive that has booted says "unknown", and after its configuration the start place; `_astray` tells that it does.
 
+What the distance sensor sees is read while a goto is under way, as nobody tells when something comes into sight; what
+the robot drives into is stopped for, as the document has it (4.2.2 Obstacle). That is the core's part and not the
+strategy's: a strategy that hangs, or was written in a hurry, must not drive into anybody.
+
 A stop's lower identifier lets it overtake a goto that still waits in a mailbox: the drive then hears the stop first and
 the goto after it. And a drive that was away may take up a goto that was given up long ago. That is why a confirm, or
 the state of a goto under way, is answered with a stop when there is no goto any more, and the confirm of a start
@@ -28,7 +32,9 @@ could come between the two, and the goto would drive after it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from math import inf
 from typing import Any, ClassVar, NamedTuple, get_args
 
 from eurobot_od.device.bound import BoundObject
@@ -42,6 +48,7 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
 from eurobot_od.robot.field import Place, is_near
 from eurobot_od.robot.nodes import startup
+from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
 from eurobot_od.robot.nodes.identity import Channel
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
@@ -62,6 +69,7 @@ ANY_ANGLE = 180.0
 
 
 LEAVING = "the core is being switched off"
+MATCH_OVER = "the match is over"
 
 
 class Sighting(NamedTuple):
@@ -84,10 +92,21 @@ class Core(RobotNode):
     `positions` are the last sightings by response type; `configuration` the start configuration, None before the
     first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration, `match_over`
     from the end of a match until the next one is started. `is_commanding` tells whether a goto is under way.
+    `sensor` and `actuators` are what the robot has beside the bus, None if it has none. `observe` is called with each
+    goto and each task, and its call, when it begins.
     """
 
-    def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        sensor: DistanceSensor | None = None,
+        actuators: Actuators | None = None,
+        *,
+        store: Store | None = None,
+    ) -> None:
         super().__init__(dictionary, store=store)
+        self.sensor, self.actuators = sensor, actuators
+        self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
         self._flows: list[Flow[Any]] = []
         self._forget()
 
@@ -99,11 +118,14 @@ class Core(RobotNode):
         self._configuring: Flow[float] | None = None
         self._standing: Flow[Standstill] | None = None
         self._keeping_on: Flow[None] | None = None
+        self._acting: Flow[int] | None = None
+        self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
         self._lost = ""
         self._place: Place | None = None
         self._astray = self._leaving = self._gone = False
         self._match: Timer | None = None
+        self._match_end: float | None = None
         self._polling = 0
 
     def reset(self) -> None:
@@ -205,11 +227,31 @@ class Core(RobotNode):
                 self._stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
             self._end(self._driving, _Ended(Outcome.REPLACED))
             self._driving, self._stopped = self._begin(self._goto(goto, timeout)), messages.StopDrive()
-            return self._driving.call
+            call = self._driving.call
+        self.observe(goto, call)
+        return call
 
     def position(self) -> Call[messages.KalmanPositionResponse]:
         """Ask the drive for the filtered position of our robot (document 4.2.2 Position); raises NoAnswer."""
         return self._begin(self._position()).call
+
+    def obstacle(self) -> Call[Detection | None]:
+        """Read the distance sensor: what it sees ahead; None if it sees nothing, or if there is no sensor."""
+        return self._begin(self._read_sensor()).call
+
+    def act(self, task: str) -> Call[int]:
+        """Do a task where the robot stands; the result is what it came to: points, or pieces of fruit.
+
+        Raises StateError if there is nothing to do it with, and if a newer task, an Emergency Shutdown or the end of
+        the match comes before it is done; UnknownName.
+        """
+        with self.guard:
+            self._check_present()
+            self._end(self._acting, StateError("replaced by a newer task"))
+            self._acting = self._begin(self._act_on(task))
+            call = self._acting.call
+        self.observe(task, call)
+        return call
 
     def stop(self) -> Call[Standstill]:
         """Brake and forget the goto (document 2.1).
@@ -229,6 +271,7 @@ class Core(RobotNode):
         with self.guard:  # a confirm between the two would end the safe state again
             why = "emergency shutdown before the start configuration was confirmed"
             self._end(self._configuring, StateError(why))
+            self._end(self._acting, StateError("emergency shutdown"))
             return self._stop(messages.EmergencyShutdown())
 
     def start_match(self, duration: float | None = None) -> None:
@@ -292,6 +335,8 @@ class Core(RobotNode):
             self._standing = None
         if flow is self._keeping_on:
             self._keeping_on = None
+        if flow is self._acting:
+            self._acting = None
 
     def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
         if flow is not None and flow in self._flows:
@@ -392,6 +437,7 @@ class Core(RobotNode):
             self.put(frame)
         started, confirmed = self.now, None
         limit = self.at(started + timeout, self._run_out_of_time)
+        self._look_ahead(Approach(), started)
         try:
             yield self.asking(goto, messages.GotoConfirm, *GOTO_SETTINGS)
             confirmed = self.now - started
@@ -407,6 +453,7 @@ class Core(RobotNode):
                 self._halt(messages.StopDrive())
         finally:
             limit.cancel()
+            self._look_away()
         return GotoReport(goto, end.outcome, confirmed, self.now - started, end.why)
 
     def _run_out_of_time(self, _: float) -> None:
@@ -438,16 +485,55 @@ class Core(RobotNode):
         yield START
         return (yield from drive_position(self))
 
+    # Sensor and actuators
+
+    def _look_ahead(self, approach: Approach, now: float) -> None:
+        """Read the distance sensor again and again; stop for what the robot drives into."""
+        self._look_away()
+        distance = self.setting("Obstacle.Stop distance")
+        if self.sensor is None or not distance:
+            return
+        detection = self.sensor.look(now)
+        if approach.meets(detection, distance) and detection is not None:
+            why = f"{detection.obstacle.name.lower()} ahead"
+            self._stop(messages.EmergencyStop(detection.obstacle), Outcome.STOPPED, why)
+        else:
+            self._looking = self.at(now + self.seconds("Obstacle.Sensing period"), partial(self._look_ahead, approach))
+
+    def _look_away(self) -> None:
+        if self._looking is not None:
+            self._looking.cancel()
+            self._looking = None
+
+    def _read_sensor(self) -> Script[Detection | None]:
+        now: float = yield START
+        return self.sensor and self.sensor.look(now)
+
+    def _act_on(self, task: str) -> Script[int]:
+        yield START
+        if self.actuators is None:
+            raise StateError(f"the robot has nothing to do {task} with")
+        if self.match_over:
+            raise StateError(MATCH_OVER)
+        yield Pause(self.actuators.begin(task))
+        return self.actuators.finish(task)
+
     # Match
+
+    @property
+    def time_left(self) -> float:
+        """Seconds until the core ends the match; infinite while there is none."""
+        return inf if self._match_end is None else max(self._match_end - self.now, 0.0)
 
     def _end_match_at(self, end: float) -> None:
         if self._match is not None:
             self._match.cancel()
-        self._match = self.at(end, self._end_match)
+        self._match, self._match_end = self.at(end, self._end_match), end
 
     def _end_match(self, _: float) -> None:
         self.match_over = True
-        self._stop(messages.StopDrive(), Outcome.STOPPED, "the match is over")
+        self._end(self._acting, StateError(MATCH_OVER))
+        self._stop(messages.StopDrive(), Outcome.STOPPED, MATCH_OVER)
 
     # Position polling
 

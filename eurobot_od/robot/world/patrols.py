@@ -1,45 +1,71 @@
-"""The other robots on the field: two enemies and a confederate, each on its rounds."""
+"""The other robots when nobody plays them: two enemies and a confederate, each on its rounds.
+
+A patrol goes along its way points and back again. It stops for a robot ahead, waits for it to go, and then turns
+round; a careless one sees nobody and drives into whatever is there.
+"""
 
 from __future__ import annotations
 
 import math
 import random
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import NamedTuple
 
 from eurobot_od.robot.field import WIDTH, Point, Pose
 from eurobot_od.robot.values import Source, TeamColour
 
 ROUNDS: dict[Source, Sequence[Point]] = {
-    Source.ENEMY_1: (Point(2800, 1700), Point(1900, 1650), Point(1500, 1100), Point(2400, 1200)),
-    Source.ENEMY_2: (Point(2750, 300), Point(1700, 250), Point(1600, 700), Point(2500, 650)),
-    Source.CONFEDERATE: (Point(250, 300), Point(650, 250), Point(250, 600)),
+    Source.ENEMY_1: (Point(2750, 1750), Point(1850, 1700), Point(1500, 1250), Point(2350, 1600)),
+    Source.ENEMY_2: (Point(2750, 250), Point(1700, 300), Point(1500, 650), Point(2400, 500)),
+    Source.CONFEDERATE: (Point(250, 300), Point(600, 250), Point(250, 550)),
 }
-"""Where the others drive when our team is red; yellow is the mirror image."""
+"""Where the others drive when our team is red, clear of the pools; yellow is the mirror image."""
 
-STRAY = 80
+STRAY = 60
 """How far a patrol's way points differ from one seed to another, mm."""
 
+SPEEDS = (150.0, 350.0)
+"""Slowest and fastest patrol, mm/s."""
 
-class Patrol(NamedTuple):
-    """Another robot on its rounds: way points, and its speed in mm/s."""
+CARELESS = 0.25
+"""Share of the enemies that look out for nobody."""
 
-    points: tuple[Point, ...]
-    speed: float
+WAIT = 1.5
+"""Seconds that a patrol waits for a robot in its way."""
 
-    def at(self, now: float) -> Pose:
-        """Return where it is at a time, heading where it drives; it goes round and round."""
-        legs = list(pairwise((*self.points, self.points[0])))
-        left = now * self.speed % sum(math.dist(*leg) for leg in legs)
-        while left > math.dist(*legs[0]):
-            left -= math.dist(*legs.pop(0))
-        start, end = legs[0]
-        return Pose(*start, Pose(*start, 0).bearing(end)).moved(left, 0)
+
+class Patrol:
+    """A robot on its rounds: `pose` is where it wants to be, and where it looks."""
+
+    def __init__(self, points: Sequence[Point], speed: float, careless: bool = False) -> None:
+        self._points, self.speed, self.careless = tuple(points), speed, careless
+        self._leg, self._step = 1, 1
+        self._waited = 0.0
+        self.pose = Pose(*self._points[0], Pose(*self._points[0], 0).bearing(self._points[1]))
+
+    def held_up(self, dt: float) -> None:
+        """Wait for a robot in the way; turn round when that took too long."""
+        self._waited += dt
+        if self._waited >= WAIT:
+            self._waited, self._step = 0.0, -self._step
+            self._aim_at_next()
+
+    def advance(self, here: Point, dt: float) -> Pose:
+        """Return where it wants to be `dt` seconds after it was `here`."""
+        self._waited = 0.0
+        target, way = self._points[self._leg], self.speed * dt
+        if math.dist(here, target) <= way:
+            self._aim_at_next()
+            target = self._points[self._leg]
+        self.pose = Pose(*here, Pose(*here, 0).bearing(target)).moved(way, 0)
+        return self.pose
+
+    def _aim_at_next(self) -> None:
+        self._leg = (self._leg + self._step) % len(self._points)
 
     @classmethod
     def of(cls, who: Source, team: TeamColour, chance: random.Random) -> Patrol:
         """Make the rounds of a robot in a match of ours as `team`; chance moves the way points a little."""
         points = [Point(x + chance.uniform(-STRAY, STRAY), y + chance.uniform(-STRAY, STRAY)) for x, y in ROUNDS[who]]
         mirrored = points if team is TeamColour.RED else [Point(WIDTH - x, y) for x, y in points]
-        return cls(tuple(mirrored), chance.uniform(150, 350))
+        speed, careless = chance.uniform(*SPEEDS), chance.random() < CARELESS
+        return cls(mirrored, speed, careless and who is not Source.CONFEDERATE)

@@ -1,119 +1,330 @@
-"""The world around the robot: where it truly is, what its wheels and beacons say, and who else is on the field.
+"""The world around the robots: where everybody truly is, what they run into, and what they get for what they do.
 
-Rule of this file: the truth stays here. The nodes see it through wheels that slip, beacons that are off by some
-millimetres, and a distance sensor. All chance comes from one seed, but from a stream of its own for each thing: with
-one stream for all, one more question to the beacons would change everything that comes after it.
+Theory of operation. The truth stays here; nodes see it through instruments that err (`wheels`, `beacons`, `sensor`),
+which reach their robot by a `Vehicle`. A robot that is driven by nodes moves when its wheels say so, a control period
+at a time. The others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for
+anything: the world needs neither a thread nor a timer, and where nobody looks nothing is worked out.
+
+Every movement is judged alike. Where it would end inside of something, what is light is pushed along, and the robot is
+pushed out of everything else: it slides along what it meets at an angle and stands before what it meets head on. A
+robot that is driven into yields a little. The first moment of each contact is a `Touch`, with the speeds of both
+towards each other, so that it is known who drove into whom.
 """
 
 from __future__ import annotations
 
+import math
 import random
+from bisect import bisect_right
 from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
-from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose, turn
-from eurobot_od.robot.nodes.motion import Command, Odometry
-from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.values import Obstacle, Source
+from eurobot_od.robot.field import START_POSES, Point, Pose, turn
+from eurobot_od.robot.nodes.equipment import Detection
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
+from eurobot_od.robot.tasks import tasks
+from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, Body, RobotBody, Weight, gap, inside, pushed_out, things
+from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
 
-SLIP = 0.01
-"""Share by which the wheels' distance scale is off, standard deviation."""
+PACE = 0.02
+"""Seconds of a step of the robots on their rounds."""
 
-DRIFT = 0.004
-"""Share by which the wheels' turning is off, standard deviation."""
+LOOK_OUT = 120.0
+"""How near a careful robot on its rounds lets another one come that is in its way, mm from edge to edge."""
+
+LOOK_OUT_ANGLE = 50.0
+"""How far to either side it looks, degrees."""
+
+SHOVE = 0.3
+"""Share by which a robot yields to one that drives into it."""
+
+RELEASED = 5.0
+"""A contact is over when they are so far apart, mm."""
 
 PLACEMENT = 3.0
 PLACEMENT_ANGLE = 0.5
 """How far from its start place a team puts the robot, standard deviations: mm and degrees."""
 
-SIGHT = 400.0
-"""How far ahead, mm, the distance sensor sees something that is in the way."""
-
-SIGHT_ANGLE = 25.0
-"""How far to either side, degrees."""
-
-DROP_AHEAD = 380.0
-"""How far ahead of a driving robot a thing falls over, mm."""
+DROP_AHEAD = 230.0
+"""How far ahead of a driving robot's edge a thing falls over, mm."""
 
 DROP_SPEED = 200.0
 """The robot is fast enough for a thing to fall over in front of it from this speed on, mm/s."""
 
+DROP_AT = 100.0
+"""No thing falls over nearer to the border than this, mm."""
+
+THING_RADIUS = 30.0
 REMOVED_AFTER = 1.0
-"""Seconds after which a thing in the way is pushed aside."""
+"""How large a thing is that has fallen over, mm, and after how many seconds somebody takes it away."""
+
+OURS = "ours"
+NAMES = {Source.ENEMY_1: "enemy 1", Source.ENEMY_2: "enemy 2", Source.CONFEDERATE: "confederate"}
+"""The robots of a match, by whom our navigation takes them for."""
+
+RIVAL = NAMES[Source.ENEMY_1]
+"""The other robot that is driven by nodes, if there are two."""
+
+SEEN_BY = {
+    OURS: {Source.INTERNAL: OURS, **NAMES},
+    RIVAL: {Source.INTERNAL: RIVAL, Source.ENEMY_1: OURS, Source.ENEMY_2: "confederate", Source.CONFEDERATE: "enemy 2"},
+}
+"""Which robot each of the two takes for whom."""
+
+
+class Touch(NamedTuple):
+    """Two bodies met: when, in s, which robot moved into what, and how fast either came nearer, mm/s."""
+
+    time: float
+    robot: str
+    thing: str
+    speed: float
+    met: float
+
+    def is_fault_of(self, robot: str) -> bool:
+        """Tell whether a robot drove into the other body; both may have."""
+        return (self.speed if robot == self.robot else self.met) >= AT_FAULT
+
+    def __str__(self) -> str:
+        met = f", which came at {self.met:.0f} mm/s" if self.met >= AT_FAULT else ""
+        return f"{self.robot} at {self.speed:.0f} mm/s touched {self.thing}{met}"
+
+
+AT_FAULT = 20.0
+"""Who comes nearer at this speed, mm/s, has not stood."""
 
 
 class World:
-    """A match's world: `robot` is the true pose of our robot, `others` are enemies and confederate.
+    """A match's world: the true poses of all `robots` by name, the `touches` between them, and the `game`.
 
-    It is the drive's chassis (`advance`) and the navigation's beacons (`locate`). `deviations` gives the standard
-    deviations of the beacons, mm and degrees.
+    `clock` gives the time in seconds; `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes as ours is, and not on its rounds.
     """
 
-    def __init__(
-        self, options: MatchOptions, deviations: Callable[[], tuple[float, float]], clock: Callable[[], float]
-    ) -> None:
-        self._seed = options.seed
-        self._deviations, self._clock = deviations, clock
-        place = self._stream("placement")
-        spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
-        self.robot = Pose(*(exact + place.gauss(0, by) for exact, by in zip(START_POSES[options.team], spreads)))
-        wheels = self._stream("wheels")
-        self._scale, self._bias = wheels.gauss(1, SLIP), wheels.gauss(1, DRIFT)
-        self._noise = {source: self._stream(source.name) for source in Source}
-        who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
-        self.others = {each: Patrol.of(each, options.team, self._stream(f"patrol {each.name}")) for each in who}
-        self.speed = 0.0
-        self.path: list[tuple[float, Pose]] = [(0.0, self.robot)]
+    def __init__(self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False) -> None:
+        self._options, self.clock, self._now = options, clock, 0.0
+        self.game = Game(options.seed)
+        self.touches: list[Touch] = []
+        self.watchers: list[Callable[[Touch], None]] = []
+        self.things = things()
+        self.robots: dict[str, RobotBody] = {}
+        self._patrols: dict[str, Patrol] = {}
+        self._thing: Body | None = None
         self._dropped_at: float | None = None
-        self.thing: Point | None = None
+        self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
+        self._put(OURS, START_POSES[options.team], ROBOT_RADIUS)
+        who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
+        for source in who:
+            if rival and NAMES[source] == RIVAL:
+                self._put(RIVAL, START_POSES[self._teams[RIVAL]], ROBOT_RADIUS)
+            else:
+                self._send(source)
 
     def _stream(self, name: str) -> random.Random:
-        return random.Random(f"{self._seed} {name}")
+        """Return a stream of chance of its own: with one for all, one more question would change all that follows."""
+        return random.Random(f"{self._options.seed} {name}")
 
-    # The drive's wheels
+    def _put(self, name: str, start: Pose, radius: float) -> None:
+        chance = self._stream(f"placement {name}" if name != OURS else "placement")
+        spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
+        body = RobotBody(name, Point(0, 0), radius, Weight.ROBOT)
+        body.place(Pose(*(exact + chance.gauss(0, by) for exact, by in zip(start, spreads))))
+        body.trace.append((0.0, body.pose))
+        self.robots[name] = body
 
-    def advance(self, command: Command, dt: float) -> Odometry:
-        """Move the robot as its wheels really do, and report what they measured."""
-        true = Odometry(command.speed * dt * self._scale, command.turn * dt * self._bias)
-        x, y, angle = self.robot.moved(*true)
-        self.robot = Pose(min(max(x, 0), WIDTH), min(max(y, 0), HEIGHT), angle)  # the borders hold it
-        self.speed = command.speed
-        self.path.append((self._clock(), self.robot))
-        return Odometry(command.speed * dt, command.turn * dt)
+    def _send(self, source: Source) -> None:
+        """Send a robot on its rounds."""
+        name = NAMES[source]
+        patrol = Patrol.of(source, self._options.team, self._stream(f"patrol {source.name}"))
+        radius = ROBOT_RADIUS if source is Source.CONFEDERATE else ENEMY_DIAMETER * 5.0
+        body = RobotBody(name, Point(0, 0), radius, Weight.ROBOT)
+        body.place(patrol.pose)
+        body.trace.append((0.0, body.pose))
+        self.robots[name], self._patrols[name] = body, patrol
 
-    # The navigation's beacons
+    @property
+    def robot(self) -> Pose:
+        """The true pose of our robot."""
+        return self.robots[OURS].pose
 
-    def locate(self, whom: Source, now: float) -> Fix | None:
-        """Measure a robot's place; only our own heading can be measured."""
-        if whom is Source.INTERNAL:
-            pose = self.robot
-        elif whom in self.others:
-            pose = self.others[whom].at(now)
-        else:
-            return None
-        noise, (place, angle) = self._noise[whom], self._deviations()
-        x, y = pose.x + noise.gauss(0, place), pose.y + noise.gauss(0, place)
-        return Fix(x, y, pose.angle + noise.gauss(0, angle) if whom is Source.INTERNAL else None)
+    @property
+    def path(self) -> list[tuple[float, Pose]]:
+        """The true poses of our robot, with their times."""
+        return self.robots[OURS].trace
 
-    # The core's distance sensor
+    def vehicle(self, name: str = OURS) -> LocalVehicle:
+        """Return what the instruments of a robot reach the world by."""
+        return LocalVehicle(self, name)
 
-    def obstacle(self, now: float) -> Obstacle | None:
-        """Return what the distance sensor sees in the way of the driving robot."""
-        if self._dropped_at is not None and now - self._dropped_at > REMOVED_AFTER:
-            self.thing = None
-        if self.speed <= 0:
-            return None
-        if any(self._in_sight(patrol.at(now).point) for patrol in self.others.values()):
-            return Obstacle.ENEMY
-        return Obstacle.OBJECT if self.thing is not None and self._in_sight(self.thing) else None
+    # Movements
 
-    def _in_sight(self, point: Point) -> bool:
-        ahead = abs(turn(self.robot.angle, self.robot.bearing(point)))
-        return self.robot.distance(point) < SIGHT and ahead < SIGHT_ANGLE
+    def move(self, name: str, wanted: Odometry, dt: float) -> float:
+        """Move a robot along an arc as far as nothing is in the way; return how far it came, mm."""
+        self._catch_up()
+        body = self.robots[name]
+        body.speed = wanted.distance / dt if dt else 0.0
+        before = body.point
+        self._go(body, body.pose.moved(*wanted))
+        heading = math.radians(body.angle - wanted.turn / 2)
+        came = (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
+        self._drop_before(body)
+        return came
 
-    def drop_thing(self, now: float) -> None:
-        """Let a thing fall over in front of the robot, once, as soon as it drives fast enough."""
-        if self._dropped_at is None and self.speed >= DROP_SPEED:
-            self._dropped_at = now
-            self.thing = self.robot.moved(DROP_AHEAD, 0).point
+    def _go(self, body: RobotBody, wanted: Pose) -> None:
+        """Move a robot to a pose, or as near as it comes."""
+        body.place(Pose(*self._clear(body, wanted.point), wanted.angle))
+        body.trace.append((self.clock(), body.pose))
+        if body.touching:
+            self._release(body)
+
+    def _clear(self, body: RobotBody, wanted: Point) -> Point:
+        """Return the nearest place to the wanted one where a robot is in nothing else; push what can be pushed."""
+        point = inside(wanted, body.radius)
+        if point != wanted:
+            self._touch(body, BORDER, 0.0)
+        for other in self._others(body):
+            if gap(point, body.radius, other) < 0:
+                point = self._meet(body, point, other)
+        blocked = any(gap(point, body.radius, each) < -1.0 for each in self._others(body) if each.weight != Weight.LIGHT)
+        return body.point if blocked else inside(point, body.radius)
+
+    def _others(self, body: Body) -> list[Body]:
+        """Return what a robot can meet: all bodies but itself."""
+        everything: list[Body] = [*self.things, *self.robots.values()]
+        return [each for each in everything if each is not body]
+
+    def _meet(self, body: RobotBody, point: Point, other: Body) -> Point:
+        """Have a robot meet a body at a place; return where the robot is then."""
+        met = other.approach(body) if isinstance(other, RobotBody) else 0.0
+        self._touch(body, other.name, met)
+        if isinstance(other, RobotBody):
+            self._shove(other, body, point)
+        if other.weight is Weight.LIGHT:
+            other.point = inside(pushed_out(other.point, other.radius, Body("", point, body.radius, Weight.ROBOT)), 0)
+            self.game.fall(other.name)
+            return point
+        return pushed_out(point, body.radius, other)
+
+    def _shove(self, other: RobotBody, body: RobotBody, point: Point) -> None:
+        """Have a robot yield a little to one that drives into it; its wheels do not notice."""
+        free = pushed_out(other.point, other.radius, Body("", point, body.radius, Weight.ROBOT))
+        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, free))
+        fixed = [each for each in self.things if each.weight is Weight.FIXED]
+        if all(gap(Point(x, y), other.radius, each) >= 0 for each in fixed):
+            other.point = inside(Point(x, y), other.radius)
+            other.trace.append((self.clock(), other.pose))
+
+    def _touch(self, body: RobotBody, thing: str, met: float) -> None:
+        if thing in body.touching:
+            return
+        body.touching.add(thing)
+        other = self.robots.get(thing)
+        speed = abs(body.speed) if other is None else body.approach(other)
+        self._tell(Touch(self.clock(), body.name, thing, speed, met))
+        if other is not None:
+            other.touching.add(body.name)
+
+    def _tell(self, touch: Touch) -> None:
+        self.touches.append(touch)
+        for watcher in self.watchers:
+            watcher(touch)
+
+    def _release(self, body: RobotBody) -> None:
+        """Forget the contacts that are over."""
+        near = {each.name for each in self._others(body) if gap(body.point, body.radius, each) < RELEASED}
+        if inside(body.point, body.radius + RELEASED) != body.point:
+            near.add(BORDER)
+        body.touching &= near
+
+    # The others
+
+    def _catch_up(self) -> None:
+        """Bring the robots on their rounds up to the present."""
+        while self._now + PACE <= self.clock():
+            self._now += PACE
+            for name, patrol in self._patrols.items():
+                self._step(self.robots[name], patrol)
+
+    def _step(self, body: RobotBody, patrol: Patrol) -> None:
+        if not patrol.careless and self._has_ahead(body):
+            body.speed = 0.0
+            patrol.held_up(PACE)
+            return
+        before, wanted = body.point, patrol.advance(body.point, PACE)
+        body.speed = patrol.speed
+        self._go(body, wanted)
+        if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
+            patrol.held_up(PACE)
+
+    def _has_ahead(self, body: RobotBody) -> bool:
+        return self._nearest_robot(body, LOOK_OUT, LOOK_OUT_ANGLE) is not None
+
+    # What can be seen
+
+    def pose(self, name: str, age: float) -> Pose | None:
+        """Return where a robot was `age` seconds ago, None for one that is not there."""
+        self._catch_up()
+        body = self.robots.get(name)
+        if body is None or not age:
+            return body and body.pose
+        after = bisect_right(body.trace, self.clock() - age, key=lambda moment: moment[0])
+        return body.trace[max(after - 1, 0)][1]
+
+    def ahead(self, name: str, distance: float, angle: float) -> Detection | None:
+        """Return the nearest robot or fallen thing ahead of a robot."""
+        self._catch_up()
+        body = self.robots[name]
+        seen = self._nearest_robot(body, distance, angle)
+        thing = self._look_at(body, self._thing, Obstacle.OBJECT) if self._thing is not None else None
+        if thing is not None and thing.distance <= distance and abs(thing.bearing) <= angle:
+            return thing if seen is None or thing.distance < seen.distance else seen
+        return seen
+
+    def _nearest_robot(self, body: RobotBody, distance: float, angle: float) -> Detection | None:
+        looks = (self._look_at(body, each, Obstacle.ENEMY) for each in self.robots.values() if each is not body)
+        near = [look for look in looks if look.distance <= distance and abs(look.bearing) <= angle]
+        return min(near, key=lambda look: look.distance, default=None)
+
+    def _look_at(self, body: RobotBody, other: Body, what: Obstacle) -> Detection:
+        bearing = turn(body.angle, body.pose.bearing(other.point))
+        return Detection(what, max(gap(body.point, body.radius, other), 0.0), bearing)
+
+    def _drop_before(self, body: RobotBody) -> None:
+        """Let a thing fall over in front of our robot, once, as soon as it drives fast enough; then take it away."""
+        if self._thing is not None and self._dropped_at is not None:
+            if self.clock() - self._dropped_at > REMOVED_AFTER:
+                self.things.remove(self._thing)
+                self._thing = None
+        elif self._dropped_at is None and body.name == OURS and body.speed >= DROP_SPEED:
+            point = body.pose.moved(body.radius + DROP_AHEAD + THING_RADIUS, 0).point
+            if inside(point, DROP_AT) == point:
+                self._dropped_at = self.clock()
+                self._thing = Body("fallen thing", point, THING_RADIUS, Weight.LIGHT)
+                self.things.append(self._thing)
+
+    # Tasks
+
+    def begin(self, name: str, task: str) -> float:
+        """Begin with a task; return how many seconds it takes. Raises UnknownName."""
+        return find(tasks(self._teams[name]), task).seconds
+
+    def finish(self, name: str, task: str) -> int:
+        """Finish a task where the robot truly is; return what it came to."""
+        self._catch_up()
+        return self.game.finish(name, find(tasks(self._teams[name]), task), self.robots[name].pose, self.clock())
+
+
+class LocalVehicle:
+    """One robot of a world in this process (see `vehicle.Vehicle`)."""
+
+    def __init__(self, world: World, name: str) -> None:
+        self._world, self._name, self._seen = world, name, SEEN_BY[name]
+        self.move, self.ahead = partial(world.move, name), partial(world.ahead, name)
+        self.begin, self.finish = partial(world.begin, name), partial(world.finish, name)
+
+    def pose(self, whom: Source, age: float = 0.0) -> Pose | None:
+        """Return where a robot was `age` seconds ago, as this robot names them."""
+        return self._world.pose(self._seen[whom], age)

@@ -1,0 +1,148 @@
+"""A match around a strategy: it starts up the nodes, lets the strategy play, and sees to the end.
+
+Rule of this file: it knows neither bus nor clock, so that the same coroutine runs in simulated and in real time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import traceback
+from collections.abc import Callable, Coroutine
+from math import inf
+from typing import Any, TypeAlias
+
+from eurobot_od.errors import LocalError, RemoteError, StateError
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.match.timeline import EventKind, Timeline
+from eurobot_od.robot.messages import KalmanPositionResponse
+from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
+
+Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
+"""A team's program: a coroutine that awaits the core's calls. It begins with the match, and is cancelled at its end."""
+
+LOOKS = 0.05
+"""How often the referee looks whether the match is over, s."""
+
+FIRST_POSITION = 5.0
+"""Seconds until the first position should have come: the polling's start delay, and several periods."""
+
+SETTLED = 1.0
+"""After a stop the robot stands still within this time, s."""
+
+LAST_LINES = 3
+"""So many lines of a strategy's traceback are told."""
+
+
+def _count(number: int, one: str, several: str = "") -> str:
+    """Write a number with its noun: `no enemies`, `1 enemy`, `2 enemies`."""
+    return f"{number or 'no'} {one if number == 1 else several or one + 's'}"
+
+
+class Referee:
+    """A match that a strategy plays by `core`; what happens goes into `timeline`.
+
+    `truth` gives the true pose of the robot. `failure` is the last lines of the traceback if the strategy raised.
+    Raises LocalError for an emergency that is not within the match.
+    """
+
+    def __init__(self, core: Core, options: MatchOptions, timeline: Timeline, truth: Callable[[], Pose]) -> None:
+        self.core, self.options, self.timeline, self.clock, self._truth = core, options, timeline, timeline.clock, truth
+        self.failure: str | None = None
+        self._duration = options.duration or float(core.setting("Match.Match duration"))
+        if options.emergency_at is not None and options.emergency_at >= self._duration:
+            text = f"an emergency at {options.emergency_at:g} s is not within the match of {self._duration:g} s"
+            raise LocalError(text)
+        self._end = inf
+        self._mushroom = inf
+        self._over = False
+
+    async def play(self, strategy: Strategy) -> None:
+        """Play the match from the node checks to its end; raises NoAnswer if a node does not answer."""
+        await self._check()
+        await self._configure()
+        await self._first_position()
+        await self._let_play(strategy)
+        await self._stand_still()
+
+    # Startup (document 5.1)
+
+    async def _check(self) -> None:
+        took = await self.core.check_nodes()
+        answers = ", ".join(f"{node} answered after {seconds * 1000:.1f} ms" for node, seconds in took.items())
+        self.timeline.tell(EventKind.CHECK, answers, seconds=took)
+
+    async def _configure(self) -> None:
+        options = self.options
+        diameters = [ENEMY_DIAMETER if number < options.enemies else 0 for number in range(2)]
+        took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
+        others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
+        what = f"{options.team.name.lower()}, {others}"
+        self.timeline.tell(EventKind.CONFIGURE, f"{what}: confirmed after {took * 1000:.1f} ms", seconds=took)
+
+    async def _first_position(self) -> None:
+        """Wait until position polling has brought the robot's place, or else ask for it; raises NoAnswer."""
+        patience = self.clock() + FIRST_POSITION
+        while KalmanPositionResponse not in self.core.positions:
+            await asyncio.sleep(LOOKS)
+            if self.clock() > patience:
+                await self.core.position()
+        seen = self.core.positions[KalmanPositionResponse].position
+        self.timeline.tell(EventKind.POSITION, f"({seen.x}, {seen.y}) {seen.angle} deg", position=seen[:3])
+
+    # Match (document 5.2)
+
+    async def _let_play(self, strategy: Strategy) -> None:
+        """Start the match, and let the strategy play until it is over."""
+        start = self.clock()
+        self._end = start + self._duration
+        self._mushroom = inf if self.options.emergency_at is None else start + self.options.emergency_at
+        self.timeline.tell(EventKind.MATCH, f"{self._duration:g} s begin", duration=self._duration)
+        self.core.start_match(self._duration)
+        playing = asyncio.ensure_future(strategy(self.core))
+        try:
+            while not (self._over or self.core.match_over):
+                await self._watch(playing)
+        finally:
+            await self._end_strategy(playing)
+
+    async def _watch(self, playing: asyncio.Future[Any]) -> None:
+        """Wait for a moment; hit the mushroom in time, and see whether the strategy has failed."""
+        left = min(self._mushroom, self._end) - self.clock()
+        await asyncio.sleep(min(max(left, 0.0), LOOKS))
+        if self.clock() >= self._mushroom:
+            self._mushroom, self._over = inf, True
+            self.core.emergency_shutdown()
+            self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
+        if playing.done() and not playing.cancelled() and (error := playing.exception()) is not None:
+            await self._fail(error)
+
+    async def _fail(self, error: BaseException) -> None:
+        """Stop the robot after an exception of the strategy, and keep what a team needs to find it."""
+        self._over = True
+        lines = "".join(traceback.format_exception(type(error), error, error.__traceback__)).strip().splitlines()
+        self.failure = "\n".join(lines[-LAST_LINES:])
+        self.timeline.tell(EventKind.FAILED, f"the strategy raised {type(error).__name__}: {error}")
+        try:
+            await self.core.stop()
+        except (RemoteError, StateError) as unseen:
+            self.timeline.tell(EventKind.FAILED, str(unseen))
+
+    async def _end_strategy(self, playing: asyncio.Future[Any]) -> None:
+        """Cancel a strategy that is still going on, and let it clean up."""
+        playing.cancel()
+        await asyncio.wait([playing], timeout=SETTLED)
+        if self.core.match_over:
+            self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
+
+    async def _stand_still(self) -> None:
+        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
+        await asyncio.sleep(SETTLED)
+        told, rest = self.core.match_over, self._truth()
+        await asyncio.sleep(max(self._end + LOOKS - self.clock(), 0))
+        if not told:
+            self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
+        now = self._truth()
+        moved = now.distance(rest.point)
+        text = f"the robot stands at ({now.x:.0f}, {now.y:.0f}); since it stopped it moved {moved:.0f} mm"
+        self.timeline.tell(EventKind.END, text, x=round(now.x, 1), y=round(now.y, 1), moved=round(moved, 3))
