@@ -6,10 +6,9 @@ import random
 from collections.abc import Callable, Iterable
 
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
-from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.options import Errors, MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.beacons import Beacons
-from eurobot_od.robot.options import Errors
 from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.vehicle import Vehicle
 from eurobot_od.robot.world.wheels import Wheels

@@ -10,7 +10,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.nodes import KINDS, Core, Node, role_of
-from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
 
 
 def nodes_under_test(
@@ -21,5 +21,7 @@ def nodes_under_test(
 ) -> list[NodeUnderTest]:
     """Make the nodes that have these dictionaries; `kinds` are their classes by role, with or without faults."""
     nodes = [kinds[role_of(dictionary)](dictionary) for dictionary in dictionaries.values()]
-    assemble(nodes, MatchOptions(seed=seed), clock)
+    # A core that is checked drives nothing, and would only be stopped by the robots that come along.
+    in_the_world = [node for node in nodes if not isinstance(node, Core)]
+    assemble(in_the_world, MatchOptions(seed=seed, errors=NOISE_ONLY), clock)
     return [NodeUnderTest(node, partial(drill, node) if isinstance(node, Core) else None) for node in nodes]

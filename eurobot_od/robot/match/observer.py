@@ -1,6 +1,6 @@
 """Tells the timeline what a core's strategy has it do, and what comes of it.
 
-Rule of this file: it watches, and changes nothing. So a strategy is written for any core, and tells nobody what it does.
+Rule of this file: it watches, and changes nothing. So a strategy is written for any core, and need not tell.
 """
 
 from __future__ import annotations

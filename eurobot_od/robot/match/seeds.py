@@ -22,6 +22,7 @@ from typing import cast
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles, Performance
 from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.world import World
 
 
 def cores() -> int:
@@ -35,7 +36,7 @@ def play_many(options: MatchOptions, seeds: range, jobs: int) -> Generator[Playe
     Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
     """
     files = EdsFiles.read(options.dialect)
-    Performance(options, files, lambda: 0.0, lambda _event: None, lambda _time, _frame: None)  # complains here, once
+    Performance(options, files, World(options, lambda: 0.0))  # complains here, once
     if jobs == 1 or len(seeds) == 1:
         return (play(replace(options, seed=seed), files) for seed in seeds)
     return _spread(options, seeds, min(jobs, len(seeds)))

@@ -22,6 +22,7 @@ from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.assembly import equip
 from eurobot_od.robot.faults import faulty_kinds
+from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee, Strategy
@@ -111,7 +112,7 @@ class Performance:
         self._watch = watch
         world.watchers.append(self._tell_touch)
 
-    def _truth(self) -> Any:
+    def _truth(self) -> Pose:
         return self._world.robots[self.name].pose
 
     def _tell_touch(self, touch: Touch) -> None:
@@ -192,8 +193,14 @@ def play_simulated(
 
 def _rival(options: MatchOptions) -> MatchOptions:
     """Return the match as the other robot sees it: of the other colour, with as many others around it."""
-    others = {"enemies": 1 + options.confederates, "confederates": max(options.enemies - 1, 0)}
-    return replace(options, team=TeamColour(1 - options.team), emergency_at=None, faults=(), **others)
+    return replace(
+        options,
+        team=TeamColour(1 - options.team),
+        enemies=1 + options.confederates,
+        confederates=max(options.enemies - 1, 0),
+        emergency_at=None,
+        faults=(),
+    )
 
 
 async def _together(plays: Iterable[Coroutine[Any, Any, None]]) -> None:

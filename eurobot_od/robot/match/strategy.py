@@ -19,6 +19,7 @@ from eurobot_od.robot.messages import (
     Enemy1PositionResponse,
     Enemy2PositionResponse,
     KalmanPositionResponse,
+    PositionResponse,
 )
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.tasks import Task, Worth, tasks
@@ -56,15 +57,17 @@ class Strategy:
 
     def others(self) -> Iterator[tuple[Point, float]]:
         """Yield where the other robots are, as far as it is known, and how far our centre has to stay away."""
-        diameters = {
-            Enemy1PositionResponse: self.start.enemy_1_diameter * 10,
-            Enemy2PositionResponse: self.start.enemy_2_diameter * 10,
-            ConfederatePositionResponse: 2 * RADIUS,
+        radii: dict[type[PositionResponse], float] = {
+            Enemy1PositionResponse: self.start.enemy_1_diameter * 5,
+            Enemy2PositionResponse: self.start.enemy_2_diameter * 5,
+            ConfederatePositionResponse: RADIUS,
         }
-        for kind, diameter in diameters.items():
+        for kind, radius in radii.items():
             seen = self.core.positions.get(kind)
-            if seen and self.core.now - seen.time < STALE and seen.position.x is not None:
-                yield Point(seen.position.x, seen.position.y), RADIUS + diameter / 2 + BERTH
+            if seen and self.core.now - seen.time < STALE:
+                x, y, *_ = seen.position
+                if x is not None and y is not None:
+                    yield Point(x, y), RADIUS + radius + BERTH
 
     def is_free(self, start: Point, end: Point) -> bool:
         """Tell whether no other robot is on a straight way."""

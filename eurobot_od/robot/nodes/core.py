@@ -507,7 +507,7 @@ class Core(RobotNode):
 
     def _read_sensor(self) -> Script[Detection | None]:
         now: float = yield START
-        return self.sensor and self.sensor.look(now)
+        return None if self.sensor is None else self.sensor.look(now)
 
     def _act_on(self, task: str) -> Script[int]:
         yield START

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 from eurobot_od.robot.field import HEIGHT, WIDTH, Pose
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.values import Source
 from eurobot_od.robot.options import Errors
+from eurobot_od.robot.values import Source
 from eurobot_od.robot.world.vehicle import Vehicle
 
 

@@ -30,7 +30,7 @@ from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, Body, RobotBody,
 from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
 
-PACE = 0.02
+PACE = 0.04
 """Seconds of a step of the robots on their rounds."""
 
 LOOK_OUT = 120.0
@@ -41,6 +41,9 @@ LOOK_OUT_ANGLE = 50.0
 
 SHOVE = 0.3
 """Share by which a robot yields to one that drives into it."""
+
+WEDGED = 1.0
+"""A robot that would still be so deep in something, mm, after it was pushed out of everything else stays put."""
 
 RELEASED = 5.0
 """A contact is over when they are so far apart, mm."""
@@ -101,7 +104,8 @@ AT_FAULT = 20.0
 class World:
     """A match's world: the true poses of all `robots` by name, the `touches` between them, and the `game`.
 
-    `clock` gives the time in seconds; `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes as ours is, and not on its rounds.
+    `clock` gives the time in seconds; `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes
+    as ours is, and not on its rounds.
     """
 
     def __init__(self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False) -> None:
@@ -185,11 +189,14 @@ class World:
         point = inside(wanted, body.radius)
         if point != wanted:
             self._touch(body, BORDER, 0.0)
-        for other in self._others(body):
-            if gap(point, body.radius, other) < 0:
-                point = self._meet(body, point, other)
-        blocked = any(gap(point, body.radius, each) < -1.0 for each in self._others(body) if each.weight != Weight.LIGHT)
-        return body.point if blocked else inside(point, body.radius)
+        others = self._others(body)
+        met = [each for each in others if gap(point, body.radius, each) < 0]
+        for each in met:
+            point = self._meet(body, point, each)
+        heavy = [each for each in others if each.weight is not Weight.LIGHT] if met else []
+        if any(gap(point, body.radius, each) < -WEDGED for each in heavy):
+            return body.point
+        return inside(point, body.radius)
 
     def _others(self, body: Body) -> list[Body]:
         """Return what a robot can meet: all bodies but itself."""
@@ -268,8 +275,10 @@ class World:
         """Return where a robot was `age` seconds ago, None for one that is not there."""
         self._catch_up()
         body = self.robots.get(name)
-        if body is None or not age:
-            return body and body.pose
+        if body is None:
+            return None
+        if not age:
+            return body.pose
         after = bisect_right(body.trace, self.clock() - age, key=lambda moment: moment[0])
         return body.trace[max(after - 1, 0)][1]
 
