@@ -20,15 +20,17 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
-from eurobot_od.robot.field import START_POSES, Point, Pose, turn
+from eurobot_od.robot.field import START_POSES, Point, Pose
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
 from eurobot_od.robot.tasks import tasks
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, Body, RobotBody, Weight, gap, inside, pushed_out, things
+from eurobot_od.robot.world.fallen import FallenThing
 from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
+from eurobot_od.robot.world.sight import nearest_ahead
 
 PACE = 0.04
 """Seconds of a step of the robots on their rounds."""
@@ -51,19 +53,6 @@ RELEASED = 5.0
 PLACEMENT = 3.0
 PLACEMENT_ANGLE = 0.5
 """How far from its start place a team puts the robot, standard deviations: mm and degrees."""
-
-DROP_AHEAD = 230.0
-"""How far ahead of a driving robot's edge a thing falls over, mm."""
-
-DROP_SPEED = 200.0
-"""The robot is fast enough for a thing to fall over in front of it from this speed on, mm/s."""
-
-DROP_AT = 100.0
-"""No thing falls over nearer to the border than this, mm."""
-
-THING_RADIUS = 30.0
-REMOVED_AFTER = 1.0
-"""How large a thing is that has fallen over, mm, and after how many seconds somebody takes it away."""
 
 OURS = "ours"
 NAMES = {Source.ENEMY_1: "enemy 1", Source.ENEMY_2: "enemy 2", Source.CONFEDERATE: "confederate"}
@@ -89,8 +78,9 @@ class Touch(NamedTuple):
     met: float
 
     def is_fault_of(self, robot: str) -> bool:
-        """Tell whether a robot drove into the other body; both may have."""
-        return (self.speed if robot == self.robot else self.met) >= AT_FAULT
+        """Tell whether a robot drove into the other body, and was not rather driven into."""
+        own, other = (self.speed, self.met) if robot == self.robot else (self.met, self.speed)
+        return own >= max(other, AT_FAULT)
 
     def __str__(self) -> str:
         met = f", which came at {self.met:.0f} mm/s" if self.met >= AT_FAULT else ""
@@ -116,8 +106,7 @@ class World:
         self.things = things()
         self.robots: dict[str, RobotBody] = {}
         self._patrols: dict[str, Patrol] = {}
-        self._thing: Body | None = None
-        self._dropped_at: float | None = None
+        self._fallen = FallenThing()
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
         self._put(OURS, START_POSES[options.team], ROBOT_RADIUS)
         who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
@@ -170,12 +159,14 @@ class World:
         self._catch_up()
         body = self.robots[name]
         body.speed = wanted.distance / dt if dt else 0.0
-        before = body.point
-        self._go(body, body.pose.moved(*wanted))
-        heading = math.radians(body.angle - wanted.turn / 2)
-        came = (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
-        self._drop_before(body)
-        return came
+        before, there = body.pose, body.pose.moved(*wanted)
+        self._go(body, there)
+        if name == OURS and self._options.falling:
+            self._fallen.look_at(body, self.clock())
+        if body.point == there.point:
+            return wanted.distance
+        heading = math.radians(before.angle + wanted.turn / 2)
+        return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
     def _go(self, body: RobotBody, wanted: Pose) -> None:
         """Move a robot to a pose, or as near as it comes."""
@@ -200,7 +191,7 @@ class World:
 
     def _others(self, body: Body) -> list[Body]:
         """Return what a robot can meet: all bodies but itself."""
-        everything: list[Body] = [*self.things, *self.robots.values()]
+        everything: list[Body] = [*self.things, *self._lying, *self.robots.values()]
         return [each for each in everything if each is not body]
 
     def _meet(self, body: RobotBody, point: Point, other: Body) -> Point:
@@ -256,7 +247,7 @@ class World:
                 self._step(self.robots[name], patrol)
 
     def _step(self, body: RobotBody, patrol: Patrol) -> None:
-        if not patrol.careless and self._has_ahead(body):
+        if not patrol.careless and nearest_ahead(body, self.robots.values(), LOOK_OUT, LOOK_OUT_ANGLE):
             body.speed = 0.0
             patrol.held_up(PACE)
             return
@@ -265,9 +256,6 @@ class World:
         self._go(body, wanted)
         if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
             patrol.held_up(PACE)
-
-    def _has_ahead(self, body: RobotBody) -> bool:
-        return self._nearest_robot(body, LOOK_OUT, LOOK_OUT_ANGLE) is not None
 
     # What can be seen
 
@@ -283,36 +271,13 @@ class World:
         return body.trace[max(after - 1, 0)][1]
 
     def ahead(self, name: str, distance: float, angle: float) -> Detection | None:
-        """Return the nearest robot or fallen thing ahead of a robot."""
+        """Return the nearest robot or fallen thing ahead of a robot; all else is lower than a sensor looks."""
         self._catch_up()
-        body = self.robots[name]
-        seen = self._nearest_robot(body, distance, angle)
-        thing = self._look_at(body, self._thing, Obstacle.OBJECT) if self._thing is not None else None
-        if thing is not None and thing.distance <= distance and abs(thing.bearing) <= angle:
-            return thing if seen is None or thing.distance < seen.distance else seen
-        return seen
+        return nearest_ahead(self.robots[name], [*self.robots.values(), *self._lying], distance, angle)
 
-    def _nearest_robot(self, body: RobotBody, distance: float, angle: float) -> Detection | None:
-        looks = (self._look_at(body, each, Obstacle.ENEMY) for each in self.robots.values() if each is not body)
-        near = [look for look in looks if look.distance <= distance and abs(look.bearing) <= angle]
-        return min(near, key=lambda look: look.distance, default=None)
-
-    def _look_at(self, body: RobotBody, other: Body, what: Obstacle) -> Detection:
-        bearing = turn(body.angle, body.pose.bearing(other.point))
-        return Detection(what, max(gap(body.point, body.radius, other), 0.0), bearing)
-
-    def _drop_before(self, body: RobotBody) -> None:
-        """Let a thing fall over in front of our robot, once, as soon as it drives fast enough; then take it away."""
-        if self._thing is not None and self._dropped_at is not None:
-            if self.clock() - self._dropped_at > REMOVED_AFTER:
-                self.things.remove(self._thing)
-                self._thing = None
-        elif self._dropped_at is None and body.name == OURS and body.speed >= DROP_SPEED:
-            point = body.pose.moved(body.radius + DROP_AHEAD + THING_RADIUS, 0).point
-            if inside(point, DROP_AT) == point:
-                self._dropped_at = self.clock()
-                self._thing = Body("fallen thing", point, THING_RADIUS, Weight.LIGHT)
-                self.things.append(self._thing)
+    @property
+    def _lying(self) -> list[Body]:
+        return [] if self._fallen.body is None else [self._fallen.body]
 
     # Tasks
 
