@@ -134,7 +134,7 @@ class Performance:
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
         """Return what the match came to, `seconds` after power-on."""
-        points = {name: self._world.game.points(name) for name in (OURS, RIVAL) if name in self._world.robots}
+        points = {name: self._world.game.points(name) for name in self._world.driven}
         texts = [str(each) for each in reports]
         return self._counter.summary(seconds, bitrate, self._observer.errors, texts, points, self._referee.failure)
 

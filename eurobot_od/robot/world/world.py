@@ -139,6 +139,11 @@ class World:
         self.robots[name], self._patrols[name] = body, patrol
 
     @property
+    def driven(self) -> list[str]:
+        """The names of the robots that nodes drive."""
+        return [name for name in self.robots if name not in self._patrols]
+
+    @property
     def robot(self) -> Pose:
         """The true pose of our robot."""
         return self.robots[OURS].pose
