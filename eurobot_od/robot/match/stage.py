@@ -33,7 +33,8 @@ from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import OURS, RIVAL, Touch
+from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network, processing_time
 from eurobot_od.simulation.several import Several
@@ -178,7 +179,7 @@ def play_simulated(
     """
     files = files or EdsFiles.read(options.dialect)
     networks = [Network()] if against is None else [Network(), Network()]
-    clock = Several(*networks)
+    clock = networks[0] if against is None else Several(*networks)
     world = World(options, lambda: clock.now, rival=against is not None)
     match = Performance(options, files, world, show, watch)
     sides = [match] if against is None else [match, Performance(_rival(options), files, world, name=RIVAL)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, inside
+from eurobot_od.robot.world.contact import Contacts
 
 AHEAD = 230.0
 """How far ahead of a driving robot's edge it falls, mm."""
@@ -22,15 +23,23 @@ REMOVED_AFTER = 1.0
 class FallenThing:
     """The thing: `body` while it lies on the field, None before and after."""
 
-    def __init__(self) -> None:
+    def __init__(self, contacts: Contacts) -> None:
         self.body: Body | None = None
+        self._contacts = contacts
         self._fell: float | None = None
 
     def look_at(self, robot: RobotBody, now: float) -> None:
         """Fall over before a robot that drives fast enough; be taken away when the time has come."""
         if self._fell is not None:
-            self.body = self.body if now - self._fell <= REMOVED_AFTER else None
+            self._end(now - self._fell)
         elif robot.speed >= FAST:
             point = robot.pose.moved(robot.radius + AHEAD + RADIUS, 0).point
             if inside(point, FROM_BORDER) == point:
                 self._fell, self.body = now, Body("fallen thing", point, RADIUS, Weight.LIGHT)
+                self._contacts.things.append(self.body)
+                self._contacts.stir()
+
+    def _end(self, seconds: float) -> None:
+        if self.body is not None and seconds > REMOVED_AFTER:
+            self._contacts.things.remove(self.body)
+            self.body = None

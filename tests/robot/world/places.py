@@ -38,6 +38,7 @@ class Place:
     def clear(self) -> None:
         """Take away everything that stands on the field."""
         self.world.things.clear()
+        self.world.robots[OURS].place(self.world.robot)
 
     @property
     def here(self) -> Point:

@@ -12,7 +12,8 @@ from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, gap
-from eurobot_od.robot.world.world import OURS, RIVAL, SHOVE, Touch
+from eurobot_od.robot.world.contact import SHOVE, Touch
+from eurobot_od.robot.world.world import OURS, RIVAL
 from tests.robot.world.places import Place
 
 POOL_EDGE = 150 + ROBOT_RADIUS
