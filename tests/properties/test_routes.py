@@ -11,7 +11,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point, Pose, normalise, turn
-from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Passage
@@ -132,12 +131,3 @@ def test_turning_by_the_shortest_turn_arrives(start: float, end: float) -> None:
     assert -180.0 < turn(start, end) <= 180.0
     assert 0.0 <= normalise(start) < 360.0
     assert turn(start + turn(start, end), end) == pytest.approx(0.0, abs=1e-9)
-
-
-@given(poses, poses, st.floats(0.0, 1.0))
-def test_a_correction_never_leaves_the_line_between_estimate_and_position(old: Pose, new: Pose, weight: float) -> None:
-    estimate = Estimate(old)
-    assert estimate.corrected(*new, weight=weight, outlier=2 * WIDTH)
-    assert estimate.pose is not None
-    assert estimate.pose.distance(old.point) == pytest.approx(weight * old.distance(new.point), abs=1e-6)
-    assert abs(turn(old.angle, estimate.pose.angle)) <= abs(turn(old.angle, new.angle)) + 1e-9

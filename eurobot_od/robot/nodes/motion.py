@@ -44,10 +44,10 @@ EXACTNESS = 0.25
 LOST = 30.0
 """A way point this many degrees off the line of travel is not reached by steering: stop and aim again."""
 
-IN_LINE = 10.0
-"""A rolling robot whose way point is within this many degrees needs no stop to aim."""
+IN_LINE = 4.0
+"""A rolling robot whose way point is within this many degrees needs no stop to aim: it stays within PASSED."""
 
-PASSED = 25.0
+PASSED = 10.0
 """A way point before the last counts as passed within this distance, mm."""
 
 CORRECTION = 50.0
@@ -176,6 +176,15 @@ class MotionLimits(NamedTuple):
         """Return how the robot drives at a `share` 0..1 of its maximum speed."""
         return Profile(self.maximum_speed * share, self.acceleration, self.braking, self.position_tolerance)
 
+    @property
+    def deviation(self) -> float:
+        """How far off its straight legs the robot may drive, as far as it knows its own place, mm."""
+        return max(self.position_tolerance, PASSED)
+
+    def standing(self, pose: Pose, rolling: Command) -> Pose:
+        """Return where a robot comes to stand that brakes now."""
+        return pose.moved(rolling.speed * abs(rolling.speed) / (2 * self.braking), 0.0)
+
     def turning(self, share: float = 1.0) -> Profile:
         """Return how the robot turns at a `share` 0..1 of its turn rate."""
         return Profile(self.turn_rate * share, self.turn_acceleration, self.turn_acceleration, self.angle_tolerance)
@@ -240,6 +249,7 @@ class Motion:
     ) -> None:
         share = speed_percent / 100.0
         self._straight, self._turning = limits.straight(share), limits.turning(share)
+        self._deviation = limits.deviation
         self._points = tuple(way_points)
         self._final_angle, self._backward = final_angle, backward
         self._phase = Phase.AIM
@@ -273,7 +283,7 @@ class Motion:
     def _reach(self, point: Point) -> float:
         """Return how near the robot has to come to a way point, mm."""
         tolerance = self._straight.tolerance
-        return tolerance if point == self._points[-1] else max(tolerance, PASSED)
+        return tolerance if point == self._points[-1] else self._deviation
 
     def _near(self, distance: float) -> bool:
         """Tell whether a distance in mm to the present way point counts as there."""

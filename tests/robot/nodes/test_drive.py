@@ -28,10 +28,11 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes.drive import Drive
+from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import AT_REST
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
-from tests.robot.nodes.harness import DICTIONARIES, RED, Wheels
+from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
 
 YELLOW = RED._replace(team_colour=TeamColour.YELLOW)
 START = START_POSES[TeamColour.RED]
@@ -376,9 +377,9 @@ def test_a_first_navigation_position(
 @pytest.mark.parametrize(
     ("position", "expected"),
     [
-        ((210, 1800, 0), (203, 1800, 0)),  # 30 % of the way
-        ((200, 1800, 10), (200, 1800, 3)),
-        ((210, 1800, None), (203, 1800, 0)),  # the heading stays
+        ((210, 1800, 0), (204, 1800, 0)),  # the start place was measured before, twice as well
+        ((200, 1800, 3), (200, 1800, 1)),
+        ((210, 1800, None), (204, 1800, 0)),  # the heading stays
         ((None, None, None), (200, 1800, 0)),  # not seen
         ((1500, 1000, 0), (200, 1800, 0)),  # an outlier
     ],
@@ -396,11 +397,12 @@ def test_navigation_positions_correct_the_estimate(
     ("position", "expected"),
     [
         ((1500, 1000, 90), (1500, 1000, 90)),  # nothing has measured the start place: the drive may have rebooted
-        ((210, 1800, None), (203, 1800, 0)),  # without a heading it only corrects
+        ((210, 1800, 0), (208, 1800, 0)),  # beacons are more exact than who puts the robot down
+        ((210, 1800, None), (208, 1800, 0)),
         ((None, None, None), (200, 1800, 0)),
     ],
 )
-def test_the_first_position_takes_the_place_of_the_start_place(
+def test_the_first_position_corrects_the_start_place_or_takes_its_place(
     position: tuple[int | None, int | None, int | None], expected: tuple[int, int, int]
 ) -> None:
     seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
@@ -409,7 +411,7 @@ def test_the_first_position_takes_the_place_of_the_start_place(
 
 def test_an_angle_that_rounds_to_360_is_0() -> None:
     seat = configured()
-    seat.drive.estimate.pose = Pose(100, 100, 359.7)
+    seat.drive.estimate = Estimate(TUNING, Pose(100, 100, 359.7))
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse).angle == 0
 
 
@@ -423,5 +425,5 @@ def test_an_angle_that_rounds_to_360_is_0() -> None:
 )
 def test_a_place_is_told_inside_the_field(pose: Pose, expected: tuple[int, int]) -> None:
     seat = configured()
-    seat.drive.estimate.pose = pose
+    seat.drive.estimate = Estimate(TUNING, pose)
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:2] == expected
