@@ -115,7 +115,7 @@ def _on_field(point: Point, edge: float) -> bool:
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
     """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
     frontier = [(math.dist(start, goal), 0.0, start, (goal,) if start == goal else ())]
-    settled = set()
+    settled: set[Point] = set()
     while frontier:
         _, cost, here, way = heappop(frontier)
         if here == goal:
@@ -123,10 +123,10 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         if here in settled:
             continue
         settled.add(here)
-        for point in (goal, *corners):
+        for point in {goal, *corners} - settled:
             further = cost + _price(here, point, discs)
             # A leg with an infinite toll is not an edge; left in, it would be found when there is no other way.
-            if point not in settled and further < math.inf:
+            if further < math.inf:
                 heappush(frontier, (further + math.dist(point, goal), further, point, (*way, point)))
     return None
 
