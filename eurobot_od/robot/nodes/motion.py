@@ -25,8 +25,10 @@ rate^2 / (2 * fall) while braking has to fit into what is left. Solved for the r
 needed but the rate of the step before.
 
 Remaining time. What the drive answers to a state request (document 2.1) is worked out by the formulas of the same
-profile: the present movement from its present rate, then all further turns and legs from rest. Steering, later
-corrections and the control steps between two phases are left out, so it is a little short at each way point.
+profile: the present movement from its present rate, then all further turns and legs from rest. Steering and the
+control steps between two phases are left out, which makes it short by some hundredths of a second for each movement: it
+is within 10 % of the truth, or 100 ms. A correction on the way is a new situation and cannot be foreseen; one that comes
+when the robot is at its goal, and has it drive the last millimetres again, costs a second or two.
 """
 
 from __future__ import annotations
@@ -370,9 +372,20 @@ class Motion:
         for point in points:
             view = self._look(pose, point)
             if view.distance > self._reach(point):
-                total += self._turning.seconds(view.error, rate) + self._straight.seconds(view.distance)
+                total += self._seconds_to_turn(view.error, rate) + self._straight.seconds(view.distance)
                 pose, rate = Pose(*point, pose.angle + view.error), 0.0
-        return total + self._turning.seconds(self._final_turn(pose), rate)
+        return total + self._seconds_to_turn(self._final_turn(pose), rate)
+
+    def _seconds_to_turn(self, left: float, rate: float) -> float:
+        """Add up a turn that begins at `rate`.
+
+        A robot that turns away and cannot stop before it looks the opposite way goes on: that is the shorter way then.
+        """
+        squared = rate * rate - 2 * self._turning.fall * (180.0 - abs(left))
+        if rate * left >= 0.0 or squared <= 0.0:
+            return self._turning.seconds(left, rate)
+        opposite = math.sqrt(squared)
+        return (abs(rate) - opposite) / self._turning.fall + self._turning.seconds(180.0, opposite)
 
 
 class Behaviour(NamedTuple):

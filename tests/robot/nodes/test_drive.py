@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections.abc import Iterator
 
 import pytest
 
@@ -40,7 +41,31 @@ from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
 YELLOW = RED._replace(team_colour=TeamColour.YELLOW)
 START = START_POSES[TeamColour.RED]
 GOTO = GotoXY(1500, 1000, 90, 100)
+DT = 0.01
+"""The control period, s."""
 FORCED_POOLS = Barriers.of({7: Passage.FORCED, 8: Passage.FORCED})
+
+
+class TrueWheels(Wheels):
+    """Wheels that are off by as much as real ones: `path` is where the robot truly was."""
+
+    def __init__(self, chance: random.Random, noise: float) -> None:
+        super().__init__()
+        self._chance, self._random = chance, noise
+        self._scale, self._bias = chance.gauss(1.0, noise / 2), chance.gauss(1.0, noise / 5)
+        self.path = [START]
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        distance, turned = super().advance(command, dt)
+        distance *= self._scale * self._chance.gauss(1.0, self._random)
+        self.path.append(self.path[-1].moved(distance, turned * self._bias * self._chance.gauss(1.0, self._random)))
+        return Odometry(command.speed * dt, command.turn * dt)
+
+
+def sighted(pose: Pose, noise: float, share: float, chance: random.Random) -> NaviPositionResponse:
+    """Return what beacons say that are off by `noise` mm, and by 1 degree where wheels are off at all."""
+    x, y, angle = (chance.gauss(value, by) for value, by in zip(pose, (noise, noise, 50 * share)))
+    return NaviPositionResponse(round(x), round(y), round(angle) % 360, Source.INTERNAL)
 
 
 class Seat:
@@ -202,22 +227,6 @@ def test_what_a_goal_has_to_stay_clear_of_follows_from_the_body(setting: str, va
     assert isinstance(seat.say(GotoXY(900, clear, 0, 50, FORCED_POOLS)).remaining, int)
 
 
-class TrueWheels(Wheels):
-    """Wheels that are off by as much as real ones: `path` is where the robot truly was."""
-
-    def __init__(self, chance: random.Random, noise: float) -> None:
-        super().__init__()
-        self._chance, self._random = chance, noise
-        self._scale, self._bias = chance.gauss(1.0, noise / 2), chance.gauss(1.0, noise / 5)
-        self.path = [START]
-
-    def advance(self, command: Command, dt: float) -> Odometry:
-        distance, turned = super().advance(command, dt)
-        distance *= self._scale * self._chance.gauss(1.0, self._random)
-        self.path.append(self.path[-1].moved(distance, turned * self._bias * self._chance.gauss(1.0, self._random)))
-        return Odometry(command.speed * dt, command.turn * dt)
-
-
 def room(path: list[Pose], barriers: Barriers) -> float:
     """Return how much was left at least between the robot's body and the forced barriers, mm."""
     forced = [barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED]
@@ -236,10 +245,7 @@ def test_the_robot_never_touches_a_forced_barrier(noise: float, beacons: float, 
         goal = (chance.randint(140, 2860), chance.randint(140, 1860), chance.randrange(360))
         seat.say(GotoXY(*goal, chance.choice([40, 70, 100]), barriers))
         for _ in range(chance.choice([1, 2, 4, 8])):
-            x, y, angle = (
-                chance.gauss(value, by) for value, by in zip(wheels.path[-1], (beacons, beacons, 50 * noise))
-            )
-            seat.say(NaviPositionResponse(round(x), round(y), round(angle) % 360, Source.INTERNAL)).run(0.6)
+            seat.say(sighted(wheels.path[-1], beacons, noise, chance)).run(0.6)
     assert math.dist(wheels.path[0].point, wheels.path[-1].point) > 1.0
     assert room(wheels.path, barriers) > 0.0
 
@@ -289,6 +295,43 @@ def test_the_remaining_time_is_told_at_once_and_comes_true() -> None:
     assert sorted(numbers, reverse=True) == numbers
     assert numbers[0] == pytest.approx(arrival * 100, abs=300)
     assert set(times[arrival:]) == {0}
+
+
+def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[tuple[float, float]]:
+    """Drive to places at random; yield the remaining times that were told every 100 ms, and the true ones, s."""
+    chance = random.Random(seed)
+    wheels = TrueWheels(chance, noise)
+    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons)).say(RED)
+    for _ in range(4):
+        seat.say(GotoXY(chance.randint(150, 2850), chance.randint(150, 1850), chance.randrange(360), 100))
+        told = []
+        while seat.drive.moving:
+            remaining = seat.remaining
+            assert isinstance(remaining, int)
+            told.append(remaining / 1000)
+            if noise and len(told) % 6 == 1:
+                seat.say(sighted(wheels.path[-1], beacons, noise, chance))
+            begun = len(seat.wheels.commands)
+            seat.run(0.1)
+        end = 0.1 * len(told) - 0.1 + DT * (len(seat.wheels.commands) - begun)
+        yield from ((seconds, end - 0.1 * number) for number, seconds in enumerate(told))
+
+
+@pytest.mark.parametrize(
+    ("noise", "beacons", "least"),
+    [
+        (0.0, 0.0, 1.0),
+        (0.02, 5.0, 0.75),  # a correction just before the goal has the robot drive the last millimetres again
+        (0.02, 30.0, 0.5),
+    ],
+)
+def test_the_remaining_time_is_within_ten_percent_or_a_tenth_of_a_second(
+    noise: float, beacons: float, least: float
+) -> None:
+    """So many of the answers at `least`."""
+    answers = [each for seed in range(10) for each in told_and_true(seed, noise, beacons)]
+    good = sum(told == pytest.approx(true, rel=0.1, abs=0.1) for told, true in answers)
+    assert good / len(answers) >= least
 
 
 @pytest.mark.parametrize(
