@@ -26,9 +26,9 @@ needed but the rate of the step before.
 
 Remaining time. What the drive answers to a state request (document 2.1) is worked out by the formulas of the same
 profile: the present movement from its present rate, then all further turns and legs from rest. Steering and the
-control steps between two phases are left out, which makes it short by some hundredths of a second for each movement: it
-is within 10 % of the truth, or 100 ms. A correction on the way is a new situation and cannot be foreseen; one that comes
-when the robot is at its goal, and has it drive the last millimetres again, costs a second or two.
+control steps between two phases are left out, which makes it short by some hundredths of a second: it is within 10 % of
+the truth, or 100 ms. A correction cannot be foreseen. One that comes when the robot is nearly at its goal, and has it
+drive the last millimetres again, adds a second or two.
 """
 
 from __future__ import annotations

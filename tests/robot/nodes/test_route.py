@@ -81,8 +81,8 @@ PLACES = [
     (Point(900.0, 900.0 - 310.0), flags(Passage.FORCED, "pool 1"), True),  # off a pool of 150 mm by radius and margin
     (Point(900.0, 900.0 - 309.0), flags(Passage.FORCED, "pool 1"), False),
     (Point(900.0, 900.0 - 309.0), flags(Passage.NORMAL, "pool 1"), True),  # into a normal one
-    (Point(900.0, 400.0 - 241.0), flags(Passage.FORCED, "fire 5"), True),  # a fire's circle has 81 mm
-    (Point(900.0, 400.0 - 240.0), flags(Passage.FORCED, "fire 5"), False),
+    (Point(900.0, 1400.0 + 241.0), flags(Passage.FORCED, "fire 1"), True),  # a fire's circle has 81 mm
+    (Point(900.0, 1400.0 + 240.0), flags(Passage.FORCED, "fire 1"), False),
 ]
 
 
