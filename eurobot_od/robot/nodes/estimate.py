@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from eurobot_od.robot.field import Pose, normalise
+from eurobot_od.robot.field import Pose
 from eurobot_od.robot.nodes.kalman import Belief, Deviations, Travel, Tuning, chance_up_to
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
@@ -112,4 +112,4 @@ class Estimate:
         if angle is None:
             return None
         dx, dy = travel.seen_from(angle, 1.0)
-        return Belief.at(Pose(fix.x + dx, fix.y + dy, normalise(angle + travel.turned)), variances, self.tuning.scale)
+        return Belief.at(Pose(fix.x + dx, fix.y + dy, angle + travel.turned), variances, self.tuning.scale)

@@ -135,7 +135,9 @@ class Belief(NamedTuple):
         """Return a belief in a pose, and in wheels that report true distances with the standard deviation `scale`."""
         place, angle = variances
         x, y = (place, 0.0, 0.0, 0.0), (0.0, place, 0.0, 0.0)
-        return cls(pose, 1.0, (x, y, (0.0, 0.0, angle, 0.0), (0.0, 0.0, 0.0, scale**2)))
+        return cls(
+            pose._replace(angle=normalise(pose.angle)), 1.0, (x, y, (0.0, 0.0, angle, 0.0), (0.0, 0.0, 0.0, scale**2))
+        )
 
     @property
     def deviations(self) -> Deviations:
