@@ -135,16 +135,15 @@ class Belief(NamedTuple):
         """Return a belief in a pose, and in wheels that report true distances with the standard deviation `scale`."""
         place, angle = variances
         x, y = (place, 0.0, 0.0, 0.0), (0.0, place, 0.0, 0.0)
-        return cls(
-            pose._replace(angle=normalise(pose.angle)), 1.0, (x, y, (0.0, 0.0, angle, 0.0), (0.0, 0.0, 0.0, scale**2))
-        )
+        covariance = (x, y, (0.0, 0.0, angle, 0.0), (0.0, 0.0, 0.0, scale**2))
+        return cls(pose._replace(angle=normalise(pose.angle)), 1.0, covariance)
 
     @property
     def deviations(self) -> Deviations:
         """How well the pose is known."""
         (xx, xy, *_), (_, yy, *_), (_, _, hh, _), _ = self.covariance
         worst = (xx + yy) / 2 + math.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
-        return Deviations(math.sqrt(xx), math.sqrt(yy), math.sqrt(hh), math.sqrt(worst))
+        return Deviations(*(math.sqrt(max(each, 0.0)) for each in (xx, yy, hh, worst)))  # 0 may be rounded to less
 
     def moved(self, odometry: Odometry, tuning: Tuning) -> Belief:
         """Follow what the wheels report along an arc."""
