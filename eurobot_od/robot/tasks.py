@@ -6,7 +6,8 @@ Places and points follow the public rules of 2014 and the document's Figure 2, s
   the mobile torches, are only in the way;
 - a mammoth is shot at from one place, six spears one after the other; catching it with the net, after the match, is
   left out;
-- of a tree's fruit three are good and can be reached; they are worth something in the team's basket only;
+- trees stand outside of the border, in nobody's way; of a tree's fruit three are good and can be reached, and are worth
+  something in the team's basket only;
 - mammoth, frescos and basket are at the back of our half, where no other team's are.
 """
 

@@ -25,7 +25,7 @@ def test_a_robot_has_room_at_every_place(team: TeamColour) -> None:
 
 
 @pytest.mark.parametrize("team", TeamColour)
-def test_a_fire_or_tree_is_where_its_task_looks(team: TeamColour) -> None:
+def test_a_fire_is_where_its_task_looks(team: TeamColour) -> None:
     standing = {each.name: each for each in things()}
     for name in sorted(standing.keys() & tasks(team).keys()):
         task, thing = tasks(team)[name], standing[name]

@@ -11,9 +11,10 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 from eurobot_od.errors import RemoteError, StateError
-from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point
+from eurobot_od.robot.field import START_POSES, Point, Pose
 from eurobot_od.robot.messages import (
     ConfederatePositionResponse,
     Enemy1PositionResponse,
@@ -22,20 +23,25 @@ from eurobot_od.robot.messages import (
     PositionResponse,
 )
 from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.nodes.route import Clearances, Disc, find_route
 from eurobot_od.robot.tasks import Task, Worth, tasks
 from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Outcome, Passage, barrier_number
 
 SPEED = 80  # percent: at more, the way to a standstill is longer than the sensor's stop distance
-PACE = 450.0  # mm/s on average, braking and turning included
+PACE = 400.0  # mm/s on average, braking and turning included
 OVERHEAD = 1.5  # s for every goto
 RADIUS = 140.0  # of our own robot and, as nobody says it, of the confederate, mm
-BERTH = 120.0  # mm that we keep off other robots
+MARGIN = 40.0  # mm between us and a barrier
+BERTH = 160.0  # mm between us and another robot: from nearer, the sensor would stop us
 STALE = 2.0  # s after which a position says nothing any more
-PUT_OFF = 8.0  # s until a task is tried again
-PAUSE = 0.4  # s to see whether something goes away
-SPARE = 3.0  # s in hand at the end
+PUT_OFF = 6.0  # s until a task is tried again
+PAUSE = 0.5  # s to come to rest, and to see whether something goes away
+SPARE = 4.0  # s in hand at the end
+HOME = 60.0  # mm: near enough
+
 POOLS = {"pool 1": Passage.FORCED, "pool 2": Passage.FORCED}
-WAYS_AROUND = 300.0  # mm from the centre of another robot
+CLEARANCES = Clearances.of(RADIUS, MARGIN)
+FLAGS = Barriers.of({barrier_number(name): POOLS.get(name, Passage.NORMAL) for name in BARRIER_NAMES})
 
 
 class Strategy:
@@ -55,8 +61,8 @@ class Strategy:
         place = self.core.positions[KalmanPositionResponse].position
         return self.home.point if place.x is None or place.y is None else Point(place.x, place.y)
 
-    def others(self) -> Iterator[tuple[Point, float]]:
-        """Yield where the other robots are, as far as it is known, and how far our centre has to stay away."""
+    def others(self) -> Iterator[Disc]:
+        """Yield where the other robots are, as far as it is known, as places to stay out of."""
         radii: dict[type[PositionResponse], float] = {
             Enemy1PositionResponse: self.start.enemy_1_diameter * 5,
             Enemy2PositionResponse: self.start.enemy_2_diameter * 5,
@@ -67,56 +73,50 @@ class Strategy:
             if seen and self.core.now - seen.time < STALE:
                 x, y, *_ = seen.position
                 if x is not None and y is not None:
-                    yield Point(x, y), RADIUS + radius + BERTH
+                    yield Disc(Point(x, y), RADIUS + radius + BERTH, math.inf)
 
-    def is_free(self, start: Point, end: Point) -> bool:
-        """Tell whether no other robot is on a straight way."""
-        return all(distance(centre, start, end) > berth for centre, berth in self.others())
+    def next_point(self, there: Point) -> Point | None:
+        """Return the farthest point on the way to a place that the drive can be sent to at once; None if there is none.
 
-    def seconds(self, end: Point) -> float:
-        """Estimate how long it takes to drive somewhere."""
-        return OVERHEAD + math.dist(self.here, end) / PACE
+        Past barriers the drive finds its way itself; of the other robots it knows nothing.
+        """
+        here, others = self.here, [disc.left_from(self.here) for disc in self.others()]
+        way = find_route(here, there, FLAGS, CLEARANCES, others) or ()
+        for point in reversed(way):
+            legs = pairwise((here, *(find_route(here, point, FLAGS, CLEARANCES) or ())))
+            if not any(disc.meets(*leg) for leg in legs for disc in others):
+                return point
+        return way[0] if way else None
 
     def value(self, task: Task) -> float:
         """Weigh what a task brings against the time for it."""
         worth = self.fruit if task.worth is Worth.HARVEST else task.expected
-        return worth / (self.seconds(Point(task.x, task.y)) + task.seconds)
+        return worth / (seconds(self.here, task.pose.point) + task.seconds)
 
-    def fits(self, task: Task) -> bool:
-        """Tell whether a task can be tried now: not put off, nobody there, and home again in time."""
-        there = Point(task.x, task.y)
-        back = OVERHEAD + math.dist(there, self.home.point) / PACE
-        in_time = self.seconds(there) + task.seconds + back + SPARE < self.core.time_left
-        return in_time and self.put_off.get(task.name, 0) <= self.core.now and self.is_free(there, there)
+    def is_possible(self, task: Task) -> bool:
+        """Tell whether a task can be tried now: not put off, home again in time, and nobody there."""
+        there = task.pose.point
+        takes = seconds(self.here, there) + task.seconds + seconds(there, self.home.point) + SPARE
+        is_due = self.put_off.get(task.name, 0.0) <= self.core.now
+        return is_due and takes < self.core.time_left and not any(disc.contains(there) for disc in self.others())
 
     def best(self) -> Task | None:
         """Choose the task that brings most for its time; None if there is none."""
-        return max(filter(self.fits, self.todo.values()), key=self.value, default=None)
+        return max(filter(self.is_possible, self.todo.values()), key=self.value, default=None)
 
-    async def drive(self, x: float, y: float, angle: float) -> bool:
+    async def drive(self, there: Pose) -> bool:
         """Drive to a place, round other robots if need be; tell whether we arrived."""
-        for point in (*self.way_round(Point(x, y)), Point(x, y)):
-            flags = Barriers.of({barrier_number(name): POOLS.get(name, Passage.NORMAL) for name in BARRIER_NAMES})
-            report = await self.core.goto(round(point.x), round(point.y), round(angle), SPEED, flags)
-            if report.outcome is not Outcome.ARRIVED:
-                return False
-        return True
-
-    def way_round(self, end: Point) -> Iterator[Point]:
-        """Yield a way point beside a robot that is on the straight way, if there is one on the field."""
-        here = self.here
-        for (x, y), berth in self.others():
-            if distance(Point(x, y), here, end) <= berth < math.dist((x, y), end):
-                along = math.atan2(end.y - here.y, end.x - here.x)
-                aside = (berth + WAYS_AROUND / 2) * math.sin(along), (berth + WAYS_AROUND / 2) * math.cos(along)
-                beside = (Point(x + aside[0], y - aside[1]), Point(x - aside[0], y + aside[1]))
-                free = [way for way in beside if is_roomy(way) and self.is_free(way, end)]
-                yield from sorted(free, key=lambda way: math.dist(here, way) + math.dist(way, end))[:1]
-                return
+        while (point := self.next_point(there.point)) is not None:
+            arrives = point == there.point
+            angle = there.angle if arrives else Pose(*point, 0).bearing(there.point)
+            report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, FLAGS)
+            if arrives or report.outcome is not Outcome.ARRIVED:
+                return report.outcome is Outcome.ARRIVED
+        return False
 
     async def attempt(self, task: Task) -> None:
         """Drive to a task and do it; put it off if that fails."""
-        if not await self.drive(task.x, task.y, task.angle):
+        if not await self.drive(task.pose):
             self.put_off[task.name] = self.core.now + PUT_OFF
             await asyncio.sleep(PAUSE)
             return
@@ -127,32 +127,28 @@ class Strategy:
             self.fruit += gain * (task.worth is Worth.FRUIT)
             del self.todo[task.name]
 
+    async def step(self) -> None:
+        """Do the next thing; do nothing for a moment if there is none."""
+        if self.core.shut_down:  # a node was lost, and the core has stopped everything
+            await self.core.check_nodes()
+            await self.core.configure_start(*self.start)
+        elif (task := self.best()) is not None:
+            await self.attempt(task)
+        elif math.dist(self.here, self.home.point) <= HOME or not await self.drive(self.home):
+            await asyncio.sleep(PAUSE)
 
-def distance(point: Point, start: Point, end: Point) -> float:
-    """Tell how far a point is from a straight way, mm."""
-    dx, dy = end.x - start.x, end.y - start.y
-    share = ((point.x - start.x) * dx + (point.y - start.y) * dy) / (dx * dx + dy * dy or 1.0)
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(point, (start.x + share * dx, start.y + share * dy))
 
-
-def is_roomy(point: Point) -> bool:
-    """Tell whether a robot has room at a place."""
-    return 200 < point.x < WIDTH - 200 and 200 < point.y < HEIGHT - 200
+def seconds(start: Point, end: Point) -> float:
+    """Estimate how long it takes to drive from one place to another."""
+    return OVERHEAD + math.dist(start, end) / PACE
 
 
 async def play(core: Core) -> None:
-    """Play until nothing is left to do in the time, and go home."""
+    """Play until the match is over; what goes wrong is tried again."""
     strategy = Strategy(core)
     while core.time_left > 0:
         try:
-            if core.shut_down:  # a node was lost, and the core has stopped everything
-                await core.check_nodes()
-                await core.configure_start(*strategy.start)
-            elif task := strategy.best():
-                await strategy.attempt(task)
-            elif math.dist(strategy.here, strategy.home.point) > BERTH:
-                await strategy.drive(*strategy.home)
-            await asyncio.sleep(0.1)
+            await strategy.step()
         except (RemoteError, StateError):
             await asyncio.sleep(PAUSE)
+        await asyncio.sleep(0.05)

@@ -4,8 +4,9 @@ Rule of this file: what is not known is None, never a guess; a guess would be dr
 
 Outliers. A position is refused when it is further off than the gate allows. It may still be right, as after a push. So
 it begins a belief of its own, the rival, which the wheels move along as well. The next refused position either agrees
-with the rival, by the same gate, or begins a new one; who is agreed with often enough takes over. Outliers at random do
-not agree with each other, and a position that is not refused ends the rival.
+with the rival, or begins a new one; who is agreed with often enough takes over. Outliers at random do not agree with
+each other, and a position that is not refused ends the rival. As what pushes the robot may go on pushing it, the rival
+may be off by more than its wheels can be.
 
 Latency. Of a position that is known to be old the odometer says how the robot has moved since. It follows the wheels
 alone and is never corrected, so that a correction is no movement.
@@ -23,6 +24,9 @@ from eurobot_od.robot.nodes.navigation import Fix
 
 AGREEING = 3
 """So many refused positions in a row that agree with each other are believed."""
+
+PUSHED = 60.0
+"""How far the robot may have been pushed from one refused position to the next, standard deviation in mm."""
 
 LONGEST_LATENCY = 2.0
 """Seconds for which the odometer is remembered; a position that is older is taken for one of then."""
@@ -98,7 +102,7 @@ class Estimate:
         """Return what is to be believed in place of the estimate when it refuses a position, None to keep it."""
         if self._assumed and fix.angle is not None:
             return self._begun(fix, travel)
-        agreed = self._gated(self._rival, fix, travel)
+        agreed = self._gated(self._rival and self._rival.loosened(PUSHED), fix, travel)
         self._rival = agreed or self._begun(fix, travel)
         self._agreeing = self._agreeing + 1 if agreed else 1
         return self._rival if self._agreeing >= AGREEING else None

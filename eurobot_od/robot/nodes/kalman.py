@@ -155,6 +155,12 @@ class Belief(NamedTuple):
         dx, dy = pose.x - self.pose.x, pose.y - self.pose.y
         return Belief(pose, self.scale, _carried(self.covariance, dx, dy, self.scale, along, heading))
 
+    def loosened(self, deviation: float) -> Belief:
+        """Return the belief in a place that is less well known, by a standard deviation in mm."""
+        (xx, *x), (yx, yy, *y), heading, scale = self.covariance
+        variance = deviation**2
+        return self._replace(covariance=(_row((xx + variance, *x)), _row((yx, yy + variance, *y)), heading, scale))
+
     def corrected(self, observations: Sequence[Observation]) -> tuple[Belief, float]:
         """Take in measured values; also return the square of their Mahalanobis distance."""
         covariance, change, distance = self.covariance, NOTHING, 0.0

@@ -9,7 +9,7 @@ discs of eight corners the graph of all legs is small enough to be searched anew
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
 from typing import NamedTuple
 
@@ -86,19 +86,23 @@ class Disc(NamedTuple):
             yield Point(self.centre.x + reach * math.cos(angle), self.centre.y + reach * math.sin(angle))
 
 
-def find_route(start: Point, goal: Point, barriers: Barriers, clearances: Clearances) -> tuple[Point, ...] | None:
+def find_route(
+    start: Point, goal: Point, barriers: Barriers, clearances: Clearances, others: Iterable[Disc] = ()
+) -> tuple[Point, ...] | None:
     """Find the way points of a shortest way: without `start`, ending with `goal`; None if there is no way.
 
     Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are
     never crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced
     disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge. The goal may be
-    nearer to it, but one where the robot does not fit is out of reach; the start may be anywhere.
+    nearer to it, but one where the robot does not fit is out of reach; the start may be anywhere. `others` are more
+    places to stay out of, such as where other robots are.
     """
     discs = [
         Disc(Point(barrier.x, barrier.y), clearances.around(barrier.kind), TOLLS[passage])
         for barrier in BARRIERS
         if (passage := barriers.passage(barrier.number)) is not Passage.FREE
     ]
+    discs += others
     forced = any(disc.toll == math.inf for disc in discs if disc.contains(goal))
     if forced or not _on_field(goal, clearances.border):
         return None

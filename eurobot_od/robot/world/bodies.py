@@ -15,10 +15,6 @@ from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, 
 ROBOT_RADIUS = 140.0
 """Radius of a robot, mm, unless its diameter is known."""
 
-TREE_RADIUS = 75.0
-TREES = (Point(0, 700), Point(700, 0), Point(2300, 0), Point(3000, 700))
-"""The trunks of the fruit trees at the border of the field (public rules of 2014), mm."""
-
 BORDER = "border"
 """What a robot touches that stands at the edge of the field."""
 
@@ -79,11 +75,9 @@ class RobotBody(Body):
 
 
 def things() -> list[Body]:
-    """Return what stands on the field at the begin of a match: fires, pools, trees."""
+    """Return what stands on the field at the begin of a match: fires and pools."""
     weights = {BarrierKind.FIRE: Weight.LIGHT, BarrierKind.POOL: Weight.FIXED}
-    barriers = [Body(each.name, Point(each.x, each.y), RADII[each.kind], weights[each.kind]) for each in BARRIERS]
-    trees = [Body(f"tree {number}", point, TREE_RADIUS, Weight.FIXED) for number, point in enumerate(TREES, 1)]
-    return barriers + trees
+    return [Body(each.name, Point(each.x, each.y), RADII[each.kind], weights[each.kind]) for each in BARRIERS]
 
 
 def gap(point: Point, radius: float, other: Body) -> float:

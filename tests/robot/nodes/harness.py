@@ -40,8 +40,8 @@ PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
 RED = StartConfigurationSet(TeamColour.RED, 2, 1, 30, 20)
 """A start configuration in which everyone is there."""
-TUNING = Drive(DICTIONARIES["drive"]).estimate.tuning
-"""The tuning of the Kalman filter by the settings' defaults."""
+TUNING = Drive(DICTIONARIES["drive"]).estimate.tuning._replace(latency=0.0)
+"""The tuning of the Kalman filter by the settings' defaults, but for positions of this moment."""
 
 
 class Peer(Node):
