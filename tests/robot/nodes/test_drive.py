@@ -239,7 +239,8 @@ def test_the_robot_never_touches_a_forced_barrier(noise: float, beacons: float, 
     """Gotos at random, many of which replace one under way, with wheels and beacons at random."""
     chance = random.Random(seed)
     wheels = TrueWheels(chance, noise)
-    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons)).say(RED)
+    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons))
+    seat.write("Estimate.Navigation latency", 0).say(RED)
     barriers = Barriers.of({7: Passage.FORCED, 8: Passage.FORCED, chance.randint(1, 6): Passage.FORCED})
     for _ in range(8):
         goal = (chance.randint(140, 2860), chance.randint(140, 1860), chance.randrange(360))
@@ -301,7 +302,8 @@ def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[tuple[flo
     """Drive to places at random; yield the remaining times that were told every 100 ms, and the true ones, s."""
     chance = random.Random(seed)
     wheels = TrueWheels(chance, noise)
-    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons)).say(RED)
+    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons))
+    seat.write("Estimate.Navigation latency", 0).say(RED)
     for _ in range(4):
         seat.say(GotoXY(chance.randint(150, 2850), chance.randint(150, 1850), chance.randrange(360), 100))
         told = []

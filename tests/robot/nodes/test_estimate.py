@@ -134,6 +134,17 @@ def test_refused_positions_are_believed_when_enough_agree() -> None:
     assert estimate.pose == pytest.approx(tuple(ELSEWHERE))
 
 
+@pytest.mark.parametrize("speed", [50.0, 100.0])
+def test_a_robot_that_is_pushed_on_and_on_is_followed(speed: float) -> None:
+    estimate, off = settled(), []
+    for number in range(1, 21):
+        place = Fix(START.x + speed * 0.6 * number, START.y, START.angle)
+        estimate.corrected(place, 0.6 * number)
+        assert estimate.pose is not None
+        off.append(place.x - estimate.pose.x)
+    assert max(off[3:]) <= speed * 0.6 * (AGREEING - 1) + 1, "as far as two positions are apart"
+
+
 INTERRUPTIONS = [(seen(START), True, "a good one"), (Fix(500.0, 1500.0, 0.0), False, "another outlier")]
 
 
