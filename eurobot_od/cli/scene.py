@@ -78,7 +78,7 @@ def _strategy(name: str) -> Strategy:
 
 
 def play(live: Live, core: Core, scene: Scene, strategy: Strategy, arguments: argparse.Namespace) -> ExitStatus:
-    """Play the match; status 1 if the strategy raised. Raises BusError, NoAnswer, WorldError."""
+    """Play the match; status 1 if the strategy raised. Raises BusError, NoAnswer."""
     from eurobot_od.live import Watch
     from eurobot_od.robot.match.apart import Led
     from eurobot_od.robot.match.summary import FrameCounter

@@ -32,26 +32,29 @@ class Led:
     def __init__(self, live: Live, core: Core, vehicle: RemoteVehicle, show: Callable[[MatchEvent], None]) -> None:
         begin = live.clock()
         self._live, self._core, self._vehicle = live, core, vehicle
+        self._points: dict[str, int] = {}
         self._timeline = Timeline(lambda: live.clock() - begin, show)
 
     def play(self, options: MatchOptions, strategy: Strategy, counter: FrameCounter) -> Summary:
         """Play a match from the node checks to its end.
 
         `counter` counts the frames. An arrival at which the world did not answer has no position error. Raises
-        BusError, NoAnswer, WorldError.
+        BusError, NoAnswer.
         """
         observer = Observer(self._core, self._timeline, self._truth)
         referee = Referee(self._core, options, self._timeline, self._truth)
         asyncio.run(_as_long_as_it_runs(self._live, referee.play(strategy)))
+        self._truth()  # the points at the end, unless the world has gone
         errors = [error for error in observer.errors if not isnan(error)]
-        points = {OURS: self._vehicle.truth().points}
-        return counter.summary(self._timeline.clock(), BITRATE, errors, [], points, referee.failure)
+        return counter.summary(self._timeline.clock(), BITRATE, errors, [], self._points, referee.failure)
 
     def _truth(self) -> Pose:
         try:
-            return self._vehicle.truth().pose
+            truth = self._vehicle.truth()
         except WorldError:
             return NOWHERE
+        self._points = {OURS: truth.points}
+        return truth.pose
 
 
 async def _as_long_as_it_runs(live: Live, playing: Coroutine[Any, Any, None]) -> None:
