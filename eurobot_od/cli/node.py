@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od import durations
 from eurobot_od.cli import ExitStatus, scene
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.device.waveforms import Waveform
     from eurobot_od.frame import Frame
+    from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NodeFile
     from eurobot_od.od.values import Address, Value
@@ -73,7 +75,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
         from eurobot_od.robot.options import MatchOptions
 
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
-    with live:
+    with _bus_failure_first(live), live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
         if isinstance(node, Core) and entered and entered.strategy:
             return scene.play(live, node, entered, entered.strategy, arguments)
@@ -85,6 +87,15 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
         if live.failure is not None:
             raise live.failure
     return None
+
+
+@contextmanager
+def _bus_failure_first(live: Live) -> Iterator[None]:
+    """Raise the bus's failure in place of what follows from it, such as a robot that cannot be told to stop."""
+    try:
+        yield
+    except (RemoteError, OSError) as error:  # drivers raise OSError when they are closed after that
+        raise live.failure or error from None
 
 
 def _set_clock(node: Node, now: float) -> None:

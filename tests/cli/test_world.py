@@ -6,6 +6,7 @@ import json
 import re
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,7 +20,7 @@ from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world.channel import Address
 from eurobot_od.robot.world.remote import RemoteVehicle
 from tests.cli.console import run
-from tests.cli.processes import PATIENCE, command, line, node, serve_bus
+from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
 
 START = START_POSES[TeamColour.RED]
 PLACE = Point(350, 1800)
@@ -97,6 +98,40 @@ def test_a_strategy_that_raises_ends_the_match_with_its_last_lines(served: Scene
     assert core.returncode == 1
     assert "failed     the strategy raised ValueError: True" in core.stdout
     assert core.stderr.endswith("\nValueError: True\n")
+
+
+BUS = """
+from can_remote.server import RemoteServer
+server = RemoteServer("127.0.0.1", 0, interface="virtual", channel="test-failing")
+print(server.server_port, flush=True)
+server.serve_forever(0.05)
+"""
+
+WAITS = """
+import asyncio
+
+async def play(core):
+    print("waits", flush=True)
+    await asyncio.sleep(60)
+"""
+
+
+def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(WAITS, encoding="utf-8")
+    world = served.options[:2]
+    with ExitStack() as stack:
+        server = stack.enter_context(killed_if_it_hangs([sys.executable, "-c", BUS]))
+        assert server.stdout is not None
+        bus = ["-i", "remote", "-c", f"ws://127.0.0.1:{int(server.stdout.readline())}/"]
+        for name in ("drive", "navigation"):
+            line(stack.enter_context(node(name, *bus)), "Ctrl-C ends it")
+        core = stack.enter_context(node("core", "--strategy", str(file), *world, *bus))
+        line(core, "waits")
+        server.kill()
+        _, err = core.communicate(timeout=PATIENCE)
+        assert core.returncode == 3
+        assert re.fullmatch("eurobot-od: the bus .* failed: .*", err.splitlines()[0])
 
 
 # The world alone

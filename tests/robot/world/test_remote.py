@@ -121,7 +121,8 @@ def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_on
     with served() as address:
         pass
     with reaching(address) as (vehicle, reports):
-        wheels, sensor = (kind(vehicle, OPTIONS.errors, random.Random(1)) for kind in (Wheels, Sensor))
+        wheels = Wheels(vehicle, OPTIONS.errors, random.Random(1))
+        sensor = Sensor(vehicle, OPTIONS.errors, random.Random(1))
         for _ in range(3):
             assert wheels.advance(Command(400.0, 30.0), 0.01) == Odometry(0.0, 0.0)
             assert sensor.look(0.0) is None
