@@ -153,11 +153,8 @@ class Channel:
             raise UnknownName("request", name, REQUESTS)
         if robot not in tuple(self._matches):
             raise UnknownName("robot", robot, self._matches)
-        request = REQUESTS[name]
-        for unknown in given.keys() - request.fields.keys():
-            raise UnknownName(f"field of {name}", unknown, request.fields)
-        fields = {field: _value(name, field, given) for field in request.fields}
-        return request.answer(_Asked(self._world, self._matches[robot], robot, fields))
+        fields = _checked(name, given)
+        return REQUESTS[name].answer(_Asked(self._world, self._matches[robot], robot, fields))
 
 
 def _parsed(line: bytes) -> dict[str, Any]:
@@ -173,10 +170,14 @@ def _parsed(line: bytes) -> dict[str, Any]:
     return given
 
 
-def _value(name: str, field: str, given: dict[str, Any]) -> Any:
-    """Return the value of a request's field; raises FieldError."""
-    rule = REQUESTS[name].fields[field]
-    value = given.get(field, rule.default)
-    if not rule.accepts(value):
-        raise FieldError(name, field, value, rule.allowed)
-    return value
+def _checked(name: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a request, with defaults for what is left out; raises UnknownName, FieldError."""
+    rules = REQUESTS[name].fields
+    for field in given:
+        if field not in rules:
+            raise UnknownName(f"field of {name}", field, rules)
+    fields = {field: given.get(field, rule.default) for field, rule in rules.items()}
+    for field, value in fields.items():
+        if not rules[field].accepts(value):
+            raise FieldError(name, field, value, rules[field].allowed)
+    return fields

@@ -61,7 +61,7 @@ class _Connection:
         if time.monotonic() < self._rests_until:
             raise ConnectionError("it is asked again soon")
         try:
-            connection = self._socket = self._socket or self._connect()
+            connection = self._socket or self._connect()
             connection.settimeout(TIMEOUT)
             connection.sendall(line)
             answer = self._answer(connection)
@@ -74,7 +74,7 @@ class _Connection:
         return answer
 
     def _connect(self) -> socket.socket:
-        made = socket.create_connection(self._address, TIMEOUT)
+        made = self._socket = socket.create_connection(self._address, TIMEOUT)
         made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._address = made.getpeername()[:2]  # from now on no name has to be looked up, which takes its time
         return made

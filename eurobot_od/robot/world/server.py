@@ -23,17 +23,17 @@ REMEMBERED = 10_000
 
 
 class _Client(asyncio.Protocol):
-    """A connection, one of `all_of_them`: takes bytes apart into lines, and answers them."""
+    """A connection, one of all `clients`: takes bytes apart into lines, and answers them."""
 
-    def __init__(self, answer: Callable[[bytes], bytes], all_of_them: set[asyncio.Transport]) -> None:
-        self._answer, self._all, self._rest = answer, all_of_them, b""
+    def __init__(self, answer: Callable[[bytes], bytes], clients: set[asyncio.Transport]) -> None:
+        self._answer, self._clients, self._rest = answer, clients, b""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
-        self._all.add(self._transport)
+        self._clients.add(self._transport)
 
     def connection_lost(self, _: Exception | None) -> None:
-        self._all.remove(self._transport)
+        self._clients.remove(self._transport)
 
     def data_received(self, data: bytes) -> None:
         *lines, rest = (self._rest + data).split(b"\n")
@@ -82,9 +82,9 @@ class Server:
             self._look()
 
     def _look(self) -> None:
-        """Tell what is new. The others are on their rounds, and run into each other, though nobody asks."""
+        """Tell what is new, and forget what is old."""
         world = self._world
-        world.pose(OURS, 0.0)
+        world.pose(OURS, 0.0)  # the others are on their rounds, and run into each other, though nobody asks
         for touch in world.touches[self._touches :]:
             self._show(MatchEvent(touch.time, EventKind.TOUCH, str(touch), touch._asdict()))
         for score in world.game.scores[self._scores :]:
