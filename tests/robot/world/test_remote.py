@@ -192,6 +192,7 @@ def hello_of(**changed: object) -> bytes:
         (b'{"answer": {"z": 1}}\n', "other fields"),
         (b'{"error": "unknown request"}\n', "a world that refuses what we ask"),
         (b"x" * 100_000, "a line that does not end"),
+        (b" " * 100_000 + b'{"answer": 4}\n', "a line that is too long"),
     ],
 )
 def test_an_answer_that_is_none_is_a_world_that_is_not_there(answer: bytes | None, why: str) -> None:

@@ -87,6 +87,22 @@ def test_a_line_that_is_too_long_is_refused_once_and_not_kept(length: int) -> No
     assert (served.channel.requests, served.channel.refused) == (2, 1)
 
 
+def test_a_line_that_is_too_long_is_none_for_its_beginning() -> None:
+    served = Served()
+
+    async def talk(address: Address) -> None:
+        (reader, writer), (other, asking) = [await asyncio.open_connection(*address) for _ in range(2)]
+        writer.write(HELLO[:-1] + b" " * LINE_LIMIT)
+        asking.write(HELLO)
+        await answer(other)  # by now the server has had the beginning
+        writer.write(b"\n")
+        assert "error" in await answer(reader)
+        writer.close()
+        asking.close()
+
+    served.run(talk)
+
+
 def test_a_client_that_hangs_or_does_not_read_blocks_nobody() -> None:
     served, flood = Served(), 100_000
 
