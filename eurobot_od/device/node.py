@@ -21,6 +21,7 @@ from eurobot_od.device.timers import Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Value
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.message import Message, is_flagged
 
@@ -34,7 +35,8 @@ class Node:
     `CATALOGUE` has its message types. `HANDLERS` says for each of them what is done; a handler returns the message to
     answer with, or None, and raises Refused if the node does not act on the message. `OBJECTS` says, by ParameterName,
     which objects are read from the node and which ones, written over SDO, mean a message: when the last sub-index is
-    written, the node acts as if the frame had come. As it stands, the class does nothing with a message: it runs
+    written, the node acts as if the frame had come. `MEASURED` gives the values of single objects that are in no
+    message, by ParameterNames as those of a setting. As it stands, the class does nothing with a message: it runs
     anybody's device.
 
     `ignored` counts messages that were not acted on because of what they say, `withheld` those that were not
@@ -47,9 +49,10 @@ class Node:
     CATALOGUE: ClassVar[Catalogue] = NOTHING
     HANDLERS: ClassVar[Mapping[type[Message], Callable[[Any, Any], Message | None]]] = {}
     OBJECTS: ClassVar[Mapping[str, BoundObject]] = {}
+    MEASURED: ClassVar[Mapping[str, Callable[[Any], Value]]] = {}
 
     def __init__(self, dictionary: Dictionary, *, store: Store | None = None) -> None:
-        self.device = Device(dictionary, store, self.CATALOGUE, self._application())
+        self.device = Device(dictionary, store, self.CATALOGUE, self._application(dictionary))
         self.name = dictionary.name
         self.now = 0.0
         self.ignored = self.withheld = 0
@@ -61,10 +64,11 @@ class Node:
         self._timers = Timers(self.device.plan.at)
         self._out: list[Frame] = []
 
-    def _application(self) -> Application:
+    def _application(self, dictionary: Dictionary) -> Application:
         readers = {name: partial(each.read, self) for name, each in self.OBJECTS.items() if each.read}
         writers = {name: each.write for name, each in self.OBJECTS.items() if each.write}
-        return Application(readers, writers, self._obey)
+        measured = {dictionary.address(name): partial(read, self) for name, read in self.MEASURED.items()}
+        return Application(readers, writers, self._obey, measured=measured)
 
     def setting(self, name: str) -> int:
         """Return a setting from the object dictionary by its ParameterNames."""

@@ -73,10 +73,10 @@ class SimulatedDevice(Node):
             self.device.objects.put(self._address(name), value)
             self.soon(lambda _: None)
 
-    def _application(self) -> Application:
+    def _application(self, dictionary: Dictionary) -> Application:
         return (
             super()
-            ._application()
+            ._application(dictionary)
             ._replace(
                 given={self._address(name): value for name, value in self._given.items()},
                 measured={**self._measured(self._waveforms, self._wave), **self._measured(self.READERS, self._read)},

@@ -1,7 +1,7 @@
 """The playing field of Eurobot 2014: its size, its angles, its barriers and the two places where a robot starts.
 
 Facts of the field and plain geometry, in millimetres and degrees. How far a robot stays off a barrier is not a fact of
-the field: clearances are settings of the drive.
+the field: that follows from its own radius, a setting of the drive.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ class MatchOptions:
 
     `emergency_at` is the match time at which the mushroom is hit, None for never. `duration` None takes the core's
     setting. `errors` are those of the instruments in the simulated world, `faults` the names of the faults that our
-    nodes have.
+    nodes have. `falling`: once in a match a thing falls over in front of our robot.
     """
 
     team: TeamColour = TeamColour.RED
@@ -84,3 +84,4 @@ class MatchOptions:
     dialect: str | None = None
     errors: Errors = Errors()
     faults: tuple[str, ...] = ()
+    falling: bool = True

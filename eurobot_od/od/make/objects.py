@@ -239,7 +239,7 @@ def slice_entry(part: Slice, whole: Field | None, access: str) -> SubObject:
 
 
 def field_entry(name: str, whole: Field, access: str, node: NodeRow | None = None) -> SubObject:
-    """Return the entry of a whole field or of a setting."""
+    """Return the entry of a whole field, of a setting or of a reading."""
     return SubObject(name, unsigned(whole.bits), access, default_of(whole, node), whole.low, whole.high)
 
 
@@ -263,8 +263,9 @@ def object_dictionary(table: Table, dialect: DialectRow, name: Text) -> list[Dic
     node, data = table.nodes[name], layouts(table, dialect)
     objects = [*COMMON, *own_objects(table, dialect, node), *clients(table, node)]
     objects += [*pdos(table, name, data), *all_data(table, name, data)]
-    objects += [
-        record(each.index, key, *(field_entry(field, entry, "rw", node) for field, entry in each.fields.items()))
-        for key, each in (*table.settings.items(), *node.settings.items())
-    ]
+    for access, records in (("rw", {**table.settings, **node.settings}), ("ro", node.readings)):
+        objects += [
+            record(each.index, key, *(field_entry(field, entry, access, node) for field, entry in each.fields.items()))
+            for key, each in records.items()
+        ]
     return sorted(objects, key=lambda each: each.index)

@@ -111,7 +111,8 @@ class MessageRow:
 class NodeRow:
     """A node: its identity, the nodes whose heartbeats it watches and whose SDO servers it asks, its own settings.
 
-    `heartbeat` and `heartbeat_timeout` are this node's own times, in place of the table's.
+    `readings` are objects that it measures and nobody writes. `heartbeat` and `heartbeat_timeout` are this node's own
+    times, in place of the table's.
     """
 
     node_id: PlacedNumber
@@ -121,6 +122,7 @@ class NodeRow:
     watches: tuple[Text, ...]
     communication_error: PlacedNumber
     settings: dict[Text, Record]
+    readings: dict[Text, Record] = field(default_factory=dict)
     asks: tuple[Text, ...] = ()
     heartbeat: PlacedNumber | None = None
     heartbeat_timeout: PlacedNumber | None = None
@@ -269,13 +271,13 @@ def unknown(kind: str, names: Iterable[Text], known: Container[str]) -> Iterator
 
 
 def repeated_values(table: Table) -> Iterator[Problem]:
-    """Check that identifiers, node-IDs and, within one node, indices and names of settings occur once."""
+    """Check that identifiers, node-IDs and, within one node, indices and names of settings and readings occur once."""
     yield from repeated("identifier", (each.identifier for each in table.messages.values()))
     yield from repeated("node_id", (each.node_id for each in table.nodes.values()))
     for node in table.nodes.values():
-        settings = [*table.settings.values(), *node.settings.values()]
-        yield from repeated("index", (each.index for each in (*settings, *table.objects.values())))
-        yield from repeated("setting", (name for each in settings for name in each.fields))
+        own = [*table.settings.values(), *node.settings.values(), *node.readings.values()]
+        yield from repeated("index", (each.index for each in (*own, *table.objects.values())))
+        yield from repeated("setting", (name for each in own for name in each.fields))
 
 
 def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[Text]) -> Iterator[Problem]:
@@ -323,9 +325,11 @@ def bit_rates_that_no_node_has(table: Table) -> Iterator[Problem]:
 
 
 def data_records(table: Table) -> Iterator[Record]:
-    """Return the objects of every dialect."""
+    """Return the objects of every dialect, and what single nodes measure."""
     for dialect in table.dialects.values():
         yield from table.objects_in(dialect).values()
+    for node in table.nodes.values():
+        yield from node.readings.values()
 
 
 def setting_records(table: Table) -> Iterator[Record]:

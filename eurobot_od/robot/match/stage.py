@@ -33,7 +33,8 @@ from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import OURS, RIVAL, Touch
+from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network, processing_time
 from eurobot_od.simulation.several import Several
@@ -134,7 +135,7 @@ class Performance:
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
         """Return what the match came to, `seconds` after power-on."""
-        points = {name: self._world.game.points(name) for name in (OURS, RIVAL) if name in self._world.robots}
+        points = {name: self._world.game.points(name) for name in self._world.driven}
         texts = [str(each) for each in reports]
         return self._counter.summary(seconds, bitrate, self._observer.errors, texts, points, self._referee.failure)
 
@@ -178,7 +179,7 @@ def play_simulated(
     """
     files = files or EdsFiles.read(options.dialect)
     networks = [Network()] if against is None else [Network(), Network()]
-    clock = Several(*networks)
+    clock = networks[0] if against is None else Several(*networks)
     world = World(options, lambda: clock.now, rival=against is not None)
     match = Performance(options, files, world, show, watch)
     sides = [match] if against is None else [match, Performance(_rival(options), files, world, name=RIVAL)]

@@ -8,7 +8,8 @@ never tells the wheels anything: it exchanges the motion, and the next control s
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
 
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.storage import Store
@@ -21,13 +22,32 @@ from eurobot_od.robot import messages
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.kinds import Remaining
 from eurobot_od.robot.nodes.estimate import Estimate
+from eurobot_od.robot.nodes.kalman import Tuning
 from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
+from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 
 LATE = 0.1
 """Seconds that a control step may be late and be made up for: as long as a busy computer may take."""
+
+TUNING = {
+    "navigation": ("Navigation deviation", 1.0),
+    "navigation_angle": ("Navigation angle deviation", 0.1),
+    "latency": ("Navigation latency", 0.001),
+    "gate": ("Gate", 0.001),
+    "placement": ("Placement deviation", 1.0),
+    "placement_angle": ("Placement angle deviation", 0.1),
+    "scale": ("Scale deviation", 0.001),
+    "distance": ("Distance deviation", 0.1),
+    "drift": ("Drift deviation", 0.1),
+    "turning": ("Turning deviation", 0.1),
+}
+"""The Kalman filter's tuning: the name of each setting, and its unit."""
+
+UNKNOWN = 0xFFFF
+"""What the object `Position deviation` says while the place is unknown."""
 
 
 class Drive(RobotNode):
@@ -44,7 +64,7 @@ class Drive(RobotNode):
 
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
-        self.estimate = Estimate()
+        self.estimate = Estimate(self._tuning())
         self.goto: messages.GotoXY | None = None
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
@@ -90,7 +110,8 @@ class Drive(RobotNode):
         """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
         if self.estimate.pose is None:
             return None
-        start, goal = self.estimate.pose.point, Point(goto.x, goto.y)
+        # What still rolls brakes first: the way begins where it comes to stand.
+        start, goal = self._limits().standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
         if goto.route is Route.PLANNED:
             return find_route(start, goal, goto.barriers, self._clearances())
         # Without a route the robot drives straight: normal barriers are then only a wish, forced ones still stop it.
@@ -110,11 +131,11 @@ class Drive(RobotNode):
         )
 
     def _clearances(self) -> Clearances:
-        return Clearances(
-            fire=self.setting("Clearance.Fire clearance"),
-            pool=self.setting("Clearance.Pool clearance"),
-            edge=self.setting("Clearance.Edge clearance"),
-        )
+        """Return how far to stay away: by our own radius, and by what we and the motion may be off."""
+        deviations = self.estimate.deviations
+        unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
+        margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
+        return Clearances.of(self.setting("Body.Robot radius"), margin)
 
     def remaining(self) -> int | GotoFault | None:
         """Return a goto's remaining time in ms: 0 arrived, None unknown or no goto, or why there is none."""
@@ -183,7 +204,7 @@ class Drive(RobotNode):
         dt = self.seconds("Motion.Control period")
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
         rolled = self.chassis.advance(command, dt)
-        self.estimate.moved(rolled)
+        self.estimate.moved(rolled, now)
         if isinstance(motion, Motion):
             self._watch_wheels(rolled.follows(command, dt), dt)
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
@@ -210,9 +231,16 @@ class Drive(RobotNode):
         """Take a navigation position into the estimate (document 4.2.2 Navigation)."""
         if position.x is None or position.y is None:
             return
-        weight = self.setting("Estimate.Navigation weight") / 100
-        outlier = self.setting("Estimate.Outlier distance")
-        self.estimate.corrected(position.x, position.y, position.angle, weight, outlier)
+        self.estimate.tuning = self._tuning()
+        self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
+
+    def _tuning(self) -> Tuning:
+        return Tuning(**{field: self.setting(f"Estimate.{name}") * unit for field, (name, unit) in TUNING.items()})
+
+    def _deviation(self, part: str, unit: float) -> int:
+        """Return one of the estimate's standard deviations as its object has it, in `unit` mm or degrees."""
+        deviations = self.estimate.deviations
+        return UNKNOWN if deviations is None else min(round(getattr(deviations, part) / unit), UNKNOWN - 1)
 
     def _position(self) -> messages.KalmanPositionResponse:
         pose = self.estimate.pose
@@ -227,7 +255,7 @@ class Drive(RobotNode):
         self.configuration, self.safe = configuration, False
         self._stop(messages.StopDrive())
         self.stopped_by = None
-        self.estimate = Estimate(START_POSES[configuration.team_colour], assumed=True)
+        self.estimate = Estimate(self._tuning(), START_POSES[configuration.team_colour])
         self.clear_error(messages.EmergencyShutdown)
         return messages.StartConfigurationConfirm()
 
@@ -238,6 +266,11 @@ class Drive(RobotNode):
         "Navi position": BoundObject(write=messages.NaviPositionResponse),
         "Kalman position": BoundObject(read=_position),
         "Start configuration": BoundObject(write=messages.StartConfigurationSet),
+    }
+    MEASURED: ClassVar[Mapping[str, Callable[[Any], int]]] = {
+        "Position deviation.X deviation": lambda self: self._deviation("x", 1.0),
+        "Position deviation.Y deviation": lambda self: self._deviation("y", 1.0),
+        "Position deviation.Heading deviation": lambda self: self._deviation("heading", 0.1),
     }
     HANDLERS: ClassVar[Handlers] = {
         messages.GotoXY: _accept,

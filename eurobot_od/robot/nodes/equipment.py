@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import NamedTuple, Protocol
 
 from eurobot_od.robot.values import Obstacle
@@ -38,20 +39,20 @@ class Approach:
     A robot that turns on the spot before something, or backs away from it, need not stop.
     """
 
-    PERIODS = 2
-    """So many readings ago the distance has to have been larger."""
-
-    CLOSING = 8.0
-    """By so many mm at least: more than a sensor's noise."""
-
     def __init__(self) -> None:
-        self._distances: list[float] = []
+        self._distances: deque[float | None] = deque(maxlen=READINGS)
 
     def meets(self, detection: Detection | None, stop_distance: float) -> bool:
         """Take in a reading; tell whether the robot drives into something that is nearer than `stop_distance` mm."""
-        if detection is None:
-            self._distances.clear()
+        self._distances.append(None if detection is None else detection.distance)
+        if detection is None or detection.distance > stop_distance:
             return False
-        self._distances = [*self._distances[-self.PERIODS :], detection.distance]
-        closing = len(self._distances) > self.PERIODS and self._distances[0] - self._distances[-1] >= self.CLOSING
-        return closing and detection.distance <= stop_distance
+        first = next(each for each in self._distances if each is not None)
+        return first - detection.distance >= CLOSING
+
+
+READINGS = 3
+"""So many readings are looked at: one that misses something does not hide it."""
+
+CLOSING = 12.0
+"""What comes nearer by so many mm in these readings is driven into; less may be the sensor's noise."""

@@ -1,59 +1,115 @@
-"""The drive's estimate of its own pose: dead reckoning from the wheels, corrected by navigation positions.
+"""The drive's estimate of its own pose: what it believes of the wheels and the navigation (document 4.2.2).
 
-Rule of this file: what is not known is None, never a guess; a guess would be driven from.
+Rule of this file: what is not known is None, never a guess; a guess would be driven from. Whoever calls has the clock.
 
-Wheels are exact over a second and drift over a match, beacons are off by millimetres at any time and never drift: a
-small share of every beacon position keeps the drift down and lets little of the beacons' noise through.
+Outliers. A position is refused when it is further off than the gate allows. It may still be right, as after a push. So
+it begins a belief of its own, the rival, which the wheels move along as well. The next refused position either agrees
+with the rival, by the same gate, or begins a new one; who is agreed with often enough takes over. Outliers at random do
+not agree with each other, and a position that is not refused ends the rival.
+
+Latency. Of a position that is known to be old the odometer says how the robot has moved since. It follows the wheels
+alone and is never corrected, so that a correction is no movement.
 """
 
 from __future__ import annotations
 
-from eurobot_od.robot.field import Point, Pose, normalise, turn
-from eurobot_od.robot.nodes.motion import Odometry
+import math
+from collections import deque
 
-OUTLIERS_REFUSED = 5
-"""So many outliers in a row are refused; the next one is believed, as then it is the estimate that is wrong."""
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.nodes.kalman import Belief, Deviations, Travel, Tuning, chance_up_to
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.nodes.navigation import Fix
+
+AGREEING = 3
+"""So many refused positions in a row that agree with each other are believed."""
+
+LONGEST_LATENCY = 2.0
+"""Seconds for which the odometer is remembered; a position that is older is taken for one of then."""
 
 
 class Estimate:
-    """Where the drive believes the robot is.
+    """Where the drive believes the robot is; `tuning` may be exchanged at any time.
 
-    Navigation positions are blended in with a fixed weight; the Kalman filter that the document names (4.2.2,
-    Navigation), which would weigh both sides by their deviations, is to take the place of that blend. An `assumed`
-    pose is one that nothing has measured, such as the start place: the first full position takes its place.
+    A `pose` to begin with is assumed and not measured: a full position outside its gate takes its place at once, as a
+    drive that has booted believes in its start place wherever it stands.
     """
 
-    def __init__(self, pose: Pose | None = None, *, assumed: bool = False) -> None:
-        self.pose = pose
+    def __init__(self, tuning: Tuning, pose: Pose | None = None) -> None:
+        self.tuning = tuning
+        self._belief = None if pose is None else Belief.at(pose, tuning.placement_variances, tuning.scale)
+        self._assumed = True
+        self._rival: Belief | None = None
+        self._agreeing = 0
+        self._odometer = deque([(-math.inf, Pose(0.0, 0.0, 0.0))])
+
+    @property
+    def pose(self) -> Pose | None:
         """Place in mm and heading in degrees; None before the first pose or full position."""
-        self._assumed, self._refused = assumed, 0
+        return self._belief and self._belief.pose
 
-    def moved(self, odometry: Odometry) -> None:
-        """Follow what the wheels report along an arc; without effect before the first pose."""
-        if self.pose is not None:
-            self.pose = self.pose.moved(*odometry)
+    @property
+    def scale(self) -> float | None:
+        """The factor by which the distance that the wheels report is true; None without a pose."""
+        return self._belief and self._belief.scale
 
-    def corrected(self, x: float, y: float, angle: float | None, weight: float, outlier: float) -> bool:
-        """Blend in a navigation position in mm and degrees; return False if it was refused.
+    @property
+    def deviations(self) -> Deviations | None:
+        """How well the pose is known; None without one."""
+        return self._belief and self._belief.deviations
 
-        `weight` 0..1 is the share of the new position, `outlier` the distance in mm from which on it is refused.
-        A position without a heading (`angle` None) leaves the heading as it is, and is refused as the first one:
-        dead reckoning needs both. A first position, and one that overrules the estimate, are taken whole.
+    def moved(self, odometry: Odometry, now: float) -> None:
+        """Follow what the wheels report until `now`, s; the pose is unknown before the first one."""
+        self._remember(self._odometer[-1][1].moved(*odometry), now)
+        self._belief = self._belief and self._belief.moved(odometry, self.tuning)
+        self._rival = self._rival and self._rival.moved(odometry, self.tuning)
+
+    def _remember(self, pose: Pose, now: float) -> None:
+        self._odometer.append((now, pose))
+        while self._odometer[1][0] <= now - LONGEST_LATENCY:
+            self._odometer.popleft()
+
+    def corrected(self, fix: Fix, now: float) -> bool:
+        """Take in a navigation position that came at `now`, s; return False if it was refused.
+
+        A first position without a heading is refused: dead reckoning needs both.
         """
-        if self.pose is None or (self._assumed and angle is not None):
-            self.pose, self._assumed = None if angle is None else Pose(x, y, normalise(angle)), False
-            return angle is not None
-        outlying = self.pose.distance(Point(x, y)) > outlier
-        if outlying and self._refused < OUTLIERS_REFUSED:
-            self._refused += 1
+        travel = self._travel_since(now - self.tuning.latency)
+        belief = self._gated(self._belief, fix, travel) or self._overruled(fix, travel)
+        if belief is None:
             return False
-        self._refused = 0
-        new = Pose(x, y, self.pose.angle if angle is None else angle)
-        self.pose = _blend(self.pose, new, share=1.0 if outlying else weight)
+        self._belief, self._rival, self._agreeing = belief, None, 0
+        self._assumed = self._assumed and fix.angle is None
         return True
 
+    def _travel_since(self, time: float) -> Travel:
+        then = next((pose for moment, pose in reversed(self._odometer) if moment <= time), self._odometer[0][1])
+        return Travel.between(then, self._odometer[-1][1])
 
-def _blend(old: Pose, new: Pose, share: float) -> Pose:
-    """Go the `share` of the way from one pose to another; the heading goes the shorter way round."""
-    x, y = old.x + share * (new.x - old.x), old.y + share * (new.y - old.y)
-    return Pose(x, y, normalise(old.angle + share * turn(old.angle, new.angle)))
+    def _gated(self, belief: Belief | None, fix: Fix, travel: Travel) -> Belief | None:
+        """Correct a belief by a position; None if that lies outside its gate."""
+        if belief is None:
+            return None
+        observations = belief.compared(fix, travel, self.tuning)
+        corrected, distance = belief.corrected(observations)
+        return corrected if chance_up_to(distance, len(observations)) <= self.tuning.gate else None
+
+    def _overruled(self, fix: Fix, travel: Travel) -> Belief | None:
+        """Return what is to be believed in place of the estimate when it refuses a position, None to keep it."""
+        if self._assumed and fix.angle is not None:
+            return self._begun(fix, travel)
+        agreed = self._gated(self._rival, fix, travel)
+        self._rival = agreed or self._begun(fix, travel)
+        self._agreeing = self._agreeing + 1 if agreed else 1
+        return self._rival if self._agreeing >= AGREEING else None
+
+    def _begun(self, fix: Fix, travel: Travel) -> Belief | None:
+        """Begin at a position; a heading that it does not say is the estimate's, and unknown without that."""
+        variances, angle = self.tuning.fix_variances, fix.angle
+        if angle is None and self._belief is not None:
+            angle = self._belief.pose.angle - travel.turned
+            variances = variances._replace(angle=self._belief.deviations.heading**2)
+        if angle is None:
+            return None
+        dx, dy = travel.seen_from(angle, 1.0)
+        return Belief.at(Pose(fix.x + dx, fix.y + dy, angle + travel.turned), variances, self.tuning.scale)

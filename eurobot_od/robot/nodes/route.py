@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from heapq import heappop, heappush
 from typing import NamedTuple
 
-from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, BarrierKind, Point
+from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Point
 from eurobot_od.robot.values import Barriers, Passage
 
 TOLLS = {
@@ -33,11 +33,21 @@ ROUNDING = 1e-6
 
 
 class Clearances(NamedTuple):
-    """How far the robot's centre stays away, mm: from the centre of a fire and of a pool, and from the field's edge."""
+    """How far the robot's centre stays away, mm: from the centre of a fire and of a pool, and from the field's edge.
+
+    `edge` is for way points; a goal may be nearer, as near as `border`, where the robot just fits.
+    """
 
     fire: float
     pool: float
     edge: float
+    border: float = 0.0
+
+    @classmethod
+    def of(cls, radius: float, margin: float) -> Clearances:
+        """Compute them from the robot's radius and a margin for what it may be off, mm."""
+        reach = radius + margin
+        return cls(reach + RADII[BarrierKind.FIRE], reach + RADII[BarrierKind.POOL], reach, radius)
 
     def around(self, kind: BarrierKind) -> float:
         """Tell the radius of the disc to avoid around a barrier of this kind, mm."""
@@ -81,15 +91,16 @@ def find_route(start: Point, goal: Point, barriers: Barriers, clearances: Cleara
 
     Normal barriers are avoided if there is a way round, otherwise as few as possible are crossed; forced ones are
     never crossed (document 2.1, footnote 2). A goal inside a normal disc makes that disc free, one inside a forced
-    disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge; start and
-    goal themselves may be nearer to it.
+    disc is out of reach. A start inside a disc may leave it. Way points keep clear of the field's edge. The goal may be
+    nearer to it, but one where the robot does not fit is out of reach; the start may be anywhere.
     """
     discs = [
         Disc(Point(barrier.x, barrier.y), clearances.around(barrier.kind), TOLLS[passage])
         for barrier in BARRIERS
         if (passage := barriers.passage(barrier.number)) is not Passage.FREE
     ]
-    if any(disc.toll == math.inf for disc in discs if disc.contains(goal)):
+    forced = any(disc.toll == math.inf for disc in discs if disc.contains(goal))
+    if forced or not _on_field(goal, clearances.border):
         return None
     # A normal disc with the goal in it has to be entered in any case, so it is not in the way.
     avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
@@ -104,7 +115,7 @@ def _on_field(point: Point, edge: float) -> bool:
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
     """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
     frontier = [(math.dist(start, goal), 0.0, start, (goal,) if start == goal else ())]
-    settled = set()
+    settled: set[Point] = set()
     while frontier:
         _, cost, here, way = heappop(frontier)
         if here == goal:
@@ -112,10 +123,10 @@ def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]
         if here in settled:
             continue
         settled.add(here)
-        for point in (goal, *corners):
+        for point in {goal, *corners} - settled:
             further = cost + _price(here, point, discs)
             # A leg with an infinite toll is not an edge; left in, it would be found when there is no other way.
-            if point not in settled and further < math.inf:
+            if further < math.inf:
                 heappush(frontier, (further + math.dist(point, goal), further, point, (*way, point)))
     return None
 

@@ -48,12 +48,13 @@ class Body:
 class RobotBody(Body):
     """A robot: where it is and looks, what it touches, and how it came there.
 
-    `speed` is that of its last step along its heading, mm/s. `trace` has its true poses with their times in s, one for
-    each step in which it moved.
+    `speed` is that of its last step along its heading, mm/s. `room` is how far it may drive before it can meet anything
+    that stands, mm, as far as that is known. `trace` has its true poses with their times in s, one for each step.
     """
 
     angle: float = 0.0
     speed: float = 0.0
+    room: float = 0.0
     touching: set[str] = field(default_factory=set)
     trace: list[tuple[float, Pose]] = field(default_factory=list)
 
@@ -64,7 +65,12 @@ class RobotBody(Body):
 
     def place(self, pose: Pose) -> None:
         """Put it somewhere."""
-        self.point, self.angle = pose.point, pose.angle
+        self.point, self.angle, self.room = pose.point, pose.angle, 0.0
+
+    def go(self, point: Point, angle: float, now: float) -> None:
+        """Let it have come to a place."""
+        self.point, self.angle = point, angle
+        self.trace.append((now, self.pose))
 
     def approach(self, other: Body) -> float:
         """Tell how fast it drives towards another body, mm/s; negative if away from it."""

@@ -5,10 +5,8 @@ which reach their robot by a `Vehicle`. A robot that is driven by nodes moves wh
 at a time. The others, on their rounds, are brought up to the present in steps of PACE whenever anybody asks for
 anything: the world needs neither a thread nor a timer, and where nobody looks nothing is worked out.
 
-Every movement is judged alike. Where it would end inside of something, what is light is pushed along, and the robot is
-pushed out of everything else: it slides along what it meets at an angle and stands before what it meets head on. A
-robot that is driven into yields a little. The first moment of each contact is a `Touch`, with the speeds of both
-towards each other, so that it is known who drove into whom.
+What bodies do to each other is in `contact`, what a robot has before it in `sight`, what it gets for what it did in
+`game`.
 """
 
 from __future__ import annotations
@@ -18,17 +16,19 @@ import random
 from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
-from eurobot_od.robot.field import START_POSES, Point, Pose, turn
+from eurobot_od.robot.field import START_POSES, Point, Pose
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
 from eurobot_od.robot.tasks import tasks
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
-from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, Body, RobotBody, Weight, gap, inside, pushed_out, things
+from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS, RobotBody, Weight, things
+from eurobot_od.robot.world.contact import Contacts, Touch
+from eurobot_od.robot.world.fallen import FallenThing
 from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
+from eurobot_od.robot.world.sight import nearest_ahead
 
 PACE = 0.04
 """Seconds of a step of the robots on their rounds."""
@@ -39,31 +39,9 @@ LOOK_OUT = 120.0
 LOOK_OUT_ANGLE = 50.0
 """How far to either side it looks, degrees."""
 
-SHOVE = 0.3
-"""Share by which a robot yields to one that drives into it."""
-
-WEDGED = 1.0
-"""A robot that would still be so deep in something, mm, after it was pushed out of everything else stays put."""
-
-RELEASED = 5.0
-"""A contact is over when they are so far apart, mm."""
-
 PLACEMENT = 3.0
 PLACEMENT_ANGLE = 0.5
 """How far from its start place a team puts the robot, standard deviations: mm and degrees."""
-
-DROP_AHEAD = 230.0
-"""How far ahead of a driving robot's edge a thing falls over, mm."""
-
-DROP_SPEED = 200.0
-"""The robot is fast enough for a thing to fall over in front of it from this speed on, mm/s."""
-
-DROP_AT = 100.0
-"""No thing falls over nearer to the border than this, mm."""
-
-THING_RADIUS = 30.0
-REMOVED_AFTER = 1.0
-"""How large a thing is that has fallen over, mm, and after how many seconds somebody takes it away."""
 
 OURS = "ours"
 NAMES = {Source.ENEMY_1: "enemy 1", Source.ENEMY_2: "enemy 2", Source.CONFEDERATE: "confederate"}
@@ -77,28 +55,6 @@ SEEN_BY = {
     RIVAL: {Source.INTERNAL: RIVAL, Source.ENEMY_1: OURS, Source.ENEMY_2: "confederate", Source.CONFEDERATE: "enemy 2"},
 }
 """Which robot each of the two takes for whom."""
-
-
-class Touch(NamedTuple):
-    """Two bodies met: when, in s, which robot moved into what, and how fast either came nearer, mm/s."""
-
-    time: float
-    robot: str
-    thing: str
-    speed: float
-    met: float
-
-    def is_fault_of(self, robot: str) -> bool:
-        """Tell whether a robot drove into the other body; both may have."""
-        return (self.speed if robot == self.robot else self.met) >= AT_FAULT
-
-    def __str__(self) -> str:
-        met = f", which came at {self.met:.0f} mm/s" if self.met >= AT_FAULT else ""
-        return f"{self.robot} at {self.speed:.0f} mm/s touched {self.thing}{met}"
-
-
-AT_FAULT = 20.0
-"""Who comes nearer at this speed, mm/s, has not stood."""
 
 
 class World:
@@ -116,8 +72,8 @@ class World:
         self.things = things()
         self.robots: dict[str, RobotBody] = {}
         self._patrols: dict[str, Patrol] = {}
-        self._thing: Body | None = None
-        self._dropped_at: float | None = None
+        self._contacts = Contacts(self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name))
+        self._fallen = FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
         self._put(OURS, START_POSES[options.team], ROBOT_RADIUS)
         who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
@@ -150,6 +106,11 @@ class World:
         self.robots[name], self._patrols[name] = body, patrol
 
     @property
+    def driven(self) -> list[str]:
+        """The names of the robots that nodes drive."""
+        return [name for name in self.robots if name not in self._patrols]
+
+    @property
     def robot(self) -> Pose:
         """The true pose of our robot."""
         return self.robots[OURS].pose
@@ -170,81 +131,19 @@ class World:
         self._catch_up()
         body = self.robots[name]
         body.speed = wanted.distance / dt if dt else 0.0
-        before = body.point
-        self._go(body, body.pose.moved(*wanted))
-        heading = math.radians(body.angle - wanted.turn / 2)
-        came = (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
-        self._drop_before(body)
-        return came
-
-    def _go(self, body: RobotBody, wanted: Pose) -> None:
-        """Move a robot to a pose, or as near as it comes."""
-        body.place(Pose(*self._clear(body, wanted.point), wanted.angle))
-        body.trace.append((self.clock(), body.pose))
-        if body.touching:
-            self._release(body)
-
-    def _clear(self, body: RobotBody, wanted: Point) -> Point:
-        """Return the nearest place to the wanted one where a robot is in nothing else; push what can be pushed."""
-        point = inside(wanted, body.radius)
-        if point != wanted:
-            self._touch(body, BORDER, 0.0)
-        others = self._others(body)
-        met = [each for each in others if gap(point, body.radius, each) < 0]
-        for each in met:
-            point = self._meet(body, point, each)
-        heavy = [each for each in others if each.weight is not Weight.LIGHT] if met else []
-        if any(gap(point, body.radius, each) < -WEDGED for each in heavy):
-            return body.point
-        return inside(point, body.radius)
-
-    def _others(self, body: Body) -> list[Body]:
-        """Return what a robot can meet: all bodies but itself."""
-        everything: list[Body] = [*self.things, *self.robots.values()]
-        return [each for each in everything if each is not body]
-
-    def _meet(self, body: RobotBody, point: Point, other: Body) -> Point:
-        """Have a robot meet a body at a place; return where the robot is then."""
-        met = other.approach(body) if isinstance(other, RobotBody) else 0.0
-        self._touch(body, other.name, met)
-        if isinstance(other, RobotBody):
-            self._shove(other, body, point)
-        if other.weight is Weight.LIGHT:
-            other.point = inside(pushed_out(other.point, other.radius, Body("", point, body.radius, Weight.ROBOT)), 0)
-            self.game.fall(other.name)
-            return point
-        return pushed_out(point, body.radius, other)
-
-    def _shove(self, other: RobotBody, body: RobotBody, point: Point) -> None:
-        """Have a robot yield a little to one that drives into it; its wheels do not notice."""
-        free = pushed_out(other.point, other.radius, Body("", point, body.radius, Weight.ROBOT))
-        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, free))
-        fixed = [each for each in self.things if each.weight is Weight.FIXED]
-        if all(gap(Point(x, y), other.radius, each) >= 0 for each in fixed):
-            other.point = inside(Point(x, y), other.radius)
-            other.trace.append((self.clock(), other.pose))
-
-    def _touch(self, body: RobotBody, thing: str, met: float) -> None:
-        if thing in body.touching:
-            return
-        body.touching.add(thing)
-        other = self.robots.get(thing)
-        speed = abs(body.speed) if other is None else body.approach(other)
-        self._tell(Touch(self.clock(), body.name, thing, speed, met))
-        if other is not None:
-            other.touching.add(body.name)
+        before, there = body.pose, body.pose.moved(*wanted)
+        self._contacts.move(body, there)
+        if name == OURS and self._options.falling:
+            self._fallen.look_at(body, self.clock())
+        if body.point == there.point:
+            return wanted.distance
+        heading = math.radians(before.angle + wanted.turn / 2)
+        return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
 
     def _tell(self, touch: Touch) -> None:
         self.touches.append(touch)
         for watcher in self.watchers:
             watcher(touch)
-
-    def _release(self, body: RobotBody) -> None:
-        """Forget the contacts that are over."""
-        near = {each.name for each in self._others(body) if gap(body.point, body.radius, each) < RELEASED}
-        if inside(body.point, body.radius + RELEASED) != body.point:
-            near.add(BORDER)
-        body.touching &= near
 
     # The others
 
@@ -256,18 +155,15 @@ class World:
                 self._step(self.robots[name], patrol)
 
     def _step(self, body: RobotBody, patrol: Patrol) -> None:
-        if not patrol.careless and self._has_ahead(body):
+        if not patrol.careless and nearest_ahead(body, self.robots.values(), LOOK_OUT, LOOK_OUT_ANGLE):
             body.speed = 0.0
             patrol.held_up(PACE)
             return
         before, wanted = body.point, patrol.advance(body.point, PACE)
         body.speed = patrol.speed
-        self._go(body, wanted)
+        self._contacts.move(body, wanted)
         if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
             patrol.held_up(PACE)
-
-    def _has_ahead(self, body: RobotBody) -> bool:
-        return self._nearest_robot(body, LOOK_OUT, LOOK_OUT_ANGLE) is not None
 
     # What can be seen
 
@@ -283,36 +179,10 @@ class World:
         return body.trace[max(after - 1, 0)][1]
 
     def ahead(self, name: str, distance: float, angle: float) -> Detection | None:
-        """Return the nearest robot or fallen thing ahead of a robot."""
+        """Return the nearest robot or fallen thing ahead of a robot; all else is lower than a sensor looks."""
         self._catch_up()
-        body = self.robots[name]
-        seen = self._nearest_robot(body, distance, angle)
-        thing = self._look_at(body, self._thing, Obstacle.OBJECT) if self._thing is not None else None
-        if thing is not None and thing.distance <= distance and abs(thing.bearing) <= angle:
-            return thing if seen is None or thing.distance < seen.distance else seen
-        return seen
-
-    def _nearest_robot(self, body: RobotBody, distance: float, angle: float) -> Detection | None:
-        looks = (self._look_at(body, each, Obstacle.ENEMY) for each in self.robots.values() if each is not body)
-        near = [look for look in looks if look.distance <= distance and abs(look.bearing) <= angle]
-        return min(near, key=lambda look: look.distance, default=None)
-
-    def _look_at(self, body: RobotBody, other: Body, what: Obstacle) -> Detection:
-        bearing = turn(body.angle, body.pose.bearing(other.point))
-        return Detection(what, max(gap(body.point, body.radius, other), 0.0), bearing)
-
-    def _drop_before(self, body: RobotBody) -> None:
-        """Let a thing fall over in front of our robot, once, as soon as it drives fast enough; then take it away."""
-        if self._thing is not None and self._dropped_at is not None:
-            if self.clock() - self._dropped_at > REMOVED_AFTER:
-                self.things.remove(self._thing)
-                self._thing = None
-        elif self._dropped_at is None and body.name == OURS and body.speed >= DROP_SPEED:
-            point = body.pose.moved(body.radius + DROP_AHEAD + THING_RADIUS, 0).point
-            if inside(point, DROP_AT) == point:
-                self._dropped_at = self.clock()
-                self._thing = Body("fallen thing", point, THING_RADIUS, Weight.LIGHT)
-                self.things.append(self._thing)
+        fallen = [] if self._fallen.body is None else [self._fallen.body]
+        return nearest_ahead(self.robots[name], [*self.robots.values(), *fallen], distance, angle)
 
     # Tasks
 

@@ -37,6 +37,15 @@ def test_the_comment_is_the_tables() -> None:
     assert "Lines=1\nLine1=Ours\n" in make_files(read_table(said, ""))["plain/core.eds"]
 
 
+def test_a_reading_is_read_only_and_a_setting_is_not() -> None:
+    readings = (
+        "settings: {}\n    readings: {Now: {index: 0x2102, fields: {Rate: {bits: 8, range: [0, 9], default: 0}}}}"
+    )
+    text = make_files(read_table(TABLE.replace("settings: {}", readings), ""))["plain/drive.eds"]
+    access = {name: text.split(f"[{name}]")[1].split("AccessType=")[1][:2] for name in ("2102sub1", "2100sub1")}
+    assert access == {"2102sub1": "ro", "2100sub1": "rw"}
+
+
 def test_the_network_says_how_often_what_is_sent() -> None:
     rows = "traffic: {Goto: {every: Wait.Check wait, reason: again}, Confirm: {answers: Goto, jitter: 1 ms}}\n"
     network = read_network_file(make_files(read_table(rows + TABLE, ""))["network.yaml"], "network.yaml")

@@ -82,6 +82,16 @@ INVALID = {
     "default without code": ("default: unknown", "default: ^lost", "unknown default 'lost'; known: unknown"),
     "Node-ID in a message": ("default: unknown", "default: ^$NODEID", "unknown default '$NODEID'; known: unknown"),
     "message over 64 bits": ("object: Target", "object: ^Long", "'Long' has 65 bits, a PDO at most 64"),
+    "reading at the index of a setting": (
+        "settings: {}",
+        "settings: {}\n    readings: {Now: {index: ^0x2100, fields: {Rate: {bits: 8, range: [0, 9], default: 0}}}}",
+        "index 0x2100 is used twice, first in line 28",
+    ),
+    "reading over the bits": (
+        "settings: {}",
+        "settings: {}\n    readings: {Now: {index: 0x2102, fields: {Rate: {bits: ^3, range: [0, 9], default: 0}}}}",
+        "9 does not fit into 3 bits",
+    ),
     # traffic
     "traffic of nothing": ("messages:", "traffic: {^Go: {every: 1 s}}\nmessages:", "unknown message 'Go'"),
     "traffic without a time": (

@@ -20,13 +20,15 @@ from eurobot_od.od import dcf
 from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, stage
-from eurobot_od.robot.match.player import Player
+from eurobot_od.robot.match.observer import Observer
+from eurobot_od.robot.match.referee import Referee
 from eurobot_od.robot.match.timeline import Timeline
-from eurobot_od.robot.nodes import Node
+from eurobot_od.robot.nodes import Core, Node
+from eurobot_od.robot.world import World
 from tests.client.peers import master_on, new_channel, open_bus
 
 NOW = datetime(2014, 5, 28, 12, 0)
-SHORT = MatchOptions(duration=9.0)
+SHORT = MatchOptions(duration=6.0, falling=False)
 MOVED = 0x018
 WIDE_X = 0x20000110
 
@@ -61,6 +63,10 @@ def goto_changes(node: Node) -> dict[Address, Value]:
     return {(pdo.index, 1): MOVED | no_rtr, (pdo.mapping_index, 1): WIDE_X}
 
 
+async def drive_there(core: Core) -> None:
+    await core.goto(500, 1700, 0, 80)
+
+
 def configured_from_dcf(channel: str, node: Node, file: Path) -> Configured:
     eds = dialects.eds_folder() / dialects.DEFAULT / f"{node.name}.eds"
     file.write_text(dcf.with_values(eds.read_text(), goto_changes(node), node.device.node_id, node.name, 500))
@@ -75,9 +81,12 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     def clock() -> float:
         return time.monotonic() - begin
 
-    nodes, world = stage.cast_for(SHORT, stage.EdsFiles.read(None), clock)
+    world = World(SHORT, clock)
+    nodes = stage.cast_for(SHORT, stage.EdsFiles.read(None), world)
     seen: list[Frame] = []
-    player = Player(nodes[0], world, SHORT, Timeline(clock, lambda _: None))
+    timeline = Timeline(clock, lambda _: None)
+    observer = Observer(nodes[0], timeline, lambda: world.robot)
+    referee = Referee(nodes[0], SHORT, timeline, lambda: world.robot)
     with ExitStack() as stack:
         stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
         for node in reversed(nodes):  # the core leaves first
@@ -85,6 +94,6 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
         for node in nodes:
             if node.name in changed:
                 assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Configured(2, stored=True)
-        asyncio.run(player.play())
-    assert player.errors, "no place was reached"
+        asyncio.run(referee.play(drive_there))
+    assert observer.errors, "no place was reached"
     assert {frame.cob_id for frame in seen} & {0x008, MOVED} == {MOVED}

@@ -40,6 +40,8 @@ PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
 RED = StartConfigurationSet(TeamColour.RED, 2, 1, 30, 20)
 """A start configuration in which everyone is there."""
+TUNING = Drive(DICTIONARIES["drive"]).estimate.tuning
+"""The tuning of the Kalman filter by the settings' defaults."""
 
 
 class Peer(Node):

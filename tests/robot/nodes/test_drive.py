@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import random
+from collections.abc import Iterator
+
 import pytest
 
 from eurobot_od.device.nmt import NmtCommand
@@ -10,7 +14,7 @@ from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import START_POSES, Pose
+from eurobot_od.robot.field import BARRIERS, RADII, START_POSES, Point, Pose
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
@@ -28,24 +32,49 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes.drive import Drive
-from eurobot_od.robot.nodes.motion import AT_REST
+from eurobot_od.robot.nodes.estimate import Estimate
+from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
-from tests.robot.nodes.harness import DICTIONARIES, RED, Wheels
+from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
 
 YELLOW = RED._replace(team_colour=TeamColour.YELLOW)
 START = START_POSES[TeamColour.RED]
 GOTO = GotoXY(1500, 1000, 90, 100)
+DT = 0.01
+"""The control period, s."""
 FORCED_POOLS = Barriers.of({7: Passage.FORCED, 8: Passage.FORCED})
+
+
+class TrueWheels(Wheels):
+    """Wheels that are off by as much as real ones: `path` is where the robot truly was."""
+
+    def __init__(self, chance: random.Random, noise: float) -> None:
+        super().__init__()
+        self._chance, self._random = chance, noise
+        self._scale, self._bias = chance.gauss(1.0, noise / 2), chance.gauss(1.0, noise / 5)
+        self.path = [START]
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        distance, turned = super().advance(command, dt)
+        distance *= self._scale * self._chance.gauss(1.0, self._random)
+        self.path.append(self.path[-1].moved(distance, turned * self._bias * self._chance.gauss(1.0, self._random)))
+        return Odometry(command.speed * dt, command.turn * dt)
+
+
+def sighted(pose: Pose, noise: float, share: float, chance: random.Random) -> NaviPositionResponse:
+    """Return what beacons say that are off by `noise` mm, and by 1 degree where wheels are off at all."""
+    x, y, angle = (chance.gauss(value, by) for value, by in zip(pose, (noise, noise, 50 * share)))
+    return NaviPositionResponse(round(x), round(y), round(angle) % 360, Source.INTERNAL)
 
 
 class Seat:
     """A drive with wheels that remember, called whenever it wants to be; every frame it sends is kept."""
 
-    def __init__(self, dialect: str | None = None) -> None:
+    def __init__(self, dialect: str | None = None, wheels: Wheels | None = None) -> None:
         dictionary = dialects.load("drive", dialect) if dialect else DICTIONARIES["drive"]
         self.protocol = EurobotProtocol.of(dictionary)
-        self.wheels = Wheels()
+        self.wheels = wheels or Wheels()
         self.drive = Drive(dictionary, self.wheels)
         self.now = 0.0
         self.frames = self.drive.start(0.0)
@@ -84,6 +113,12 @@ class Seat:
     def pose(self) -> Pose:
         assert self.drive.estimate.pose is not None
         return self.drive.estimate.pose
+
+    def write(self, setting: str, value: int) -> Seat:
+        """Give a setting a value."""
+        objects = self.drive.device.objects
+        objects.put(objects.dictionary.address(setting), value)
+        return self
 
 
 def configured(dialect: str | None = None) -> Seat:
@@ -149,12 +184,80 @@ def test_at_speed_0_the_robot_stays_and_the_goto_is_not_possible() -> None:
     [
         (GotoXY(900, 900, 0, 50, FORCED_POOLS), "the goal lies in a forced barrier"),
         (GotoXY(900, 1500, 0, 50, Barriers.of({1: Passage.FORCED})), "and so does this one"),
+        (GotoXY(900, 1190, 0, 50, FORCED_POOLS), "the robot's edge would touch the pool"),
+        (GotoXY(0, 0, 0, 50), "the robot does not fit into a corner"),
+        (GotoXY(1500, 139, 0, 50), "nor so near to an edge"),
+        (GotoXY(1500, 1861, 0, 50), "or to this one"),
     ],
 )
 def test_a_goto_that_is_not_possible_is_confirmed_and_says_so(goto: GotoXY, why: str) -> None:
     seat = configured().say(goto)
     assert (seat.confirms, seat.remaining) == (1, GotoFault.NOT_POSSIBLE), why
     assert seat.run(3.0).pose == START
+
+
+@pytest.mark.parametrize(
+    ("goto", "why"),
+    [
+        (GotoXY(140, 1860, 0, 50), "it just fits between the edges: goals have no margin there"),
+        (GotoXY(900, 900, 0, 50, Barriers.of({7: Passage.NORMAL})), "a normal barrier is only avoided"),
+        (GotoXY(900, 500, 0, 50, FORCED_POOLS), "far enough off the pool"),
+    ],
+)
+def test_a_goto_to_where_the_robot_fits_is_possible(goto: GotoXY, why: str) -> None:
+    assert isinstance(configured().say(goto).remaining, int), why
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "margin"),
+    [
+        ("Body.Robot radius", 140, 0.0),
+        ("Body.Robot radius", 100, -40.0),
+        ("Body.Safety margin", 30, 30.0),
+        ("Body.Position margin", 0, -25.0),  # 2.5 times the 10 mm within which it was put down
+        ("Body.Position margin", 40, 15.0),
+        ("Arrival.Position tolerance", 25, 15.0),  # who is allowed to deviate more has to stay clear by more
+    ],
+)
+def test_what_a_goal_has_to_stay_clear_of_follows_from_the_body(setting: str, value: int, margin: float) -> None:
+    """A forced pool is avoided by its radius of 150 mm, our own, 10 mm of motion and 25 mm of uncertainty."""
+    clear = 900 + round(150 + 140 + 10 + 25 + margin)
+    seat = configured().write(setting, value)
+    assert seat.say(GotoXY(900, clear - 1, 0, 50, FORCED_POOLS)).remaining is GotoFault.NOT_POSSIBLE
+    assert isinstance(seat.say(GotoXY(900, clear, 0, 50, FORCED_POOLS)).remaining, int)
+
+
+def room(path: list[Pose], barriers: Barriers) -> float:
+    """Return how much was left at least between the robot's body and the forced barriers, mm."""
+    forced = [barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED]
+    return min(pose.distance(Point(each.x, each.y)) - RADII[each.kind] - 140 for pose in path for each in forced)
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize(("noise", "beacons"), [(0.0, 0.0), (0.02, 5.0), (0.02, 30.0)])
+def test_the_robot_never_touches_a_forced_barrier(noise: float, beacons: float, seed: int) -> None:
+    """Gotos at random, many of which replace one under way, with wheels and beacons at random."""
+    chance = random.Random(seed)
+    wheels = TrueWheels(chance, noise)
+    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons)).say(RED)
+    barriers = Barriers.of({7: Passage.FORCED, 8: Passage.FORCED, chance.randint(1, 6): Passage.FORCED})
+    for _ in range(8):
+        goal = (chance.randint(140, 2860), chance.randint(140, 1860), chance.randrange(360))
+        seat.say(GotoXY(*goal, chance.choice([40, 70, 100]), barriers))
+        for _ in range(chance.choice([1, 2, 4, 8])):
+            seat.say(sighted(wheels.path[-1], beacons, noise, chance)).run(0.6)
+    assert math.dist(wheels.path[0].point, wheels.path[-1].point) > 1.0
+    assert room(wheels.path, barriers) > 0.0
+
+
+def test_the_way_of_a_rolling_robot_begins_where_it_comes_to_stand() -> None:
+    """Straight from where it is, nothing is in the way; from where it stands a second later, the pool is."""
+    wheels = TrueWheels(random.Random(0), noise=0.0)
+    seat = Seat(wheels=wheels).write("Motion.Braking", 300).say(RED, GotoXY(2800, 1800, 0, 100)).run(1.6)
+    assert 1000 < seat.pose.x < 1300
+    seat.say(GotoXY(1600, 300, 0, 100, FORCED_POOLS)).run(15.0)
+    assert seat.remaining == 0
+    assert room(wheels.path, FORCED_POOLS) > 0
 
 
 def test_a_goto_that_is_not_possible_stops_the_one_before() -> None:
@@ -192,6 +295,43 @@ def test_the_remaining_time_is_told_at_once_and_comes_true() -> None:
     assert sorted(numbers, reverse=True) == numbers
     assert numbers[0] == pytest.approx(arrival * 100, abs=300)
     assert set(times[arrival:]) == {0}
+
+
+def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[tuple[float, float]]:
+    """Drive to places at random; yield the remaining times that were told every 100 ms, and the true ones, s."""
+    chance = random.Random(seed)
+    wheels = TrueWheels(chance, noise)
+    seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons)).say(RED)
+    for _ in range(4):
+        seat.say(GotoXY(chance.randint(150, 2850), chance.randint(150, 1850), chance.randrange(360), 100))
+        told = []
+        while seat.drive.moving:
+            remaining = seat.remaining
+            assert isinstance(remaining, int)
+            told.append(remaining / 1000)
+            if noise and len(told) % 6 == 1:
+                seat.say(sighted(wheels.path[-1], beacons, noise, chance))
+            begun = len(seat.wheels.commands)
+            seat.run(0.1)
+        end = 0.1 * len(told) - 0.1 + DT * (len(seat.wheels.commands) - begun)
+        yield from ((seconds, end - 0.1 * number) for number, seconds in enumerate(told))
+
+
+@pytest.mark.parametrize(
+    ("noise", "beacons", "least"),
+    [
+        (0.0, 0.0, 1.0),
+        (0.02, 5.0, 0.75),  # a correction just before the goal has the robot drive the last millimetres again
+        (0.02, 30.0, 0.5),
+    ],
+)
+def test_the_remaining_time_is_within_ten_percent_or_a_tenth_of_a_second(
+    noise: float, beacons: float, least: float
+) -> None:
+    """So many of the answers at `least`."""
+    answers = [each for seed in range(10) for each in told_and_true(seed, noise, beacons)]
+    good = sum(told == pytest.approx(true, rel=0.1, abs=0.1) for told, true in answers)
+    assert good / len(answers) >= least
 
 
 @pytest.mark.parametrize(
@@ -376,9 +516,9 @@ def test_a_first_navigation_position(
 @pytest.mark.parametrize(
     ("position", "expected"),
     [
-        ((210, 1800, 0), (203, 1800, 0)),  # 30 % of the way
-        ((200, 1800, 10), (200, 1800, 3)),
-        ((210, 1800, None), (203, 1800, 0)),  # the heading stays
+        ((210, 1800, 0), (204, 1800, 0)),  # the start place was measured before, twice as well
+        ((200, 1800, 3), (200, 1800, 1)),
+        ((210, 1800, None), (204, 1800, 0)),  # the heading stays
         ((None, None, None), (200, 1800, 0)),  # not seen
         ((1500, 1000, 0), (200, 1800, 0)),  # an outlier
     ],
@@ -396,11 +536,12 @@ def test_navigation_positions_correct_the_estimate(
     ("position", "expected"),
     [
         ((1500, 1000, 90), (1500, 1000, 90)),  # nothing has measured the start place: the drive may have rebooted
-        ((210, 1800, None), (203, 1800, 0)),  # without a heading it only corrects
+        ((210, 1800, 0), (208, 1800, 0)),  # beacons are more exact than who puts the robot down
+        ((210, 1800, None), (208, 1800, 0)),
         ((None, None, None), (200, 1800, 0)),
     ],
 )
-def test_the_first_position_takes_the_place_of_the_start_place(
+def test_the_first_position_corrects_the_start_place_or_takes_its_place(
     position: tuple[int | None, int | None, int | None], expected: tuple[int, int, int]
 ) -> None:
     seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
@@ -409,7 +550,7 @@ def test_the_first_position_takes_the_place_of_the_start_place(
 
 def test_an_angle_that_rounds_to_360_is_0() -> None:
     seat = configured()
-    seat.drive.estimate.pose = Pose(100, 100, 359.7)
+    seat.drive.estimate = Estimate(TUNING, Pose(100, 100, 359.7))
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse).angle == 0
 
 
@@ -423,5 +564,5 @@ def test_an_angle_that_rounds_to_360_is_0() -> None:
 )
 def test_a_place_is_told_inside_the_field(pose: Pose, expected: tuple[int, int]) -> None:
     seat = configured()
-    seat.drive.estimate.pose = pose
+    seat.drive.estimate = Estimate(TUNING, pose)
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:2] == expected

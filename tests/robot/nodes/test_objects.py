@@ -118,6 +118,16 @@ MEASURED: list[tuple[str, str, Message, type[Message]]] = [
 
 
 @pytest.mark.parametrize("dialect", DIALECTS)
+def test_how_well_the_drive_knows_its_place_is_read_over_sdo(dialect: str) -> None:
+    master = Master("drive", dialect)
+    assert master.values_of("Position deviation") == [0xFFFF] * 3  # without a place
+    master.say(RED)
+    assert master.values_of("Position deviation") == [10, 10, 20]  # as it is put down: mm, and 0.1 degrees
+    master.say(NaviPositionResponse(200, 1800, 0, Source.INTERNAL))
+    assert master.values_of("Position deviation") == [4, 4, 9]
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
 @pytest.mark.parametrize(("role", "name", "request_", "response"), MEASURED)
 def test_an_sdo_and_the_answer_to_a_request_agree_at_any_time(
     role: str, name: str, request_: Message, response: type[Message], dialect: str

@@ -123,7 +123,7 @@ def test_navigation_raw_data_goes_to_the_drives_estimate(bench: Bench) -> None:
     bench.navigation.beacons = Seen(internal=Fix(210, 1800, 0))
     bench.run(2.11)
     assert bench.messages()[:2] == [NaviPositionRequest(), NaviPositionResponse(210, 1800, 0, Source.INTERNAL)]
-    assert bench.pose().x == pytest.approx(210)  # nothing has measured the start place before
+    assert 205 < bench.pose().x < 210  # part of the way: the start place counts for something, too
     bench.run(20.0)
     assert bench.pose().x == pytest.approx(210, abs=0.1)
 

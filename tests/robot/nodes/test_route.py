@@ -71,6 +71,30 @@ def test_a_barrier_in_the_way_is_driven_round(start: Point, goal: Point, barrier
     assert start not in route
 
 
+FITTING = Clearances.of(radius=140.0, margin=20.0)
+PLACES = [
+    (Point(140.0, 1860.0), Barriers(0), True),  # it just fits between two edges: goals have no margin there
+    (Point(139.0, 1000.0), Barriers(0), False),
+    (Point(1000.0, 139.0), Barriers(0), False),
+    (Point(2861.0, 1000.0), Barriers(0), False),
+    (Point(1000.0, 1861.0), Barriers(0), False),
+    (Point(900.0, 900.0 - 310.0), flags(Passage.FORCED, "pool 1"), True),  # off a pool of 150 mm by radius and margin
+    (Point(900.0, 900.0 - 309.0), flags(Passage.FORCED, "pool 1"), False),
+    (Point(900.0, 900.0 - 309.0), flags(Passage.NORMAL, "pool 1"), True),  # into a normal one
+    (Point(900.0, 1400.0 + 241.0), flags(Passage.FORCED, "fire 1"), True),  # a fire's circle has 81 mm
+    (Point(900.0, 1400.0 + 240.0), flags(Passage.FORCED, "fire 1"), False),
+]
+
+
+@pytest.mark.parametrize(("goal", "barriers", "fits"), PLACES)
+def test_a_goal_is_where_the_robot_fits(goal: Point, barriers: Barriers, fits: bool) -> None:
+    assert (find_route(Point(1500.0, 1000.0), goal, barriers, FITTING) is not None) is fits
+
+
+def test_a_robot_that_stands_where_it_does_not_fit_may_leave() -> None:
+    assert find_route(Point(50.0, 50.0), Point(1500.0, 1000.0), Barriers(0), FITTING) == (Point(1500.0, 1000.0),)
+
+
 @pytest.mark.parametrize(("start", "goal", "barriers", "clearances"), IMPOSSIBLE)
 def test_no_way(start: Point, goal: Point, barriers: Barriers, clearances: Clearances) -> None:
     assert find_route(start, goal, barriers, clearances) is None

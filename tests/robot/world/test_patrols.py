@@ -1,4 +1,4 @@
-"""The other robots: their rounds, on the field for either team."""
+"""The other robots on their rounds: where they go, for either team, and what they do when they are held up."""
 
 from __future__ import annotations
 
@@ -6,29 +6,60 @@ import random
 
 import pytest
 
-from eurobot_od.robot.field import HEIGHT, WIDTH, Point, Pose
+from eurobot_od.robot.field import BARRIERS, RADII, WIDTH, BarrierKind, Point, Pose
 from eurobot_od.robot.values import Source, TeamColour
-from eurobot_od.robot.world.patrols import ROUNDS, Patrol
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS, inside
+from eurobot_od.robot.world.patrols import ROUNDS, WAIT, Patrol
+
+TRIANGLE = (Point(100, 100), Point(400, 100), Point(400, 500))
 
 
-def test_a_patrol_goes_round_at_its_speed() -> None:
-    patrol = Patrol((Point(0, 0), Point(300, 0), Point(300, 400)), speed=100)
-    assert patrol.at(0.0) == Pose(0, 0, 0)
-    assert patrol.at(1.5) == Pose(150, 0, 0)
-    assert patrol.at(5.0) == pytest.approx((300, 200, 90))
-    assert patrol.at(12.0) == patrol.at(24.0) == patrol.at(0.0)
+def walk(patrol: Patrol, seconds: float) -> Pose:
+    """Let a patrol go unhindered."""
+    for _ in range(round(seconds / 0.01)):
+        patrol.advance(patrol.pose.point, 0.01)
+    return patrol.pose
+
+
+@pytest.mark.parametrize(
+    ("seconds", "expected"),
+    [(0.0, (100, 100, 0)), (1.5, (250, 100, 0)), (5.0, (400, 300, 90)), (11.9, (106, 108, None))],
+)
+def test_a_patrol_goes_round_at_its_speed(seconds: float, expected: tuple[float, float, float | None]) -> None:
+    pose = walk(Patrol(TRIANGLE, speed=100), seconds)
+    assert pose[:2] == pytest.approx(expected[:2], abs=4)
+    assert expected[2] is None or pose.angle == pytest.approx(expected[2], abs=1)
+
+
+def test_held_up_it_turns_round_after_a_while() -> None:
+    patrol = Patrol(TRIANGLE, speed=100)
+    walk(patrol, 4.0)
+    patrol.held_up(WAIT / 2)
+    assert walk(patrol, 0.1).angle == pytest.approx(90, abs=1)
+    patrol.held_up(WAIT)
+    assert walk(patrol, 0.1).angle == pytest.approx(270, abs=1)
 
 
 @pytest.mark.parametrize("source", list(ROUNDS))
-def test_the_others_stay_on_the_field_for_either_team(source: Source) -> None:
-    for team in TeamColour:
-        patrol = Patrol.of(source, team, random.Random(1))
-        places = [patrol.at(second) for second in range(90)]
-        assert all(0 <= place.x <= WIDTH and 0 <= place.y <= HEIGHT for place in places)
+@pytest.mark.parametrize("team", TeamColour)
+def test_the_others_stay_on_the_field_and_off_the_pools(source: Source, team: TeamColour) -> None:
+    pools = [each for each in BARRIERS if each.kind is BarrierKind.POOL]
+    for seed in range(20):
+        patrol = Patrol.of(source, team, random.Random(seed))
+        for _ in range(90):
+            point = walk(patrol, 1.0).point
+            assert inside(point, 0) == point
+            assert all(patrol.pose.distance(Point(x, y)) > RADII[kind] + ROBOT_RADIUS for _, kind, x, y in pools)
 
 
 def test_yellow_plays_against_the_mirror_image() -> None:
-    teams = (TeamColour.RED, TeamColour.YELLOW)
-    red, yellow = (Patrol.of(Source.ENEMY_1, team, random.Random(1)).points for team in teams)
-    assert [WIDTH - point.x for point in red] == pytest.approx([point.x for point in yellow])
-    assert [point.y for point in red] == [point.y for point in yellow]
+    red, yellow = (Patrol.of(Source.ENEMY_1, team, random.Random(1)) for team in (TeamColour.RED, TeamColour.YELLOW))
+    assert WIDTH - red.pose.x == pytest.approx(yellow.pose.x)
+    assert red.pose.y == yellow.pose.y
+
+
+def test_a_confederate_is_never_careless() -> None:
+    patrols = [Patrol.of(source, TeamColour.RED, random.Random(seed)) for source in ROUNDS for seed in range(100)]
+    careless = [patrol.careless for patrol in patrols]
+    assert any(careless[:200])
+    assert not any(careless[200:])

@@ -1,70 +1,54 @@
-"""The world: what is true, what wheels, beacons and the distance sensor say of it, and that chance has one seed."""
+"""The world: what robots run into, who drove into whom, what is pushed, who is where; all chance has one seed."""
 
 from __future__ import annotations
 
 import math
-import statistics
-from typing import Any
+from itertools import pairwise
 
 import pytest
 
+from eurobot_od.errors import UnknownName
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
-from eurobot_od.robot.nodes.motion import AT_REST, Command
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
-from eurobot_od.robot.world import World
-from eurobot_od.robot.world.world import DROP_SPEED, SIGHT
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, gap
+from eurobot_od.robot.world.contact import SHOVE, Touch
+from eurobot_od.robot.world.world import OURS, RIVAL
+from tests.robot.world.places import Place
 
-FORWARD = Command(400.0, 0.0)
-ENEMIES = {Source.ENEMY_1, Source.ENEMY_2}
+POOL_EDGE = 150 + ROBOT_RADIUS
+"""How near our centre comes to that of a pool, mm."""
 
-
-class Place:
-    """A world whose clock the test sets; its beacons are exact unless told otherwise."""
-
-    def __init__(self, seed: int = 1, deviations: tuple[float, float] = (0.0, 0.0), **who: Any) -> None:
-        self.now = 0.0
-        options = MatchOptions(seed=seed, **({"enemies": 0, "confederates": 0} | who))
-        self.world = World(options, lambda: deviations, lambda: self.now)
-
-    def drive(self, command: Command, seconds: float) -> None:
-        for _ in range(round(seconds / 0.01)):
-            self.now += 0.01
-            self.world.advance(command, 0.01)
-
-    def face(self, point: Point, distance: float) -> None:
-        """Put the robot before a point, looking at it."""
-        x = point.x - distance if point.x > WIDTH / 2 else point.x + distance
-        here = Pose(x, point.y, 0)
-        self.world.robot = here._replace(angle=here.bearing(point))
+BEFORE_POOL = Pose(1300, 900, 180)
+"""Before pool 1, looking at it, with nothing in between."""
 
 
 # Chance
 
 
 def test_the_same_seed_is_the_same_world() -> None:
-    one, other = Place(7, (5, 1), enemies=2), Place(7, (5, 1), enemies=2)
+    one, other = Place(7, enemies=2), Place(7, enemies=2)
     for place in (one, other):
-        place.drive(FORWARD, 1.0)
-    assert one.world.robot == other.world.robot
-    for source in Source:
-        assert one.world.locate(source, 1.0) == other.world.locate(source, 1.0)
+        place.drive(400, 1.0)
+    assert [body.pose for body in one.world.robots.values()] == [body.pose for body in other.world.robots.values()]
 
 
 def test_another_seed_is_another_world() -> None:
     one, other = Place(1, enemies=2), Place(2, enemies=2)
-    assert one.world.robot != other.world.robot
-    assert one.world.locate(Source.ENEMY_1, 0.0) != other.world.locate(Source.ENEMY_1, 0.0)
+    for name in ("ours", "enemy 1", "enemy 2"):
+        assert one.world.robots[name].pose != other.world.robots[name].pose
 
 
-def test_how_often_one_is_asked_for_does_not_change_what_another_says() -> None:
-    one, other = Place(1, (5, 1), enemies=2), Place(1, (5, 1), enemies=2)
-    for _ in range(10):
-        other.world.locate(Source.INTERNAL, 0.0)
-    assert one.world.locate(Source.ENEMY_1, 0.0) == other.world.locate(Source.ENEMY_1, 0.0)
+def test_who_asks_how_often_does_not_change_where_the_others_are() -> None:
+    one, other = Place(enemies=2), Place(enemies=2)
+    for _ in range(100):
+        one.now += 0.1
+        one.vehicle.pose(Source.ENEMY_1)
+    other.now = one.now
+    assert one.vehicle.pose(Source.ENEMY_1) == other.vehicle.pose(Source.ENEMY_1)
 
 
-# The robot
+# Our robot
 
 
 @pytest.mark.parametrize("team", TeamColour)
@@ -74,58 +58,160 @@ def test_the_robot_begins_near_its_start_place(team: TeamColour) -> None:
     assert max(start.distance(START_POSES[team].point) for start in starts) < 15
 
 
-def test_wheels_slip_but_report_what_they_were_told() -> None:
-    place = Place(3)
-    start = place.world.robot
-    odometry = place.world.advance(Command(500.0, 0.0), 0.1)
-    driven = place.world.robot.distance(start.point)
-    assert odometry == (50.0, 0.0)
-    assert driven != 50.0
-    assert driven == pytest.approx(50.0, rel=0.05)
-
-
-def test_at_rest_nothing_moves() -> None:
+def test_it_moves_as_its_wheels_roll() -> None:
     place = Place()
-    place.drive(AT_REST, 0.01)
-    start = place.world.robot
-    place.drive(AT_REST, 1.0)
-    assert place.world.robot == start
+    place.clear()
+    place.put(1000, 1000, 30)
+    assert place.world.move(OURS, Odometry(50.0, 10.0), 0.1) == pytest.approx(50.0, rel=0.001)
+    assert place.world.robot == Pose(1000, 1000, 30).moved(50.0, 10.0)
 
 
-def test_the_borders_hold_the_robot_back() -> None:
+def test_the_trace_has_its_times() -> None:
     place = Place()
-    place.drive(Command(800.0, 0.0), 10.0)
-    assert place.world.robot.x == WIDTH
-    place.drive(Command(-800.0, 0.0), 10.0)
-    assert place.world.robot.x == 0
-    assert 0 <= place.world.robot.y <= HEIGHT
-
-
-def test_the_path_is_kept_with_its_times() -> None:
-    place = Place()
-    place.drive(FORWARD, 0.05)
-    assert [round(time, 2) for time, _ in place.world.path] == [0.0, 0.01, 0.02, 0.03, 0.04, 0.05]
+    place.drive(400, 0.05)
+    times = [time for time, _ in place.world.path]
+    assert times == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04, 0.05])
     assert place.world.path[-1][1] == place.world.robot
 
 
-# The beacons
+# Contact
 
 
-def test_exact_beacons_tell_the_truth() -> None:
-    place = Place(enemies=1)
-    assert tuple(place.world.locate(Source.INTERNAL, 0.0) or ()) == place.world.robot
-    fix = place.world.locate(Source.ENEMY_1, 2.0)
-    assert fix is not None
-    assert (fix.x, fix.y) == place.world.others[Source.ENEMY_1].at(2.0).point
-    assert fix.angle is None  # only our own heading can be measured
+def test_a_pool_stops_the_robot_that_drives_at_it() -> None:
+    place = Place()
+    place.put(*BEFORE_POOL)
+    came = place.drive(400, 1.0)
+    assert place.here == pytest.approx((900 + POOL_EDGE, 900))
+    assert came == pytest.approx(BEFORE_POOL.x - 900 - POOL_EDGE)
+    assert place.touched() == [(OURS, "pool 1")]
 
 
-def test_beacons_are_off_by_their_deviation() -> None:
-    world = Place(deviations=(5.0, 1.0)).world
-    fixes = [fix for _ in range(2000) if (fix := world.locate(Source.INTERNAL, 0.0)) is not None]
-    assert statistics.stdev(fix.x for fix in fixes) == pytest.approx(5.0, rel=0.1)
-    assert statistics.stdev(fix.angle for fix in fixes if fix.angle is not None) == pytest.approx(1.0, rel=0.1)
-    assert statistics.mean(fix.y for fix in fixes) == pytest.approx(world.robot.y, abs=0.5)
+def test_what_is_met_at_an_angle_is_slid_along() -> None:
+    place = Place()
+    place.put(1300, 1100, 180)  # 200 mm off the pool's centre line
+    came = place.drive(400, 2.0)
+    assert place.here.x < 800, "it came past"
+    assert gap(place.here, ROBOT_RADIUS, place.world.things[6]) >= -1e-6
+    assert 0 < came < 800
+    assert place.touched()[0] == (OURS, "pool 1")
+
+
+@pytest.mark.parametrize(
+    ("pose", "edge"),
+    [
+        (Pose(1500, 300, 270), Point(1500, ROBOT_RADIUS)),
+        (Pose(1500, 1700, 90), Point(1500, HEIGHT - ROBOT_RADIUS)),
+        (Pose(300, 1500, 180), Point(ROBOT_RADIUS, 1500)),
+        (Pose(2700, 1500, 0), Point(WIDTH - ROBOT_RADIUS, 1500)),
+    ],
+)
+def test_the_border_holds_the_robot(pose: Pose, edge: Point) -> None:
+    place = Place()
+    place.put(*pose)
+    place.drive(800, 1.0)
+    assert place.here == pytest.approx(edge)
+    assert place.touched() == [(OURS, BORDER)]
+
+
+def test_a_fire_is_pushed_along_and_cannot_be_turned_over_any_more() -> None:
+    place = Place()
+    place.put(600, 1400, 0)
+    came = place.drive(400, 1.0)
+    assert came == pytest.approx(400), "it hardly weighs anything"
+    fire = place.world.things[0]
+    assert fire.point.x == pytest.approx(1000 + ROBOT_RADIUS + fire.radius)
+    assert place.touched() == [(OURS, "fire 1")]
+    place.put(900, 1670, 270)
+    assert place.vehicle.finish("fire 1") == 0
+
+
+def test_a_contact_is_counted_once_until_it_has_ended() -> None:
+    place = Place()
+    place.put(*BEFORE_POOL)
+    place.drive(400, 1.0)
+    place.drive(0, 0.5)
+    place.drive(400, 0.5)
+    assert len(place.world.touches) == 1
+    place.drive(-400, 0.5)
+    place.drive(400, 1.0)
+    assert len(place.world.touches) == 2
+
+
+def test_watchers_are_told_of_each_touch() -> None:
+    place, told = Place(), list[Touch]()
+    place.world.watchers.append(told.append)
+    place.put(*BEFORE_POOL)
+    place.drive(400, 1.0)
+    assert told == place.world.touches
+    assert str(told[0]) == "ours at 400 mm/s touched pool 1"
+
+
+def test_a_robot_between_two_things_stays_where_it_is() -> None:
+    place = Place(enemies=1, rival=True)
+    place.put(1500, 700, 270)
+    place.put(1500, 420, 90, RIVAL)  # rival stands below, overlapping by 0
+    one, other = place.world.things[6], place.world.things[7]
+    one.point, other.point = Point(1400, 350), Point(1600, 350)
+    before = place.here
+    place.drive(300, 0.5)
+    assert math.dist(before, place.here) < 120
+    assert all(gap(place.here, ROBOT_RADIUS, each) > -1.5 for each in (one, other))
+
+
+# Other robots
+
+
+def test_a_robot_that_stands_yields_a_little_to_one_that_drives_into_it() -> None:
+    place = Place(enemies=1, rival=True)
+    place.clear()
+    place.put(1000, 1000, 0)
+    place.put(1280, 1000, 0, RIVAL)
+    place.drive(400, 0.5)
+    moved = place.world.robots[RIVAL].point.x - 1280
+    assert moved == pytest.approx(SHOVE * 200, abs=10), "a share of what it was driven at"
+    assert place.here.x == pytest.approx(1000 + moved, abs=3), "and it comes no farther"
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "at_fault", "why"),
+    [
+        (300.0, 0.0, OURS, "we drove into one that stood"),
+        (0.0, 300.0, RIVAL, "it drove into us"),
+        (300.0, -100.0, OURS, "we were faster"),
+        (200.0, 300.0, RIVAL, "both came, it was faster"),
+    ],
+)
+def test_who_drove_into_whom(ours: float, theirs: float, at_fault: str, why: str) -> None:
+    place = Place(enemies=1, rival=True)
+    place.clear()
+    place.put(1000, 1000, 0)
+    place.put(1400, 1000, 180, RIVAL)
+    for _ in range(200):
+        place.drive(ours, 0.01)
+        place.drive(theirs, 0.01, name=RIVAL)
+    touch = place.world.touches[0]
+    assert {touch.robot, touch.thing} == {OURS, RIVAL}
+    assert [name for name in (OURS, RIVAL) if touch.is_fault_of(name)] == [at_fault], why
+
+
+def test_those_on_their_rounds_move_though_nobody_drives_them() -> None:
+    place = Place(enemies=2, confederates=1)
+    before = {source: place.vehicle.pose(source) for source in Source}
+    place.now = 5.0
+    for source in Source:
+        moved = place.vehicle.pose(source) != before[source]
+        assert moved is (source is not Source.INTERNAL)
+
+
+def test_a_careful_one_stops_before_us_and_turns_round() -> None:
+    for seed in range(1, 30):
+        place = Place(seed, confederates=1)
+        body = place.world.robots["confederate"]
+        ahead = body.pose.moved(500, 0)
+        place.put(*ahead)
+        place.now = 12.0
+        place.vehicle.pose(Source.CONFEDERATE)
+        assert [touch for touch in place.world.touches if touch.is_fault_of("confederate")] == []
 
 
 @pytest.mark.parametrize(
@@ -133,62 +219,58 @@ def test_beacons_are_off_by_their_deviation() -> None:
     [
         (0, 0, set()),
         (1, 0, {Source.ENEMY_1}),
-        (2, 0, ENEMIES),
+        (2, 0, {Source.ENEMY_1, Source.ENEMY_2}),
         (0, 1, {Source.CONFEDERATE}),
-        (2, 1, ENEMIES | {Source.CONFEDERATE}),
+        (2, 1, {Source.ENEMY_1, Source.ENEMY_2, Source.CONFEDERATE}),
     ],
 )
-def test_only_who_is_there_is_seen(enemies: int, confederates: int, there: set[Source]) -> None:
-    world = Place(enemies=enemies, confederates=confederates).world
-    assert {source for source in Source if world.locate(source, 0.0)} == there | {Source.INTERNAL}
+def test_only_who_is_there_has_a_place(enemies: int, confederates: int, there: set[Source]) -> None:
+    vehicle = Place(enemies=enemies, confederates=confederates).vehicle
+    assert {source for source in Source if vehicle.pose(source)} == there | {Source.INTERNAL}
 
 
-# The distance sensor
+def test_the_rival_sees_us_as_its_enemy() -> None:
+    place = Place(enemies=2, confederates=1, rival=True)
+    rival = place.world.vehicle(RIVAL)
+    assert rival.pose(Source.INTERNAL) == place.vehicle.pose(Source.ENEMY_1)
+    assert rival.pose(Source.ENEMY_1) == place.vehicle.pose(Source.INTERNAL)
+    assert rival.pose(Source.ENEMY_2) == place.vehicle.pose(Source.CONFEDERATE)
+    assert rival.pose(Source.CONFEDERATE) == place.vehicle.pose(Source.ENEMY_2)
 
 
-@pytest.mark.parametrize(
-    ("distance", "turned", "command", "seen", "why"),
-    [
-        (SIGHT - 50, 0, FORWARD, Obstacle.ENEMY, "ahead and near"),
-        (SIGHT + 50, 0, FORWARD, None, "too far away"),
-        (SIGHT - 50, 40, FORWARD, None, "off to the side"),
-        (SIGHT - 50, 180, FORWARD, None, "behind"),
-        (SIGHT - 50, 0, AT_REST, None, "a robot at rest runs into nobody"),
-    ],
-)
-def test_an_enemy_in_the_way_is_seen(
-    distance: float, turned: float, command: Command, seen: Obstacle | None, why: str
-) -> None:
-    place = Place(enemies=1)
-    place.face(place.world.others[Source.ENEMY_1].at(0.0).point, distance)
-    robot = place.world.robot
-    place.world.robot = robot._replace(angle=robot.angle + turned)
-    place.world.advance(command, 0.0)
-    assert place.world.obstacle(0.0) is seen, why
+def test_the_rival_starts_on_the_other_side() -> None:
+    place = Place(enemies=1, rival=True, team=TeamColour.YELLOW)
+    assert place.world.robots[RIVAL].pose.distance(START_POSES[TeamColour.RED].point) < 20
 
 
-def test_a_thing_falls_over_once_lies_in_the_way_and_is_pushed_aside() -> None:
+# What was
+
+
+def test_a_place_of_some_time_ago() -> None:
     place = Place()
-    place.drive(Command(DROP_SPEED, 0.0), 0.1)
-    assert place.world.obstacle(place.now) is None
-    place.world.drop_thing(place.now)
-    assert place.world.obstacle(place.now) is Obstacle.OBJECT
-    assert place.world.obstacle(place.now + 1.1) is None
-    place.world.drop_thing(place.now + 2.0)
-    assert place.world.obstacle(place.now + 2.0) is None
+    place.clear()
+    place.put(500, 1000, 0)
+    place.drive(500, 1.0)
+    ages = (0.0, 0.1, 0.5, 1.0, 60.0)
+    poses = [place.vehicle.pose(Source.INTERNAL, age) for age in ages]
+    ways = [pose.x for pose in poses if pose is not None]
+    assert ways[:3] == pytest.approx([1000, 950, 750], abs=6)
+    assert all(later >= earlier for later, earlier in pairwise(ways))
 
 
-def test_nothing_falls_before_a_slow_robot() -> None:
-    place = Place()
-    place.drive(Command(DROP_SPEED - 1, 0.0), 0.1)
-    place.world.drop_thing(place.now)
-    assert place.world.thing is None
+# Tasks
 
 
-def test_a_turn_is_off_by_the_drift_of_the_wheels() -> None:
-    place = Place(5)
-    before = place.world.robot.angle
-    place.drive(Command(0.0, 90.0), 1.0)
-    turned = (place.world.robot.angle - before) % 360
-    assert turned != 90.0
-    assert math.isclose(turned, 90.0, rel_tol=0.03)
+def test_a_task_takes_its_time_and_scores_where_the_robot_truly_is() -> None:
+    place = Place(3)
+    assert place.vehicle.begin("frescos") == 2.0
+    assert place.vehicle.finish("frescos") == 0, "not there"
+    place.put(1400, 1800, 90)
+    gain = place.vehicle.finish("frescos")
+    assert gain in (0, 3, 6)
+    assert place.world.game.points(OURS) == gain
+
+
+def test_an_unknown_task_is_named() -> None:
+    with pytest.raises(UnknownName, match="unknown task 'fire 11'"):
+        Place().vehicle.begin("fire 11")

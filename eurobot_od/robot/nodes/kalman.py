@@ -1,0 +1,233 @@
+"""An extended Kalman filter of a robot's pose: what its wheels report, and navigation positions (document 4.2.2).
+
+Rule of this file: no clock, and nothing changes: a movement or a measurement makes a new belief of an old one.
+
+Theory of operation. The state is x, y in mm, the heading in degrees and the wheels' scale, the factor by which what
+they report as distance is true. What the wheels report moves the state along an arc and adds to its covariance; a
+navigation position is a measurement of x, y and, if it is known, the heading. Measured values have independent errors,
+so they are taken in one after the other, which is the same as all at once and needs no inverse matrix. What each one
+was off, in terms of what was to be expected, adds up to the square of the Mahalanobis distance of the whole position.
+
+A position that is known to be old is compared with where the robot was by this very belief: whoever asks says how the
+robot has moved since, and the comparison says how that depends on heading and scale.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from operator import mul
+from typing import NamedTuple, TypeAlias
+
+from eurobot_od.robot.field import Pose, normalise, turn
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.nodes.navigation import Fix
+
+ROUNDING = 1 / 12
+"""Variance of what a message rounds to whole millimetres and degrees."""
+
+LOWEST_SCALE, HIGHEST_SCALE = 0.5, 2.0
+"""Wheels are never further off, whatever somebody makes of the settings."""
+
+METRE, FULL_TURN = 1000.0, 360.0
+RADIAN = math.radians(1.0)
+"""A degree, in radians."""
+
+Row: TypeAlias = tuple[float, float, float, float]
+"""A number for each part of the state: x in mm, y in mm, heading in degrees, scale."""
+
+Covariance: TypeAlias = tuple[Row, Row, Row, Row]
+
+NOTHING: Row = (0.0, 0.0, 0.0, 0.0)
+
+
+class Variances(NamedTuple):
+    """Of a pose whose parts have independent errors: mm2 in x and in y, square degrees of the heading."""
+
+    place: float
+    angle: float
+
+
+class Deviations(NamedTuple):
+    """Standard deviations of an estimate: x and y in mm, heading in degrees; `worst` that of the place in the direction
+    in which it is known worst, mm.
+    """
+
+    x: float
+    y: float
+    heading: float
+    worst: float
+
+
+class Tuning(NamedTuple):
+    """How far off everything is expected to be, as standard deviations: the drive's settings `Estimate`.
+
+    Navigation positions are off by `navigation` mm in x and in y and by `navigation_angle` degrees, and `latency`
+    seconds old. A right one is refused with the chance 1 - `gate`. The robot is put down at its start place within
+    `placement` mm and `placement_angle` degrees. What wheels report as distance is off by a constant share `scale`, and
+    at random by `distance` mm after a metre, the heading by `drift` degrees after a metre and by `turning` degrees
+    after a full turn; errors at random grow with the root of the way.
+    """
+
+    navigation: float
+    navigation_angle: float
+    latency: float
+    gate: float
+    placement: float
+    placement_angle: float
+    scale: float
+    distance: float
+    drift: float
+    turning: float
+
+    @property
+    def fix_variances(self) -> Variances:
+        """How far off a navigation position is as it comes."""
+        return Variances(self.navigation**2 + ROUNDING, self.navigation_angle**2 + ROUNDING)
+
+    @property
+    def placement_variances(self) -> Variances:
+        """How far off the robot may be put down."""
+        return Variances(self.placement**2, self.placement_angle**2)
+
+
+class Travel(NamedTuple):
+    """How the robot has moved: mm `ahead` and to the left as it looked at first, and degrees `turned` since."""
+
+    ahead: float
+    left: float
+    turned: float
+
+    @classmethod
+    def between(cls, start: Pose, end: Pose) -> Travel:
+        """Return the movement from one pose to another."""
+        cos, sin = _direction(start.angle)
+        dx, dy = end.x - start.x, end.y - start.y
+        return cls(cos * dx + sin * dy, cos * dy - sin * dx, turn(start.angle, end.angle))
+
+    def seen_from(self, angle: float, scale: float) -> tuple[float, float]:
+        """Return the movement in x and y, mm, of a robot that looked to `angle` at first."""
+        cos, sin = _direction(angle)
+        return scale * (cos * self.ahead - sin * self.left), scale * (sin * self.ahead + cos * self.left)
+
+
+def _direction(angle: float) -> tuple[float, float]:
+    return math.cos(angle * RADIAN), math.sin(angle * RADIAN)
+
+
+class Observation(NamedTuple):
+    """A measured value: how it follows from the state, by how much it is other than expected, and its variance."""
+
+    row: Row
+    innovation: float
+    variance: float
+
+
+class Belief(NamedTuple):
+    """The filter's state, `pose` and `scale`, and its covariance."""
+
+    pose: Pose
+    scale: float
+    covariance: Covariance
+
+    @classmethod
+    def at(cls, pose: Pose, variances: Variances, scale: float) -> Belief:
+        """Return a belief in a pose, and in wheels that report true distances with the standard deviation `scale`."""
+        place, angle = variances
+        x, y = (place, 0.0, 0.0, 0.0), (0.0, place, 0.0, 0.0)
+        covariance = (x, y, (0.0, 0.0, angle, 0.0), (0.0, 0.0, 0.0, scale**2))
+        return cls(pose._replace(angle=normalise(pose.angle)), 1.0, covariance)
+
+    @property
+    def deviations(self) -> Deviations:
+        """How well the pose is known."""
+        (xx, xy, *_), (_, yy, *_), (_, _, hh, _), _ = self.covariance
+        worst = (xx + yy) / 2 + math.hypot((xx - yy) / 2, xy)  # the greater eigenvalue
+        return Deviations(*(math.sqrt(max(each, 0.0)) for each in (xx, yy, hh, worst)))  # 0 may be rounded to less
+
+    def moved(self, odometry: Odometry, tuning: Tuning) -> Belief:
+        """Follow what the wheels report along an arc."""
+        distance, turned = odometry
+        pose = self.pose.moved(self.scale * distance, turned)
+        metres, turns = abs(distance) / METRE, abs(turned) / FULL_TURN
+        along = tuning.distance**2 * metres
+        heading = tuning.drift**2 * metres + tuning.turning**2 * turns
+        dx, dy = pose.x - self.pose.x, pose.y - self.pose.y
+        return Belief(pose, self.scale, _carried(self.covariance, dx, dy, self.scale, along, heading))
+
+    def corrected(self, observations: Sequence[Observation]) -> tuple[Belief, float]:
+        """Take in measured values; also return the square of their Mahalanobis distance."""
+        covariance, change, distance = self.covariance, NOTHING, 0.0
+        for row, innovation, variance in observations:
+            across = tuple(_dot(each, row) for each in covariance)
+            expected, left = _dot(row, across) + variance, innovation - _dot(row, change)
+            gain = tuple(each / expected for each in across)
+            change = _row(old + share * left for old, share in zip(change, gain))
+            covariance = _joseph(covariance, row, gain, variance)
+            distance += left * left / expected
+        return self._changed(change, covariance), distance
+
+    def _changed(self, change: Row, covariance: Covariance) -> Belief:
+        dx, dy, turned, stretched = change
+        x, y, angle = self.pose
+        scale = min(max(self.scale + stretched, LOWEST_SCALE), HIGHEST_SCALE)
+        return Belief(Pose(x + dx, y + dy, normalise(angle + turned)), scale, covariance)
+
+    def compared(self, fix: Fix, travel: Travel, tuning: Tuning) -> list[Observation]:
+        """Compare a navigation position with where the robot was before `travel`, by this belief."""
+        place, angle = tuning.fix_variances
+        before = self.pose.angle - travel.turned
+        dx, dy = travel.seen_from(before, self.scale)
+        x = Observation((1.0, 0.0, dy * RADIAN, -dx / self.scale), fix.x + dx - self.pose.x, place)
+        y = Observation((0.0, 1.0, -dx * RADIAN, -dy / self.scale), fix.y + dy - self.pose.y, place)
+        if fix.angle is None:
+            return [x, y]
+        return [x, y, Observation((0.0, 0.0, 1.0, 0.0), turn(before, fix.angle), angle)]
+
+
+def _carried(covariance: Covariance, dx: float, dy: float, scale: float, along: float, heading: float) -> Covariance:
+    """Return the covariance after a movement of `dx`, `dy` that adds variances along the way and to the heading.
+
+    The Jacobian differs from 1 only in how x and y depend on heading and scale, so that its products are written out:
+    this is done in every control step.
+    """
+    (xx, xy, xh, xs), (_, yy, yh, ys), (_, _, hh, hs), (_, _, _, ss) = covariance
+    x_h, x_s, y_h, y_s = -dy * RADIAN, dx / scale, dx * RADIAN, dy / scale
+    new_xh, new_xs = xh + x_h * hh + x_s * hs, xs + x_h * hs + x_s * ss
+    new_yh, new_ys = yh + y_h * hh + y_s * hs, ys + y_h * hs + y_s * ss
+    way = dx * dx + dy * dy
+    noise = along / way if way else 0.0
+    xx += x_h * (xh + new_xh) + x_s * (xs + new_xs) + noise * dx * dx
+    xy += x_h * yh + x_s * ys + y_h * new_xh + y_s * new_xs + noise * dx * dy
+    yy += y_h * (yh + new_yh) + y_s * (ys + new_ys) + noise * dy * dy
+    return (
+        (xx, xy, new_xh, new_xs),
+        (xy, yy, new_yh, new_ys),
+        (new_xh, new_yh, hh + heading, hs),
+        (new_xs, new_ys, hs, ss),
+    )
+
+
+def _joseph(covariance: Covariance, row: Row, gain: Sequence[float], variance: float) -> Covariance:
+    """Return the covariance after a measured value, in Joseph's form: it stays positive whatever is rounded."""
+    kept = [_row(float(i == j) - gain[i] * row[j] for j in range(4)) for i in range(4)]
+    half = [[_dot(each, column) for column in covariance] for each in kept]  # symmetric: its rows are its columns
+    new = [[_dot(half[i], kept[j]) + variance * gain[i] * gain[j] for j in range(4)] for i in range(4)]
+    x, y, heading, scale = (_row(new[min(i, j)][max(i, j)] for j in range(4)) for i in range(4))
+    return x, y, heading, scale
+
+
+def _dot(first: Sequence[float], second: Sequence[float]) -> float:
+    return math.fsum(map(mul, first, second))
+
+
+def _row(values: Iterable[float]) -> Row:
+    x, y, heading, scale = values
+    return x, y, heading, scale
+
+
+def chance_up_to(distance: float, values: int) -> float:
+    """Return the chance of a square of the Mahalanobis distance up to this, of so many values (2 or 3): chi-square."""
+    if values == 2:
+        return -math.expm1(-distance / 2)
+    return math.erf(math.sqrt(distance / 2)) - math.sqrt(2 * distance / math.pi) * math.exp(-distance / 2)

@@ -1,0 +1,141 @@
+"""What bodies do to each other: robots stop at what is fixed, push what is light, shove one another, and slide.
+
+Every movement is judged alike. Where it would end inside of something, what is light is pushed along, and the robot is
+pushed out of everything else: it slides along what it meets at an angle, and stands before what it meets head on. A
+robot that is driven into yields a little. The first moment of each contact is a `Touch`.
+
+Most of the time nothing is near. How far a robot may drive before it can meet anything that stands is its `room`; until
+that is used up only the other robots are looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+from eurobot_od.robot.field import Point, Pose
+from eurobot_od.robot.world.bodies import BORDER, Body, RobotBody, Weight, gap, inside, pushed_out
+
+SHOVE = 0.3
+"""Share by which a robot yields to one that drives into it."""
+
+WEDGED = 1.0
+"""A robot that would still be so deep in something, mm, after it was pushed out of everything else stays put."""
+
+RELEASED = 5.0
+"""A contact is over when they are so far apart, mm."""
+
+AT_FAULT = 20.0
+"""Who comes nearer at this speed, mm/s, has not stood."""
+
+
+class Touch(NamedTuple):
+    """Two bodies met: when, in s, which robot moved into what, and how fast either came nearer, mm/s."""
+
+    time: float
+    robot: str
+    thing: str
+    speed: float
+    met: float
+
+    def is_fault_of(self, robot: str) -> bool:
+        """Tell whether a robot drove into the other body, and was not rather driven into."""
+        own, other = (self.speed, self.met) if robot == self.robot else (self.met, self.speed)
+        return own >= max(other, AT_FAULT)
+
+    def __str__(self) -> str:
+        met = f", which came at {self.met:.0f} mm/s" if self.met >= AT_FAULT else ""
+        return f"{self.robot} at {self.speed:.0f} mm/s touched {self.thing}{met}"
+
+
+class Contacts:
+    """Moves `robots` among `things`; calls `touched` with each touch, and `pushed` with what was pushed along."""
+
+    def __init__(
+        self,
+        things: list[Body],
+        robots: Mapping[str, RobotBody],
+        clock: Callable[[], float],
+        touched: Callable[[Touch], None],
+        pushed: Callable[[Body], None],
+    ) -> None:
+        self.things = things
+        self._robots, self._clock, self._touched, self._pushed = robots, clock, touched, pushed
+
+    def move(self, body: RobotBody, wanted: Pose) -> None:
+        """Move a robot to a pose, or as near as it comes."""
+        body.go(self._clear(body, wanted.point), wanted.angle, self._clock())
+        if body.touching:
+            self._release(body)
+
+    def stir(self) -> None:
+        """Take notice that something stands elsewhere than before."""
+        for robot in self._robots.values():
+            robot.room = 0.0
+
+    def _clear(self, body: RobotBody, wanted: Point) -> Point:
+        """Return the nearest place to the wanted one where a robot is in nothing else; push what can be pushed."""
+        point = inside(wanted, body.radius)
+        if point != wanted:
+            self._touch(body, BORDER, 0.0)
+        near = self._near(body, point)
+        met = [each for each in near if gap(point, body.radius, each) < 0]
+        for each in met:
+            point = self._meet(body, point, each)
+        heavy = [each for each in near if each.weight is not Weight.LIGHT] if met else []
+        if any(gap(point, body.radius, each) < -WEDGED for each in heavy):
+            return body.point
+        return inside(point, body.radius) if met else point
+
+    def _near(self, body: RobotBody, point: Point) -> list[Body]:
+        """Return what a robot can meet on its way to a place: the other robots, and what stands near."""
+        robots = [each for each in self._robots.values() if each is not body]
+        body.room -= body.pose.distance(point)
+        if body.room > 0:
+            return [*robots]
+        body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
+        return [*robots, *self.things]
+
+    def _meet(self, body: RobotBody, point: Point, other: Body) -> Point:
+        """Have a robot meet a body at a place; return where the robot is then."""
+        met = other.approach(body) if isinstance(other, RobotBody) else 0.0
+        self._touch(body, other.name, met)
+        if other.weight is Weight.LIGHT:
+            self._push(body, point, other)
+            return point
+        if isinstance(other, RobotBody):
+            self._shove(body, point, other)
+        return pushed_out(point, body.radius, other)
+
+    def _push(self, body: RobotBody, point: Point, other: Body) -> None:
+        here = Body(body.name, point, body.radius, body.weight)
+        other.point = inside(pushed_out(other.point, other.radius, here), 0)
+        self.stir()
+        self._pushed(other)
+
+    def _shove(self, body: RobotBody, point: Point, other: RobotBody) -> None:
+        """Have a robot yield a little to one that drives into it; its wheels do not notice."""
+        out = pushed_out(other.point, other.radius, Body(body.name, point, body.radius, body.weight))
+        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, out))
+        fixed = [each for each in self.things if each.weight is Weight.FIXED]
+        if all(gap(Point(x, y), other.radius, each) >= 0 for each in fixed):
+            other.go(inside(Point(x, y), other.radius), other.angle, self._clock())
+            other.room = 0.0
+
+    def _touch(self, body: RobotBody, thing: str, met: float) -> None:
+        if thing in body.touching:
+            return
+        body.touching.add(thing)
+        other = self._robots.get(thing)
+        speed = abs(body.speed) if other is None else body.approach(other)
+        if other is not None:
+            other.touching.add(body.name)
+        self._touched(Touch(self._clock(), body.name, thing, speed, met))
+
+    def _release(self, body: RobotBody) -> None:
+        """Forget the contacts that are over."""
+        bodies = [*self.things, *self._robots.values()]
+        near = {each.name for each in bodies if gap(body.point, body.radius, each) < RELEASED}
+        if inside(body.point, body.radius + RELEASED) != body.point:
+            near.add(BORDER)
+        body.touching &= near

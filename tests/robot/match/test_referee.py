@@ -1,0 +1,137 @@
+"""The referee: startup, match, mushroom and end around any strategy; one that fails leaves the robot standing."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
+from eurobot_od.robot.match.referee import Strategy
+from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.values import Outcome, Source
+from eurobot_od.robot.world import World
+
+ALONE = MatchOptions(enemies=0, confederates=0, duration=8.0, falling=False)
+FAR = (1500, 1300, 0, 50)
+
+
+def play(strategy: Strategy, options: MatchOptions = ALONE) -> tuple[list[MatchEvent], Summary, World]:
+    events: list[MatchEvent] = []
+    summary, world = play_simulated(options, events.append, lambda _time, _frame: None, strategy=strategy)
+    return events, summary, world
+
+
+def kinds(events: list[MatchEvent]) -> list[EventKind]:
+    return [event.kind for event in events]
+
+
+def stands(world: World) -> bool:
+    """Tell whether the robot has not moved in the last second."""
+    vehicle = world.vehicle()
+    return vehicle.pose(Source.INTERNAL) == vehicle.pose(Source.INTERNAL, 0.5)
+
+
+async def wait(_: Core) -> None:
+    """Do nothing, for ever."""
+    await asyncio.Event().wait()
+
+
+async def nothing(_: Core) -> None:
+    """Do nothing, and end."""
+
+
+@pytest.mark.parametrize("strategy", [wait, nothing])
+def test_a_match_lasts_its_time_whatever_the_strategy_does(strategy: Strategy) -> None:
+    events, summary, _ = play(strategy)
+    assert kinds(events) == [
+        EventKind.START,
+        EventKind.CHECK,
+        EventKind.CONFIGURE,
+        EventKind.POSITION,
+        EventKind.MATCH,
+        EventKind.STOP,
+        EventKind.END,
+    ]
+    assert events[-2].time - events[4].time == pytest.approx(8.0, abs=0.1)
+    assert summary.failure is None
+
+
+def test_a_goto_at_the_end_is_stopped_and_the_strategy_is_cancelled() -> None:
+    seen: list[str] = []
+
+    async def drive(core: Core) -> None:
+        await asyncio.sleep(6.5)
+        report = await core.goto(*FAR)
+        seen.append(report.outcome.value)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            seen.append("cancelled")
+
+    events, _, world = play(drive)
+    assert seen == [Outcome.STOPPED.value, "cancelled"]
+    assert stands(world)
+    given_up = next(event for event in events if event.kind is EventKind.GIVEN_UP)
+    assert given_up.data["why"] == "the match is over"
+
+
+def test_what_a_strategy_does_is_told() -> None:
+    async def one_task(core: Core) -> None:
+        await core.goto(1400, 1800, 90, 80)
+        await core.act("frescos")
+
+    events, summary, _ = play(one_task)
+    told = [event for event in events if event.kind in (EventKind.GOTO, EventKind.ARRIVED, EventKind.TASK)]
+    assert kinds(told) == [EventKind.GOTO, EventKind.ARRIVED, EventKind.TASK]
+    assert told[1].data["error"] < 20
+    assert told[2].data == {"task": "frescos", "gain": summary.points["ours"]}
+    assert summary.errors == [pytest.approx(told[1].data["error"], abs=0.05)]
+
+
+# A strategy that fails
+
+
+async def fail_at_once(_: Core) -> None:
+    raise ZeroDivisionError("by zero")
+
+
+async def fail_under_way(core: Core) -> None:
+    call = core.goto(*FAR)
+    await asyncio.sleep(1.5)
+    raise ZeroDivisionError(f"{call.done()} is no number")
+
+
+@pytest.mark.parametrize("strategy", [fail_at_once, fail_under_way])
+def test_an_exception_ends_the_match_with_the_robot_standing(strategy: Strategy) -> None:
+    events, summary, world = play(strategy)
+    failed = next(event for event in events if event.kind is EventKind.FAILED)
+    assert failed.text.startswith("the strategy raised ZeroDivisionError: ")
+    assert summary.failure is not None
+    assert summary.failure.splitlines()[-1].startswith("ZeroDivisionError: ")
+    assert "test_referee.py" in summary.failure
+    assert events[-1].kind is EventKind.END
+    assert events[-1].data["moved"] == 0
+    assert stands(world)
+
+
+# The mushroom
+
+
+def test_the_mushroom_ends_everything() -> None:
+    events, summary, world = play(to_and_fro, MatchOptions(duration=8.0, emergency_at=4.0, seed=3))
+    emergency = next(event for event in events if event.kind is EventKind.EMERGENCY)
+    assert emergency.time - events[4].time == pytest.approx(4.0, abs=0.001)
+    later = [event for event in events if event.time > emergency.time]
+    assert EventKind.GOTO not in kinds(later)
+    assert summary.frames["Emergency Shutdown"] >= 1
+    assert events[-1].data["moved"] == 0
+    assert stands(world)
+
+
+async def to_and_fro(core: Core) -> None:
+    """Drive from place to place, for ever."""
+    while True:
+        await core.goto(*FAR)
+        await core.goto(500, 1700, 0, 50)

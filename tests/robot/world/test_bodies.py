@@ -1,0 +1,75 @@
+"""Solid bodies: gaps between them, and where one is that is pushed out of another, or held by the border."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, Point, Pose
+from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, gap, inside, pushed_out, things
+
+POOL = Body("pool", Point(1000, 1000), 150.0, Weight.FIXED)
+
+
+@pytest.mark.parametrize(
+    ("point", "radius", "expected", "why"),
+    [
+        (Point(1300, 1000), 100.0, 50.0, "apart"),
+        (Point(1250, 1000), 100.0, 0.0, "edge to edge"),
+        (Point(1200, 1000), 100.0, -50.0, "in each other"),
+        (Point(1000, 1000), 100.0, -250.0, "centre on centre"),
+    ],
+)
+def test_gap(point: Point, radius: float, expected: float, why: str) -> None:
+    assert gap(point, radius, POOL) == pytest.approx(expected), why
+
+
+@pytest.mark.parametrize("point", [Point(1200, 1000), Point(1000, 810), Point(900, 1100), Point(1000, 1000)])
+def test_what_is_pushed_out_only_touches(point: Point) -> None:
+    out = pushed_out(point, 100.0, POOL)
+    assert gap(out, 100.0, POOL) == pytest.approx(0.0, abs=1e-9)
+    if point != POOL.point:  # along the line of the centres
+        before, after = (math.atan2(each.y - 1000, each.x - 1000) for each in (point, out))
+        assert before == pytest.approx(after)
+
+
+@pytest.mark.parametrize(
+    ("point", "expected"),
+    [
+        (Point(1500, 1000), Point(1500, 1000)),
+        (Point(50, 1000), Point(140, 1000)),
+        (Point(WIDTH, 1000), Point(WIDTH - 140, 1000)),
+        (Point(1500, -30), Point(1500, 140)),
+        (Point(0, HEIGHT), Point(140, HEIGHT - 140)),
+    ],
+)
+def test_the_border_holds_a_robot_inside(point: Point, expected: Point) -> None:
+    assert inside(point, 140.0) == expected
+
+
+def test_the_documents_barriers_stand_on_the_field_with_their_sizes() -> None:
+    standing = {each.name: each for each in things()}
+    for barrier in BARRIERS:
+        body = standing[barrier.name]
+        assert (body.point, body.radius) == (Point(barrier.x, barrier.y), RADII[barrier.kind])
+    assert {each.weight for name, each in standing.items() if name.startswith("fire")} == {Weight.LIGHT}
+    assert {each.weight for name, each in standing.items() if not name.startswith("fire")} == {Weight.FIXED}
+
+
+@pytest.mark.parametrize(
+    ("angle", "speed", "expected", "why"),
+    [
+        (0.0, 200.0, 200.0, "straight at it"),
+        (180.0, 200.0, -200.0, "straight away from it"),
+        (180.0, -200.0, 200.0, "tail first at it"),
+        (90.0, 200.0, 0.0, "past it"),
+        (60.0, 200.0, 100.0, "at an angle"),
+        (0.0, 0.0, 0.0, "at rest"),
+    ],
+)
+def test_how_fast_a_robot_comes_nearer(angle: float, speed: float, expected: float, why: str) -> None:
+    robot = RobotBody("ours", Point(0, 0), 140.0, Weight.ROBOT)
+    robot.place(Pose(500, 1000, angle))
+    robot.speed = speed
+    assert robot.approach(POOL) == pytest.approx(expected, abs=1e-9), why
