@@ -132,5 +132,9 @@ class ProgramError(RemoteError):
     """A program that could not be downloaded into a node; the text says in which state the node is."""
 
 
+class WorldError(RemoteError):
+    """The world of a simulated robot, in another process, cannot be reached, or does not answer."""
+
+
 class BusError(EurobotError):
     """The CAN bus, its driver or its configuration failed."""

@@ -25,6 +25,7 @@ from eurobot_od.errors import (
     StateError,
     UnknownIdentifier,
     UnknownName,
+    WorldError,
 )
 from eurobot_od.robot.values import Direction
 
@@ -63,6 +64,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (Refused(Cause.STATE, "the safe state is held"), RemoteError, "the safe state is held"),
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
     (ProgramError("drive has no program"), RemoteError, "drive has no program"),
+    (WorldError("the world does not answer"), RemoteError, "the world does not answer"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),
 ]

@@ -17,12 +17,13 @@ from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, RemoteError
+from eurobot_od.errors import BusError, EurobotError, RemoteError, WorldError
 
 COMMANDS = {
     "match": "play a match of the three nodes, in simulated or real time",
     "show": "show the messages as the EDS files map them, or one message's bits",
     "node": "run one node on a CAN bus",
+    "world": "run the world that simulated nodes in other processes share",
     "send": "send a message, and wait for an answer if asked to",
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
@@ -65,11 +66,12 @@ class ExitStatus(IntEnum):
     WRONG_INPUT = 2
     """Of the command line, or of a file."""
     TROUBLE = 3
-    """With the bus or the file system."""
+    """With the bus, the world of a simulated robot, or the file system."""
     INTERRUPTED = 130
 
 
 STATUS_OF = {
+    WorldError: ExitStatus.TROUBLE,
     RemoteError: ExitStatus.FOUND,
     BusError: ExitStatus.TROUBLE,
     EurobotError: ExitStatus.WRONG_INPUT,

@@ -5,26 +5,29 @@ from __future__ import annotations
 import argparse
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
+from eurobot_od.cli import ExitStatus, scene
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.device.waveforms import Waveform
     from eurobot_od.frame import Frame
+    from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NodeFile
     from eurobot_od.od.values import Address, Value
     from eurobot_od.robot.nodes import Core, Node
 
 
-ONLY = {"team": "core", "drill": "core", "beacons": "navigation", "set": "", "values": ""}
+ONLY = {"team": "core", "drill": "core", "strategy": "core", "beacons": "navigation", "set": "", "values": ""}
 """Options that make sense for one node of the robot only, or (``) for none of them."""
 
 
@@ -50,16 +53,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     robot.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
     robot.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
     robot.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
+    scene.add_arguments(robot)
     shared.add_network(parser)
     shared.add_bus(parser)
 
 
-def run(arguments: argparse.Namespace) -> None:
-    """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError."""
+def run(arguments: argparse.Namespace) -> ExitStatus | None:
+    """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
     from eurobot_od import live as runtime
     from eurobot_od.robot.nodes import Core
 
     node = _make(arguments)
+    entered = scene.enter(node, arguments) if arguments.world else None
     live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
     if arguments.verbose:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
@@ -70,8 +75,10 @@ def run(arguments: argparse.Namespace) -> None:
         from eurobot_od.robot.options import MatchOptions
 
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
-    with live:
+    with _bus_failure_first(live), live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
+        if isinstance(node, Core) and entered and entered.strategy:
+            return scene.play(live, node, entered, entered.strategy, arguments)
         if isinstance(node, Core):
             _lead(node, arguments)
         end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
@@ -79,6 +86,16 @@ def run(arguments: argparse.Namespace) -> None:
             time.sleep(0.1)
         if live.failure is not None:
             raise live.failure
+    return None
+
+
+@contextmanager
+def _bus_failure_first(live: Live) -> Iterator[None]:
+    """Raise the bus's failure in place of what follows from it, such as a robot that cannot be told to stop."""
+    try:
+        yield
+    except (RemoteError, OSError) as error:  # drivers raise OSError when they are closed after that
+        raise live.failure or error from None
 
 
 def _set_clock(node: Node, now: float) -> None:
@@ -98,6 +115,9 @@ def _make(arguments: argparse.Namespace) -> Node:
     for option, only in ONLY.items():
         if getattr(arguments, option) and role != only:
             raise LocalError(f"--{option} is for {_spoken(only)}, not for {_spoken(role)}")
+    if arguments.world and role == ANY_DEVICE:
+        raise LocalError(f"--world is for the robot's nodes, not for {_spoken(role)}")
+    scene.check_arguments(arguments)
     kind = faults.faulty(KINDS[role], arguments.fault) if arguments.fault else KINDS[role]
     values: Mapping[str, Any] = _values(arguments, dictionary) if role == ANY_DEVICE else {}
     return kind(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None, **values)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
+    from eurobot_od.robot.world.channel import Address
 
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +39,16 @@ def bit_rate(text: str) -> int:
     if not 1000 <= rate <= 1_000_000:
         raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
     return rate
+
+
+def address(text: str) -> Address:
+    """Read where a world listens: HOST:PORT, an IPv6 address in brackets."""
+    from eurobot_od.robot.world.channel import Address
+
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or int(port) > 0xFFFF:
+        raise argparse.ArgumentTypeError(f"{text} is not HOST:PORT, such as 127.0.0.1:2014")
+    return Address(host.strip("[]"), int(port))
 
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:

@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName
+from eurobot_od.errors import BusError, DictionaryError, NoAnswer, StateError, UnknownName, WorldError
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 
@@ -46,6 +46,7 @@ def test_every_command_explains_itself(capsys: pytest.CaptureFixture[str], comma
         (StateError("not now"), 2, "not now"),
         (DictionaryError("core.eds", 0x1800, "broken"), 2, "core.eds: 0x1800: broken"),
         (BusError("the bus failed"), 3, "the bus failed"),
+        (WorldError("the world does not answer"), 3, "the world does not answer"),
         (FileNotFoundError(2, "No such file", "a.log"), 3, "a.log: No such file"),
         (KeyboardInterrupt(), 130, ""),
     ],

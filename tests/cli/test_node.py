@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
-from can_remote.server import RemoteServer
 
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
@@ -21,50 +18,14 @@ from eurobot_od.robot.messages import StopDrive
 from eurobot_od.robot.nodes import Drive, Navigation
 from eurobot_od.robot.values import TeamColour
 from tests.cli.console import run
+from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.device import io_module
-
-PATIENCE = 60.0
-"""Seconds after which a process that hangs is killed."""
 
 
 @pytest.fixture
 def shared_bus() -> Iterator[str]:
-    """Serve a bus to other processes, on this machine only and on a free port; gives its channel."""
-    server = RemoteServer("127.0.0.1", 0, interface="virtual", channel="test-node")
-    thread = threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True)
-    thread.start()
-    yield f"ws://127.0.0.1:{server.server_port}/"
-    server.shutdown()
-    server.server_close()
-    thread.join(PATIENCE)
-
-
-@contextmanager
-def killed_if_it_hangs(command: list[str]) -> Iterator[subprocess.Popen[str]]:
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        watchdog = threading.Timer(PATIENCE, process.kill)
-        watchdog.start()
-        try:
-            yield process
-        finally:
-            watchdog.cancel()
-            process.kill()
-
-
-@contextmanager
-def node(*words: str) -> Iterator[subprocess.Popen[str]]:
-    """Run a node in a process of its own, and kill it if it hangs."""
-    with killed_if_it_hangs([sys.executable, "-m", "eurobot_od", "node", *words]) as process:
-        yield process
-
-
-def line(process: subprocess.Popen[str], what: str) -> str:
-    """Wait for the line that says `what`, whatever is reported before it; a process that ends first fails the test."""
-    assert process.stdout is not None
-    for text in process.stdout:
-        if what in text:
-            return text.rstrip()
-    pytest.fail(f"{process.args!r} ended and did not say {what!r}")
+    with serve_bus("test-node") as channel:
+        yield channel
 
 
 def test_a_drive_and_send_meet_on_a_shared_bus(capsys: pytest.CaptureFixture[str], shared_bus: str) -> None:

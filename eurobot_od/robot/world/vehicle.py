@@ -17,8 +17,11 @@ from eurobot_od.robot.values import Source
 class Vehicle(Actuators, Protocol):
     """One robot in the world; its actuators are as the world has them."""
 
-    def move(self, wanted: Odometry, dt: float) -> float:
-        """Drive an arc for `dt` seconds as far as nothing is in the way; return how far it came, mm."""
+    def move(self, wanted: Odometry, dt: float) -> float | None:
+        """Drive an arc for `dt` seconds as far as nothing is in the way; return how far it came, mm.
+
+        None if nothing moves, as the world cannot be reached.
+        """
 
     def pose(self, whom: Source, age: float = 0.0) -> Pose | None:
         """Return where a robot was `age` seconds ago; None for one that is not there. INTERNAL is this robot."""

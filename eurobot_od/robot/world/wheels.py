@@ -29,6 +29,8 @@ class Wheels:
         told = Odometry(command.speed * dt, command.turn * dt)
         wanted = self._rolled(told)
         moved = self._vehicle.move(wanted, dt)
+        if moved is None:
+            return Odometry(0.0, 0.0)
         if not wanted.distance or abs(moved) >= BLOCKED * abs(wanted.distance):
             return told
         share = moved / wanted.distance

@@ -1,0 +1,183 @@
+"""The side channel: what a robot's instruments ask of a world in another process, as lines of JSON.
+
+Rule of this file: no socket and no clock. A line goes in and a line comes out, whatever the line is: one that is wrong
+is answered with what is wrong, and counted. Each request says all there is to say, so that a connection has no state.
+The reference is `docs/world.md`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.values import Source
+from eurobot_od.robot.world.world import OURS, LocalVehicle, World
+
+VERSION = 1
+"""Of the requests and answers; a client refuses another one."""
+
+LINE_LIMIT = 4096
+"""Bytes of the longest line."""
+
+REQUEST = "request"
+ROBOT = "robot"
+ANSWER = "answer"
+ERROR = "error"
+"""The keys that every request, or every answer, may have."""
+
+
+class Address(NamedTuple):
+    """Where a world is reached."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
+
+
+WHOM = {source.name.lower(): source for source in Source}
+
+
+class Field(NamedTuple):
+    """What a field of a request may be, in words and as a test; one without a default has to be given."""
+
+    allowed: str
+    accepts: Callable[[Any], bool]
+    default: Any = None
+
+
+def _number(low: float, high: float, unit: str, default: float | None = None) -> Field:
+    return Field(f"{low:g}..{high:g} {unit}", lambda value: type(value) is float and low <= value <= high, default)
+
+
+_WHOM = Field(", ".join(WHOM), lambda value: value in tuple(WHOM))
+_TASK = Field("the name of a task", lambda value: isinstance(value, str))
+
+
+class _Asked(NamedTuple):
+    """A request that is right: whose robot it is about, and its fields."""
+
+    world: World
+    options: MatchOptions
+    robot: str
+    fields: dict[str, Any]
+
+    @property
+    def vehicle(self) -> LocalVehicle:
+        return self.world.vehicle(self.robot)
+
+
+class Request(NamedTuple):
+    """A request: its fields, and what answers it."""
+
+    fields: dict[str, Field]
+    answer: Callable[[_Asked], Any]
+
+
+def _hello(asked: _Asked) -> dict[str, Any]:
+    options = asked.options
+    start = {"team": options.team.name.lower(), "enemies": options.enemies, "confederates": options.confederates}
+    return {"version": VERSION, ROBOT: asked.robot, **start, "seed": options.seed, "errors": asdict(options.errors)}
+
+
+def _truth(asked: _Asked) -> dict[str, Any]:
+    world, robot = asked.world, asked.robot
+    touches = sum(robot in (touch.robot, touch.thing) for touch in world.touches)
+    came_to = {"points": world.game.points(robot), "touches": touches}
+    return {"time": world.clock(), **world.robots[robot].pose._asdict(), **came_to}
+
+
+def _move(asked: _Asked) -> float:
+    fields = asked.fields
+    return asked.vehicle.move(Odometry(fields["distance"], fields["turn"]), fields["seconds"])
+
+
+def _pose(asked: _Asked) -> dict[str, Any] | None:
+    pose = asked.vehicle.pose(WHOM[asked.fields["whom"]], asked.fields["age"])
+    return None if pose is None else pose._asdict()
+
+
+def _ahead(asked: _Asked) -> dict[str, Any] | None:
+    seen = asked.vehicle.ahead(**asked.fields)
+    return None if seen is None else seen._asdict() | {"obstacle": seen.obstacle.name.lower()}
+
+
+REQUESTS = {
+    "hello": Request({}, _hello),
+    "truth": Request({}, _truth),
+    "move": Request(
+        {
+            "distance": _number(-10_000, 10_000, "mm"),
+            "turn": _number(-3600, 3600, "degrees"),
+            "seconds": _number(0, 10, "s"),
+        },
+        _move,
+    ),
+    "pose": Request({"whom": _WHOM, "age": _number(0, 3600, "s", default=0.0)}, _pose),
+    "ahead": Request({"distance": _number(0, 10_000, "mm"), "angle": _number(0, 180, "degrees")}, _ahead),
+    "begin": Request({"task": _TASK}, lambda asked: asked.vehicle.begin(**asked.fields)),
+    "finish": Request({"task": _TASK}, lambda asked: asked.vehicle.finish(**asked.fields)),
+}
+"""What can be asked: the methods of a `Vehicle`, who one is, and what is true."""
+
+
+class Channel:
+    """The world's end of the side channel; `requests` counts the lines, `refused` those that were wrong.
+
+    `matches` has, for each robot that is driven by nodes, the match as it sees it.
+    """
+
+    def __init__(self, world: World, matches: Mapping[str, MatchOptions]) -> None:
+        self.requests = self.refused = 0
+        self._world, self._matches = world, matches
+
+    def answer(self, line: bytes) -> bytes:
+        """Return the answer to a line; both are without, and with, the line's end."""
+        self.requests += 1
+        try:
+            said = {ANSWER: self._result(_parsed(line))}
+        except EurobotError as error:
+            self.refused += 1
+            said = {ERROR: str(error)}
+        return json.dumps(said).encode() + b"\n"
+
+    def _result(self, given: dict[str, Any]) -> Any:
+        name, robot = given.pop(REQUEST, None), given.pop(ROBOT, OURS)
+        if name not in tuple(REQUESTS):
+            raise UnknownName("request", name, REQUESTS)
+        if robot not in tuple(self._matches):
+            raise UnknownName("robot", robot, self._matches)
+        fields = _checked(name, given)
+        return REQUESTS[name].answer(_Asked(self._world, self._matches[robot], robot, fields))
+
+
+def _parsed(line: bytes) -> dict[str, Any]:
+    """Read a line; raises LocalError. All its numbers are floating-point ones then."""
+    if len(line) > LINE_LIMIT:
+        raise LocalError(f"a line of more than {LINE_LIMIT} bytes")
+    try:
+        given = json.loads(line, parse_int=float)
+    except (ValueError, RecursionError) as error:
+        raise LocalError(f"not JSON: {error}") from error
+    if not isinstance(given, dict):
+        raise LocalError(f'not a JSON object: write {{"{REQUEST}": "hello"}}')
+    return given
+
+
+def _checked(name: str, given: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a request, with defaults for what is left out; raises UnknownName, FieldError."""
+    rules = REQUESTS[name].fields
+    for field in given:
+        if field not in rules:
+            raise UnknownName(f"field of {name}", field, rules)
+    fields = {field: given.get(field, rule.default) for field, rule in rules.items()}
+    for field, value in fields.items():
+        if not rules[field].accepts(value):
+            raise FieldError(name, field, value, rules[field].allowed)
+    return fields

@@ -1,0 +1,200 @@
+"""A robot in a world of another process: asks over the side channel what `channel` answers there.
+
+Rule of this file: a node's thread waits for the world at most for a moment, and nothing that becomes of the world ends
+the node. A world that cannot be reached is one in which nothing moves and nothing is seen.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import time
+from collections.abc import Callable
+from math import inf
+from threading import Lock
+from typing import Any, NamedTuple, TypeVar
+
+from eurobot_od.errors import LocalError, WorldError
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.nodes.equipment import Detection
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.options import Errors, MatchOptions
+from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, VERSION, Address
+from eurobot_od.robot.world.world import OURS
+
+Value = TypeVar("Value")
+
+TIMEOUT = 0.1
+"""Seconds that a connection, and an answer, may take."""
+
+RETRY = 0.5
+"""Seconds between two attempts to reach a world that was not there; it is not asked meanwhile."""
+
+
+class Truth(NamedTuple):
+    """What is true of a robot at a time of the world, in s: where it is, its points, and how often it was touched."""
+
+    time: float
+    x: float
+    y: float
+    angle: float
+    points: int
+    touches: int
+
+    @property
+    def pose(self) -> Pose:
+        """Where it truly is."""
+        return Pose(self.x, self.y, self.angle)
+
+
+class _Connection:
+    """A line to the world, made again when it is needed. Everything raises OSError, at the latest after its time."""
+
+    def __init__(self, address: Address) -> None:
+        self._address: tuple[str, int] = address
+        self._socket: socket.socket | None = None
+        self._rests_until = -inf
+        self._has_answered = False
+
+    def ask(self, line: bytes) -> bytes:
+        if time.monotonic() < self._rests_until:
+            raise ConnectionError("it is asked again soon")
+        try:
+            connection = self._socket or self._connect()
+            connection.settimeout(TIMEOUT)
+            connection.sendall(line)
+            answer = self._answer(connection)
+        except OSError:
+            self.close()  # an answer that comes later would be taken for the next one's
+            self._rests_until = time.monotonic() + RETRY * (not self._has_answered)
+            self._has_answered = False
+            raise
+        self._has_answered = True
+        return answer
+
+    def _connect(self) -> socket.socket:
+        made = self._socket = socket.create_connection(self._address, TIMEOUT)
+        made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._address = made.getpeername()[:2]  # from now on no name has to be looked up, which takes its time
+        return made
+
+    def _answer(self, connection: socket.socket) -> bytes:
+        end, answer = time.monotonic() + TIMEOUT, b""
+        while not answer.endswith(b"\n"):
+            connection.settimeout(max(end - time.monotonic(), 0.001))
+            part = connection.recv(LINE_LIMIT)
+            if not part or len(answer) > LINE_LIMIT:
+                raise ConnectionError("it has hung up")
+            answer += part
+        return answer
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
+class RemoteVehicle:
+    """One robot of a world in another process (see `vehicle.Vehicle`); any thread may call it.
+
+    `report` is told once when the world cannot be reached any more, and once when it is back. A world that was started
+    anew is found again.
+    """
+
+    def __init__(self, address: Address, report: Callable[[str], None], robot: str = OURS) -> None:
+        self._address, self._report, self._robot = address, report, robot
+        self._connection, self._lock = _Connection(address), Lock()
+        self._is_away = False
+
+    def close(self) -> None:
+        """Hang up."""
+        with self._lock:
+            self._connection.close()
+
+    # What the world says of itself
+
+    def hello(self, patience: float = 0.0) -> MatchOptions:
+        """Ask which match it is, for up to `patience` seconds; raises WorldError, LocalError for another version."""
+        end = time.monotonic() + patience
+        while True:
+            try:
+                return self._asked(_options, "hello")
+            except WorldError:
+                if time.monotonic() >= end:
+                    raise
+            time.sleep(RETRY)
+
+    def truth(self) -> Truth:
+        """Ask what is true of the robot; raises WorldError."""
+        return self._asked(lambda answer: Truth(**answer), "truth")
+
+    # Wheels, beacons, distance sensor
+
+    def move(self, wanted: Odometry, dt: float) -> float | None:
+        return self._sensed(float, "move", distance=wanted.distance, turn=wanted.turn, seconds=dt)
+
+    def pose(self, whom: Source, age: float = 0.0) -> Pose | None:
+        return self._sensed(lambda answer: Pose(**answer), "pose", whom=whom.name.lower(), age=age)
+
+    def ahead(self, distance: float, angle: float) -> Detection | None:
+        return self._sensed(_detection, "ahead", distance=distance, angle=angle)
+
+    # Actuators
+
+    def begin(self, task: str) -> float:
+        """Begin with a task; raises LocalError for one that there is not, WorldError."""
+        return self._asked(float, "begin", task=task)
+
+    def finish(self, task: str) -> int:
+        """Finish a task; raises as `begin`."""
+        return self._asked(int, "finish", task=task)
+
+    # Asking
+
+    def _sensed(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value | None:
+        """Ask, and return None for nothing, and if there is no answer."""
+        try:
+            return self._asked(lambda answer: None if answer is None else read(answer), request, **fields)
+        except WorldError:
+            return None
+        except LocalError as error:  # its questions are not ours: of another version, then
+            self._tell(True, f"{error}; nothing moves, and nothing is seen")
+            return None
+
+    def _asked(self, read: Callable[[Any], Value], request: str, **fields: object) -> Value:
+        """Ask, and tell once if there is no answer, or an answer again; raises WorldError, LocalError for a refusal."""
+        with self._lock:
+            try:
+                value = read(self._ask({REQUEST: request, ROBOT: self._robot, **fields}))
+            except (OSError, WorldError, KeyError, TypeError, ValueError, AttributeError) as error:
+                text = f"the world at {self._address} does not answer: {getattr(error, 'strerror', None) or error}"
+                self._tell(True, f"{text}; nothing moves, and nothing is seen")
+                raise WorldError(text) from error
+            self._tell(False, f"the world at {self._address} answers again")
+            return value
+
+    def _ask(self, request: dict[str, object]) -> Any:
+        line = self._connection.ask(json.dumps(request).encode() + b"\n")
+        answer = json.loads(line)
+        if ERROR in answer:
+            raise LocalError(f"the world at {self._address}: {answer[ERROR]}")
+        return answer[ANSWER]
+
+    def _tell(self, is_away: bool, text: str) -> None:
+        if is_away != self._is_away:
+            self._is_away = is_away
+            self._report(text)
+
+
+def _detection(answer: dict[str, Any]) -> Detection:
+    return Detection(Obstacle[answer["obstacle"].upper()], answer["distance"], answer["bearing"])
+
+
+def _options(answer: dict[str, Any]) -> MatchOptions:
+    """Read what hello says; raises LocalError for another version."""
+    if answer["version"] != VERSION:
+        raise LocalError(f"the world has version {answer['version']} of the side channel, this program {VERSION}")
+    team, errors = TeamColour[answer["team"].upper()], Errors(**answer["errors"])
+    start = answer["enemies"], answer["confederates"]
+    return MatchOptions(team, *start, seed=answer["seed"], errors=errors)

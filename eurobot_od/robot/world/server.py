@@ -1,0 +1,95 @@
+"""Serves a world to the nodes of other processes, over TCP and in real time (see `channel` for what is said).
+
+One thread does it all, and never waits for a client: one that hangs, or does not read its answers, is not read from
+until it does.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import cast
+
+from eurobot_od.errors import WorldError
+from eurobot_od.robot.match.timeline import EventKind, MatchEvent
+from eurobot_od.robot.world.channel import LINE_LIMIT, Address, Channel
+from eurobot_od.robot.world.world import OURS, World
+
+LOOKS = 0.1
+"""How often the server looks what is new, s."""
+
+REMEMBERED = 10_000
+"""So many steps of each robot are kept, or a world that goes on for days would grow without end."""
+
+
+class _Client(asyncio.Protocol):
+    """A connection, one of all `clients`: takes bytes apart into lines, and answers them."""
+
+    def __init__(self, answer: Callable[[bytes], bytes], clients: set[asyncio.Transport]) -> None:
+        self._answer, self._clients, self._rest = answer, clients, b""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+        self._clients.add(self._transport)
+
+    def connection_lost(self, _: Exception | None) -> None:
+        self._clients.remove(self._transport)
+
+    def data_received(self, data: bytes) -> None:
+        *lines, rest = (self._rest + data).split(b"\n")
+        self._rest = rest[: LINE_LIMIT + 1]  # enough of a line that is too long to be refused when its end comes
+        self._transport.writelines(map(self._answer, lines))
+
+    def pause_writing(self) -> None:
+        self._transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        self._transport.resume_reading()
+
+
+class Server:
+    """A world, served; `show` is called with its address, then with each touch and each score as it comes."""
+
+    def __init__(self, world: World, channel: Channel, show: Callable[[MatchEvent], None]) -> None:
+        self._world, self._channel, self._show = world, channel, show
+        self._clients: set[asyncio.Transport] = set()
+        self._touches = self._scores = 0
+
+    async def serve(self, address: Address, duration: float, listening: Callable[[Address], None]) -> None:
+        """Serve for so many seconds; `listening` is called with the address once it does. Raises WorldError."""
+        loop = asyncio.get_running_loop()
+        try:
+            server = await loop.create_server(lambda: _Client(self._channel.answer, self._clients), *address)
+        except OSError as error:
+            raise WorldError(f"cannot listen on {address}: {error.strerror or error}") from error
+        bound = Address(*server.sockets[0].getsockname()[:2])
+        self._show(
+            MatchEvent(self._world.clock(), EventKind.START, f"world on {bound}; Ctrl-C ends it", bound._asdict())
+        )
+        listening(bound)
+        try:
+            await self._look_for(duration)
+        finally:
+            server.close()
+            for client in self._clients:
+                client.abort()
+            self._look()
+
+    async def _look_for(self, duration: float) -> None:
+        end = self._world.clock() + duration
+        while (left := end - self._world.clock()) > 0:
+            await asyncio.sleep(min(LOOKS, left))
+            self._look()
+
+    def _look(self) -> None:
+        """Tell what is new, and forget what is old."""
+        world = self._world
+        world.pose(OURS, 0.0)  # the others are on their rounds, and run into each other, though nobody asks
+        for touch in world.touches[self._touches :]:
+            self._show(MatchEvent(touch.time, EventKind.TOUCH, str(touch), touch._asdict()))
+        for score in world.game.scores[self._scores :]:
+            text = f"{score.robot}, {score.task}: {score.points}"
+            self._show(MatchEvent(score.time, EventKind.TASK, text, score._asdict()))
+        self._touches, self._scores = len(world.touches), len(world.game.scores)
+        for body in world.robots.values():
+            del body.trace[:-REMEMBERED]

@@ -1,0 +1,217 @@
+"""A vehicle in a world of another process: as good as one in this process, and harmless when the world is gone."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import random
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+
+from eurobot_od.errors import LocalError, WorldError
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.nodes.motion import Command, Odometry
+from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
+from eurobot_od.robot.tasks import tasks
+from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.beacons import Beacons
+from eurobot_od.robot.world.channel import VERSION, Address, Channel
+from eurobot_od.robot.world.remote import RemoteVehicle
+from eurobot_od.robot.world.sensor import Sensor
+from eurobot_od.robot.world.server import Server
+from eurobot_od.robot.world.vehicle import Vehicle
+from eurobot_od.robot.world.wheels import Wheels
+from eurobot_od.robot.world.world import OURS, RIVAL
+
+PATIENCE = 60.0
+OPTIONS = MatchOptions(TeamColour.YELLOW, enemies=1, confederates=0, seed=7, errors=NOISE_ONLY)
+MAMMOTH = tasks(TeamColour.YELLOW)["mammoth"]
+STEP = Odometry(4.0, 1.0)
+
+
+def make_world() -> World:
+    """A world that stands, our robot at a task and looking at an enemy."""
+    world = World(OPTIONS, lambda: 0.0)
+    world.robots[OURS].place(MAMMOTH.pose)
+    world.robots[RIVAL].place(Pose(*MAMMOTH.pose.moved(-500, 0).point, 0.0))
+    return world
+
+
+@contextmanager
+def served(address: Address = Address("127.0.0.1", 0)) -> Iterator[Address]:  # noqa: B008 (immutable)
+    """Serve a world from a thread; gives where it listens."""
+    ready, where = threading.Event(), list[Address]()
+    loop = asyncio.new_event_loop()
+    server = Server(world := make_world(), Channel(world, {OURS: OPTIONS}), lambda _: None)
+
+    def listening(bound: Address) -> None:
+        where.append(bound)
+        ready.set()
+
+    serving = loop.create_task(server.serve(address, float("inf"), listening))
+
+    def run() -> None:
+        loop.run_until_complete(asyncio.wait([serving]))
+        loop.run_until_complete(asyncio.sleep(0))  # the connections end
+        loop.close()
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert ready.wait(PATIENCE)
+    yield where[0]
+    loop.call_soon_threadsafe(serving.cancel)
+    thread.join(PATIENCE)
+    assert not thread.is_alive()
+
+
+@contextmanager
+def reaching(address: Address) -> Iterator[tuple[RemoteVehicle, list[str]]]:
+    """Give a vehicle, and what it reports."""
+    reports: list[str] = []
+    vehicle = RemoteVehicle(address, reports.append)
+    yield vehicle, reports
+    vehicle.close()
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+SAME: list[Callable[[Vehicle], object]] = [
+    lambda it: it.move(STEP, 0.01),
+    lambda it: it.move(Odometry(-600.0, 0.0), 1.0),
+    lambda it: [it.pose(whom, 0.5) for whom in Source],
+    lambda it: it.ahead(700.0, 180.0),
+    lambda it: it.ahead(1.0, 1.0),
+    lambda it: (it.begin("mammoth"), it.finish("mammoth"), it.finish("mammoth")),
+]
+
+
+@pytest.mark.parametrize("ask", SAME)
+def test_it_answers_as_one_in_this_process(ask: Callable[[Vehicle], object]) -> None:
+    with served() as address, reaching(address) as (vehicle, reports):
+        assert ask(vehicle) == ask(make_world().vehicle())
+        assert reports == []
+
+
+def test_it_knows_the_match_and_the_truth() -> None:
+    with served() as address, reaching(address) as (vehicle, _):
+        assert vehicle.hello() == OPTIONS
+        truth = vehicle.truth()
+        assert (truth.pose, truth.points, truth.touches) == (MAMMOTH.pose, 0, 0)
+
+
+def test_a_task_that_there_is_not_is_the_callers_mistake() -> None:
+    with served() as address, reaching(address) as (vehicle, reports):
+        with pytest.raises(LocalError, match=r"unknown task 'mamoth'; did you mean mammoth\?"):
+            vehicle.begin("mamoth")
+        assert reports == []
+
+
+def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_once() -> None:
+    with served() as address:
+        pass
+    with reaching(address) as (vehicle, reports):
+        wheels = Wheels(vehicle, OPTIONS.errors, random.Random(1))
+        sensor = Sensor(vehicle, OPTIONS.errors, random.Random(1))
+        for _ in range(3):
+            assert wheels.advance(Command(400.0, 30.0), 0.01) == Odometry(0.0, 0.0)
+            assert sensor.look(0.0) is None
+            assert Beacons(vehicle, OPTIONS.errors, lambda: (0.0, 0.0), "1").locate(Source.INTERNAL, 0.0) is None
+            for call in (vehicle.truth, vehicle.hello, lambda: vehicle.begin("mammoth")):
+                with pytest.raises(WorldError, match=f"^the world at {address} does not answer: "):
+                    call()
+        assert [report.partition(": ")[0] for report in reports] == [f"the world at {address} does not answer"]
+
+
+def test_a_world_that_was_started_anew_is_found_again() -> None:
+    with ExitStack() as stack:
+        with served() as address:
+            vehicle, reports = stack.enter_context(reaching(address))
+            assert vehicle.move(STEP, 0.01) is not None
+        assert vehicle.move(STEP, 0.01) is None
+        with served(address):
+            wait_for(lambda: vehicle.move(STEP, 0.01) is not None)
+    assert len(reports) == 2
+    assert reports[1] == f"the world at {address} answers again"
+
+
+@contextmanager
+def saying(answer: bytes | None) -> Iterator[Address]:
+    """Run something else in the place of a world: it says the same to everybody, or hangs up; None hangs."""
+    listener = socket.create_server(("127.0.0.1", 0))
+    waiting: list[socket.socket] = []
+
+    def accept() -> None:
+        while True:
+            try:
+                connection, _ = listener.accept()
+            except OSError:
+                return
+            waiting.append(connection)
+            if answer is not None:
+                connection.recv(1)
+                connection.sendall(answer)
+                connection.shutdown(socket.SHUT_WR)
+
+    thread = threading.Thread(target=accept, daemon=True)
+    thread.start()
+    yield Address(*listener.getsockname())
+    listener.shutdown(socket.SHUT_RDWR)
+    listener.close()
+    thread.join(PATIENCE)
+    for connection in waiting:
+        connection.close()
+
+
+def hello_of(**changed: object) -> bytes:
+    options = {"team": "red", "enemies": 0, "confederates": 0, "seed": 1, "errors": {}}
+    return json.dumps({"answer": {"version": VERSION, **options, **changed}}).encode() + b"\n"
+
+
+@pytest.mark.parametrize(
+    ("answer", "why"),
+    [
+        (None, "never answers"),
+        (b"", "hangs up"),
+        (b'{"answer": 4', "an answer without its end"),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "a web server"),
+        (b"\xff\n", "no UTF-8"),
+        (b"5\n", "no object"),
+        (b"{}\n", "neither an answer nor an error"),
+        (b'{"answer": "far"}\n', "no number"),
+        (b'{"answer": {"z": 1}}\n', "other fields"),
+        (b'{"error": "unknown request"}\n', "a world that refuses what we ask"),
+        (b"x" * 100_000, "a line that does not end"),
+        (b" " * 100_000 + b'{"answer": 4}\n', "a line that is too long"),
+    ],
+)
+def test_an_answer_that_is_none_is_a_world_that_is_not_there(answer: bytes | None, why: str) -> None:
+    with saying(answer) as address, reaching(address) as (vehicle, reports):
+        assert vehicle.move(STEP, 0.01) is None, why
+        assert vehicle.pose(Source.INTERNAL) is None, why
+        assert vehicle.ahead(700.0, 35.0) is None, why
+        assert len(reports) == 1
+        assert reports[0].endswith("nothing moves, and nothing is seen")
+
+
+@pytest.mark.parametrize(
+    ("answer", "kind", "complaint"),
+    [
+        (hello_of(version=2), LocalError, f"has version 2 of the side channel, this program {VERSION}"),
+        (hello_of(team="green"), WorldError, "does not answer: 'GREEN'"),
+        (hello_of(errors={"wheel_wear": 1.0}), WorldError, "unexpected keyword argument 'wheel_wear'"),
+    ],
+)
+def test_a_world_of_another_kind_is_refused(answer: bytes, kind: type[Exception], complaint: str) -> None:
+    with saying(answer) as address, reaching(address) as (vehicle, _), pytest.raises(kind, match=complaint):
+        vehicle.hello()
