@@ -108,7 +108,15 @@ def find_route(
         return None
     # A normal disc with the goal in it has to be entered in any case, so it is not in the way.
     avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
-    corners = [corner for disc in avoided for corner in disc.corners() if _on_field(corner, clearances.edge)]
+    if not any(disc.meets(start, goal) for disc in avoided):
+        return (goal,)
+    closed = [disc for disc in avoided if disc.toll == math.inf]
+    corners = [
+        corner
+        for disc in avoided
+        for corner in disc.corners()
+        if _on_field(corner, clearances.edge) and not any(each.contains(corner) for each in closed)
+    ]
     return _cheapest(start, goal, corners, avoided)
 
 
