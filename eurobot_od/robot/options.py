@@ -62,6 +62,16 @@ class Errors:
         return replace(self, **{name: value})
 
 
+UNITS = {
+    "wheel_noise": "mm over 1 m",
+    "heading_noise": "degrees over 1 m or 90 degrees",
+    "beacon_latency": "s",
+    "sensor_range": "mm",
+    "sensor_angle": "degrees",
+    "sensor_noise": "mm",
+}
+"""Units of the errors of the world; the others are shares or rates of 0..1."""
+
 NOISE_ONLY = Errors(beacon_latency=0.0, beacon_dropouts=0.0, beacon_outliers=0.0, beacon_swaps=0.0, sensor_false=0.0)
 """A world whose beacons always answer and are only noisy, as on a test bench."""
 
@@ -72,7 +82,8 @@ class MatchOptions:
 
     `emergency_at` is the match time at which the mushroom is hit, None for never. `duration` None takes the core's
     setting. `errors` are those of the instruments in the simulated world, `faults` the names of the faults that our
-    nodes have.
+    nodes have. `settings` are values in place of the EDS files' for our nodes, as a person writes them:
+    `("drive.Motion.Maximum speed", "600")`.
     """
 
     team: TeamColour = TeamColour.RED
@@ -84,3 +95,4 @@ class MatchOptions:
     dialect: str | None = None
     errors: Errors = Errors()
     faults: tuple[str, ...] = ()
+    settings: tuple[tuple[str, str], ...] = ()

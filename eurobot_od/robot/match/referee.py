@@ -24,6 +24,9 @@ Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
 LOOKS = 0.05
 """How often the referee looks whether the match is over, s."""
 
+MOMENT = 0.001
+"""The least that it waits, s: without it, no time passes for a core whose match is just about to end."""
+
 FIRST_POSITION = 5.0
 """Seconds until the first position should have come: the polling's start delay, and several periods."""
 
@@ -109,7 +112,7 @@ class Referee:
     async def _watch(self, playing: asyncio.Future[Any]) -> None:
         """Wait for a moment; hit the mushroom in time, and see whether the strategy has failed."""
         left = min(self._mushroom, self._end) - self.clock()
-        await asyncio.sleep(min(max(left, 0.0), LOOKS))
+        await asyncio.sleep(min(max(left, MOMENT), LOOKS))
         if self.clock() >= self._mushroom:
             self._mushroom, self._over = inf, True
             self.core.emergency_shutdown()

@@ -1,4 +1,4 @@
-"""The field to scale with what stands still on it: start places, fires, pools, rings around barriers to avoid."""
+"""The field to scale with what stands still on it: start places, fires, pools, trees, rings around barriers to avoid."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from eurobot_od import svg
 from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, START_POSES, WIDTH, Barrier, BarrierKind
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.values import Passage, TeamColour
+from eurobot_od.robot.world.bodies import TREE_RADIUS, TREES
 from eurobot_od.svg import PaperPoint
 
 GRID_STEP = 500
@@ -31,6 +32,7 @@ def ground(team: TeamColour | None, passages: Mapping[int, Passage]) -> str:
         *(_start(colour, colour is team) for colour in START_POSES),
         *(_barrier(each, passages.get(each.number, Passage.FREE)) for each in BARRIERS),
         svg.rectangle((0, 0), WIDTH, HEIGHT, fill="none", stroke=style.INK, stroke_width=10),
+        *(svg.circle(place(*each), TREE_RADIUS, fill=style.TREE) for each in TREES),
     )
 
 

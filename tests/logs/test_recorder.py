@@ -8,7 +8,7 @@ import can
 import pytest
 from can.io.logger import MESSAGE_WRITERS
 
-from eurobot_od.cli.recorder import recording
+from eurobot_od.logs.recorder import recording
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 
@@ -57,7 +57,7 @@ def test_a_missing_folder_is_an_error(tmp_path: Path, suffix: str) -> None:
 def test_an_unknown_format_is_an_error_and_touches_nothing(tmp_path: Path, name: str) -> None:
     file = tmp_path / name
     file.write_text("precious")
-    with pytest.raises(LocalError, match=f"--log .*{name}: "):
+    with pytest.raises(LocalError, match=f"{name}: "):
         record(file, [])
     assert file.read_text() == "precious"
 
