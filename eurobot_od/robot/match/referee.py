@@ -33,8 +33,11 @@ FIRST_POSITION = 5.0
 SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
 
-LAST_LINES = 3
-"""So many lines of a strategy's traceback are told."""
+LAST_LINES = 5
+"""So many lines of a strategy's traceback are told: what it raised, and in which two lines."""
+
+CARETS = " ~^"
+"""What Python 3.11 and later underline the place in a line with."""
 
 
 def _count(number: int, one: str, several: str = "") -> str:
@@ -124,7 +127,7 @@ class Referee:
         """Stop the robot after an exception of the strategy, and keep what a team needs to find it."""
         self._over = True
         lines = "".join(traceback.format_exception(type(error), error, error.__traceback__)).strip().splitlines()
-        self.failure = "\n".join(lines[-LAST_LINES:])
+        self.failure = "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
         self.timeline.tell(EventKind.FAILED, f"the strategy raised {type(error).__name__}: {error}")
         try:
             await self.core.stop()

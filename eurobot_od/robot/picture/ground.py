@@ -1,4 +1,4 @@
-"""The field to scale with what stands still on it: start places, fires, pools, trees, rings around barriers to avoid."""
+"""The field to scale with what stands still on it: start places, barriers and the rings to avoid them, trees."""
 
 from __future__ import annotations
 

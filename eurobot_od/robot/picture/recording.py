@@ -137,6 +137,7 @@ def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> R
     recording.truth = [PathPoint(time - start, *pose) for time, pose in truth.path]
     recording.touches = [each._replace(time=each.time - start) for each in truth.touches]
     recording.scores = [each._replace(time=each.time - start) for each in truth.scores]
+    recording.end = max([recording.end, *(each.time for each in (*recording.touches, *recording.scores))])
     return recording
 
 

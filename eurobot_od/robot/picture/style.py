@@ -112,10 +112,8 @@ def touch_mark(centre: PaperPoint, at_fault: bool, *content: str) -> str:
         for turn in range(0, 360, 45)
         for corner in (*around(centre, 30, 1, turn), *around(centre, 13, 1, turn + 22.5))
     ]
-    fill, width = (TOUCH, 4) if at_fault else (PAPER, 5)
-    return svg.group(
-        *content, svg.polygon(spikes, fill=fill, stroke=TOUCH if not at_fault else PAPER, stroke_width=width)
-    )
+    fill, edge = (TOUCH, PAPER) if at_fault else (PAPER, TOUCH)
+    return svg.group(*content, svg.polygon(spikes, fill=fill, stroke=edge, stroke_width=4, stroke_linejoin="round"))
 
 
 def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: str) -> str:

@@ -5,20 +5,25 @@ Rule of this file: what does not fit is said to be left out, never drawn over th
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od import svg
 from eurobot_od.robot.field import WIDTH, BarrierKind
+from eurobot_od.robot.messages import Enemy1PositionResponse
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
 from eurobot_od.robot.picture.recording import OURS, RecordedGoto, RecordedStop, Recording, ScoredTask
 from eurobot_od.robot.values import Outcome, Passage
 from eurobot_od.svg import PaperPoint
 
-ROW, LEGEND_ROW = 45, 64
-ROWS = 34
-"""How many rows the two tables have room for."""
+ROW, LEGEND_ROW = 45, 58
+HEIGHT = 2640
+"""From the legend's first line to the foot of the page."""
+
+HEADS = 6
+"""So many rows are taken by headings, gaps, and the lines that say what is left out."""
 
 TIME_TICK = 10
 """Seconds between two marks on the time line."""
@@ -28,8 +33,9 @@ def column(recording: Recording) -> str:
     """Draw legend and tables, one below the other."""
     legend = list(_legend(recording))
     below = LEGEND_ROW * len(legend) + 90
-    stops = min(len(recording.stops), max(ROWS // 3, ROWS - len(recording.gotos)))
-    gotos = min(len(recording.gotos), ROWS - stops)
+    rows = (HEIGHT - below) // ROW - HEADS
+    stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
+    gotos = min(len(recording.gotos), rows - stops)
     return svg.group(
         *(svg.moved((0, LEGEND_ROW * row), each) for row, each in enumerate(legend)),
         svg.moved((0, below), _table("Gotos", GOTO_COLUMNS, recording.gotos, gotos)),
@@ -138,7 +144,7 @@ def timeline(recording: Recording) -> str:
 
     return svg.group(
         *_seconds(end, x),
-        *(_bar(goto, x, end) for goto in recording.gotos),
+        *_bars(recording.gotos, x, end),
         *(style.stop_mark(where, letter) for where, letter in _signs(recording.stops, x)),
         *(style.touch_mark((x(each.time), TIME_Y + BAR / 2), each.at_fault) for each in recording.touches),
         *_points(recording.scores, x),
@@ -147,8 +153,9 @@ def timeline(recording: Recording) -> str:
 
 
 def _caption(recording: Recording) -> str:
-    points = "; line: our points, dashed: the other robot's" if recording.scores else ""
-    return f"time in s; bars: gotos, green if reached{points}"
+    ours = "; line: our points" if recording.scores else ""
+    other = ", dashed: the other robot's" if any(each.robot != OURS for each in recording.scores) else ""
+    return f"time in s; bars: gotos, green if reached{ours}{other}"
 
 
 def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
@@ -174,14 +181,20 @@ def _signs(stops: Sequence[RecordedStop], x: Callable[[float], float]) -> Iterat
             yield (left, STOP_Y + 38), stop.letter
 
 
-def _bar(goto: RecordedGoto, x: Callable[[float], float], end: float) -> str:
-    left, right = x(goto.sent), x(end if goto.ended is None else goto.ended)
-    width = max(right - left - 4, 6)
-    colour = style.OUTCOMES[goto.outcome]
-    bar = svg.rectangle((left, GOTO_Y), width, GOTO_BAR, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=5)
-    inside = width > NARROW
-    middle: PaperPoint = (left + width / 2, GOTO_Y + (40 if inside else -9))
-    return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, font_weight="bold"))
+def _bars(gotos: Sequence[RecordedGoto], x: Callable[[float], float], end: float) -> Iterator[str]:
+    """Draw each goto as a bar with its number inside, or above a narrow one if there is room beside the one before."""
+    free = 0.0
+    for goto in gotos:
+        left, right = x(goto.sent), x(end if goto.ended is None else goto.ended)
+        width, colour = max(right - left - 4, 6), style.OUTCOMES[goto.outcome]
+        outline = {"fill": colour, "fill_opacity": 0.25, "stroke": colour, "stroke_width": 5}
+        yield svg.rectangle((left, GOTO_Y), width, GOTO_BAR, **outline)
+        middle = left + width / 2
+        if width > NARROW:
+            yield style.label((middle, GOTO_Y + 40), str(goto.number), size=36, font_weight="bold")
+        elif middle >= free:
+            free = middle + NARROW
+            yield style.label((middle, GOTO_Y - 9), str(goto.number), size=28, font_weight="bold")
 
 
 # Points
@@ -197,14 +210,17 @@ CHARACTER = 17
 
 def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
     """Draw the points of each robot as steps over the time, and name the tasks that brought ours."""
-    robots = sorted({each.robot for each in scores}, key=lambda robot: robot != OURS)
-    most = max((sum(each.points for each in scores if each.robot == robot) for robot in robots), default=0)
-    for robot in robots:
+    totals: Counter[str] = Counter()
+    for each in scores:
+        totals[each.robot] += each.points
+    last = float(SCORE_Y - ROW)
+    for robot, total in totals.most_common():
         own = [each for each in scores if each.robot == robot]
-        dashes = None if robot == OURS else "18 12"
-        line = [(place, SCORE_Y + SCORE_BAR * (1 - points / most)) for place, points in _steps(own, x)]
-        yield svg.polyline(line, fill="none", stroke=style.GOTO, stroke_width=7, stroke_dasharray=dashes)
-        yield style.label((line[-1][0] + 12, line[-1][1] + 11), str(sum(each.points for each in own)), anchor="start")
+        line = [(place, SCORE_Y + SCORE_BAR * (1 - points / max(totals.values()))) for place, points in _steps(own, x)]
+        colour, dashes = (style.GOTO, None) if robot == OURS else (style.OTHERS[Enemy1PositionResponse][1], "18 12")
+        last = max(line[-1][1], last + ROW)  # two that are nearly equal are written below each other
+        yield svg.polyline(line, fill="none", stroke=colour, stroke_width=7, stroke_dasharray=dashes)
+        yield style.label((WIDTH + 12, last + 11), str(total), fill=colour, anchor="start")
     yield from _names([each for each in scores if each.robot == OURS], x)
 
 
