@@ -66,7 +66,7 @@ def told(stream: io.StringIO, number: int, seconds: float, at_once: int = 1) -> 
     for expected in range(number):
         assert next(counting) == expected
         written.append(stream.getvalue())
-    counting.close()
+    assert next(counting, None) is None
     return [after.removeprefix(before) for before, after in pairwise(["", *written, stream.getvalue()])]
 
 

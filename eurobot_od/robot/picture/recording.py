@@ -137,7 +137,8 @@ def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> R
     recording.truth = [PathPoint(time - start, *pose) for time, pose in truth.path]
     recording.touches = [each._replace(time=each.time - start) for each in truth.touches]
     recording.scores = [each._replace(time=each.time - start) for each in truth.scores]
-    recording.end = max([recording.end, *(each.time for each in (*recording.touches, *recording.scores))])
+    known = [each.time for each in recording.touches] + [each.time for each in recording.scores]
+    recording.end = max([recording.end, *known])
     return recording
 
 

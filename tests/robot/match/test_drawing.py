@@ -10,9 +10,10 @@ from eurobot_od.robot.field import Point, Pose
 from eurobot_od.robot.match.drawing import truth_of
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.picture.recording import ScoredTask
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.bodies import ROBOT_RADIUS
-from eurobot_od.robot.world.world import OURS
+from eurobot_od.robot.world.game import Score
+from eurobot_od.robot.world.world import OURS, RIVAL
 
 STEP = 5.0
 
@@ -46,7 +47,8 @@ def test_a_touch_is_where_the_two_met(start: Pose, words: str, place: Point) -> 
 
 def test_the_path_is_our_robots_and_scores_keep_their_robot() -> None:
     world = driven(Pose(1500, 1000, 0), 10)
+    world.game.scores.append(Score(3.0, RIVAL, "mammoth", 8))
     truth = truth_of(world)
+    assert list(truth.scores) == [ScoredTask(3.0, RIVAL, "mammoth", 8)]
     assert list(truth.path) == world.path
-    assert world.robots[OURS].radius == ROBOT_RADIUS
-    assert list(truth.touches) == list(truth.scores) == []
+    assert list(truth.touches) == []

@@ -29,7 +29,7 @@ def test_both_robots_may_have_files(mine: Path) -> None:
     other.write_text(GOOD)
     players = StrategyFiles(mine, other).load()
     assert players.against is not None
-    files = [each.__code__.co_filename for each in (players.ours, players.against)]  # type: ignore[attr-defined]
+    files = [each.__code__.co_filename for each in (players.ours, players.against)]
     assert files == [str(mine), str(other)]
 
 
@@ -43,7 +43,7 @@ def test_a_strategy_may_be_in_several_files_and_have_dataclasses(mine: Path) -> 
         "from __future__ import annotations\nfrom dataclasses import dataclass\nfrom helper_of_mine import SPEED\n"
         "@dataclass\nclass Plan:\n    speed: int = SPEED\n" + GOOD
     )
-    assert load(mine).__globals__["Plan"]().speed == 70  # type: ignore[attr-defined]
+    assert load(mine).__globals__["Plan"]().speed == 70
 
 
 def test_what_a_file_prints_does_not_get_into_the_output(mine: Path, capsys: pytest.CaptureFixture[str]) -> None:

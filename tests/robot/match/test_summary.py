@@ -30,8 +30,14 @@ def test_messages_are_counted_under_their_names_in_the_order_of_their_priority()
 
 
 def test_in_words_every_count_has_a_line_and_errors_and_reports_follow_the_totals() -> None:
-    played = {"points": {"ours": 12}, "touches": {"pool": 1, "fire": 2}, "at_fault": 2}
-    counted = replace(summary(GOTO, GOTO, Frame(0x701, b"\x05")), errors=[1.0, 4.0], reports=["one lost"], **played)
+    counted = replace(
+        summary(GOTO, GOTO, Frame(0x701, b"\x05")),
+        errors=[1.0, 4.0],
+        reports=["one lost"],
+        points={"ours": 12},
+        touches={"pool": 1, "fire": 2},
+        at_fault=2,
+    )
     lines = str(counted).splitlines()
     assert [line.rsplit(maxsplit=1) for line in lines if line.startswith(("Goto XY", "Heartbeat", "total"))] == [
         ["Goto XY", "2"],
