@@ -182,6 +182,15 @@ def test_a_strategy_that_raises_ends_the_match_with_log_and_picture(
     assert "1 of 1 goto reached" in picture.read_text()
 
 
+def test_the_place_is_told_that_is_the_teams_own(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    file = mine("async def play(core):\n    await core.goto(9999, 0, 0, 50)\n")
+    said = run(capsys, *SHORT, "--strategy", str(file))
+    assert said.err.splitlines()[-3:-1] == [f'  File "{file}", line 2, in play', "    await core.goto(9999, 0, 0, 50)"]
+    assert said.complaint.endswith("FieldError: Goto XY: x = 9999 is not allowed; allowed: 0..3000 mm")
+
+
 def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
     said = run(capsys, *SHORT, "--against", str(mine(RAISES.replace("return", "core."))))
     assert (said.status, said.out) == (2, "")

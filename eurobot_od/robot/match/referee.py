@@ -9,6 +9,7 @@ import asyncio
 import traceback
 from collections.abc import Callable, Coroutine
 from math import inf
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from eurobot_od.errors import LocalError, RemoteError, StateError
@@ -36,8 +37,20 @@ SETTLED = 1.0
 LAST_LINES = 5
 """So many lines of a strategy's traceback are told: what it raised, and in which two lines."""
 
+PACKAGE = Path(__file__).resolve().parents[2]
+"""Where this package lies: what is called in there says nothing to the team."""
+
 CARETS = " ~^"
 """What Python 3.11 and later underline the place in a line with."""
+
+
+def _last_lines(error: BaseException) -> str:
+    """Return the end of a traceback, without what is inside of this package, or generated, unless it has no other."""
+    told = traceback.TracebackException.from_exception(error)
+    foreign = [frame for frame in told.stack if frame.line and PACKAGE not in Path(frame.filename).resolve().parents]
+    told.stack = traceback.StackSummary.from_list(foreign or told.stack)
+    lines = "".join(told.format()).strip().splitlines()
+    return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
 
 
 def _count(number: int, one: str, several: str = "") -> str:
@@ -126,8 +139,7 @@ class Referee:
     async def _fail(self, error: BaseException) -> None:
         """Stop the robot after an exception of the strategy, and keep what a team needs to find it."""
         self._over = True
-        lines = "".join(traceback.format_exception(type(error), error, error.__traceback__)).strip().splitlines()
-        self.failure = "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
+        self.failure = _last_lines(error)
         self.timeline.tell(EventKind.FAILED, f"the strategy raised {type(error).__name__}: {error}")
         try:
             await self.core.stop()
