@@ -78,7 +78,8 @@ def counted(
     out, meter = stream or sys.stderr, _Meter(number, what, at_once, clock)
     try:
         for count, thing in enumerate(things, 1):
-            out.write(meter.hint(count))
+            if hint := meter.hint(count):
+                out.write(meter.cleared() + hint)
             out.write(meter.bar(count) if out.isatty() else meter.line(count))
             out.flush()
             yield thing

@@ -94,3 +94,9 @@ def test_a_terminal_sees_a_bar_that_is_gone_at_the_end() -> None:
     first, second, _, end = told(Terminal(), 3, 0.1)
     assert (first, second) == (f"\r[{'#' * 10:30}] 1 of 3 matches", f"\r[{'#' * 20:30}] 2 of 3 matches")
     assert end == "\r" + " " * len(first[1:]) + "\r"
+
+
+def test_a_terminal_has_the_bar_below_what_is_said() -> None:
+    _, second, *_ = told(Terminal(), 100, 1.0)
+    wiped = "\r" + " " * len(f"[{'':30}] 1 of 100 matches") + "\r"
+    assert second == f"{wiped}100 matches, about 2 min\n\r[{'':30}] 2 of 100 matches"

@@ -110,13 +110,9 @@ def _touched(name: str, found: list[tuple[int, RobotTouch]]) -> TouchCount:
     return TouchCount(name, len(seeds), len(touches), at_fault, driven_into)
 
 
-def _values(figure: Figure, matches: Iterable[PlayedMatch]) -> list[tuple[float, int]]:
-    return [(value, match.seed) for match in matches for value in figure.of(match) if value is not None]
-
-
 def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
     """Return the spread of a figure, None if no match has it."""
-    pairs = _values(figure, matches)
+    pairs = [(value, match.seed) for match in matches for value in figure.of(match) if value is not None]
     if not pairs:
         return None
     values = [value for value, _ in pairs]
@@ -151,14 +147,10 @@ def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Ite
 def _line(figure: Figure, spread: Spread | None) -> str:
     if spread is None:
         return f"{figure.name:<22} {'none':>8}"
-    texts = (
-        f"{each:8.{figure.decimals}f}"
-        for each in (spread.least, spread.lower, spread.median, spread.upper, spread.most)
-    )
-    least, lower, median, upper, most = texts
+    quartiles = (spread.lower, spread.median, spread.upper)
+    least, *middle, most = (f"{each:8.{figure.decimals}f}" for each in (spread.least, *quartiles, spread.most))
     mean = f"{spread.mean:8.{max(figure.decimals, 1)}f}"
-    quartiles = f"{lower} {median} {upper}"
-    return f"{figure.name:<22} {mean} {least} {spread.least_seed:>6} {quartiles} {most} {spread.most_seed:>6}"
+    return f"{figure.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
 
 
 def _position_error(errors: list[float]) -> Iterator[str]:
