@@ -8,9 +8,9 @@ import can
 import pytest
 from can.io.logger import MESSAGE_WRITERS
 
-from eurobot_od.logs.recorder import recording
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
+from eurobot_od.logs.recorder import recording
 
 FORMATS = sorted(set(MESSAGE_WRITERS) - {".mf4"})  # .mf4 needs a package of its own
 MANY = [(number / 100, Frame(number % 0x700, bytes([number % 256] * (number % 9)))) for number in range(3000)]
