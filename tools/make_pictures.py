@@ -19,10 +19,10 @@ from eurobot_od.logs.output import TextOutput
 from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import screen
 from eurobot_od.monitor.traffic import Traffic
+from eurobot_od.robot.match.drawing import recorded
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.picture.picture import picture
-from eurobot_od.robot.picture.recording import record_frames
 from eurobot_od.robot.protocol import decoder as robot_decoder
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -51,8 +51,8 @@ def play() -> tuple[list[tuple[float, Frame]], str, Decoder]:
     """Play the match; return its frames, the picture of the field, and the decoder of its dialect."""
     frames: list[tuple[float, Frame]] = []
     _, world = play_simulated(OPTIONS, lambda _: None, lambda now, frame: frames.append((now, frame)))
-    decoder = robot_decoder(OPTIONS.dialect)
-    return frames, picture(record_frames(frames, decoder, world.path), f"Match, seed {OPTIONS.seed}"), decoder
+    drawing = picture(recorded(frames, OPTIONS, world), f"Match, seed {OPTIONS.seed}")
+    return frames, drawing, robot_decoder(OPTIONS.dialect)
 
 
 def lines(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:

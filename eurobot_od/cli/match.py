@@ -6,22 +6,21 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import closing
+from contextlib import closing, nullcontext, redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
-from eurobot_od.cli.recorder import recording
 from eurobot_od.errors import LocalError
+from eurobot_od.robot.options import UNITS, Errors
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.robot.match import MatchEvent, MatchOptions
-    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.strategies import StrategyFiles
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -45,12 +44,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="match time (default: the core's, 90)")
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
     parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
+    parser.add_argument("--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core)")
+    parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
     parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
     parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
     parser.add_argument(
         "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
     )
     shared.add_dialect(parser)
+    nodes = parser.add_argument_group("our nodes and the world, each option repeatable")
+    nodes.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="give a node a fault; `eurobot-od faults` lists them",
+    )
+    nodes.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.OBJECT=VALUE",
+        help="value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600' or navigation.0x2101:1=30",
+    )
+    nodes.add_argument(
+        "--world", action="append", default=[], metavar="NAME=VALUE", help="error of the simulated world, see below"
+    )
+    errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
+    parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
     shared.add_bus(parser)
 
 
@@ -79,7 +100,7 @@ def _jobs(text: str) -> int:
     return jobs
 
 
-def run(arguments: argparse.Namespace) -> ExitStatus | None:
+def run(arguments: argparse.Namespace) -> ExitStatus:
     """Play one match, or one for each of many seeds."""
     from eurobot_od.robot.match import MatchOptions
 
@@ -91,29 +112,42 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
         duration=arguments.duration,
         emergency_at=arguments.emergency_at,
         dialect=arguments.dialect,
+        errors=Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world)),
+        faults=tuple(arguments.fault),
+        settings=tuple(shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
     )
-    if arguments.seeds is not None:
-        return _run_many(arguments, options)
-    _run_one(arguments, options)
-    return None
+    play = _run_one if arguments.seeds is None else _run_many
+    return play(arguments, options)
+
+
+def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
+    from eurobot_od.robot.match.strategies import StrategyFiles
+
+    if arguments.against is not None and arguments.speed == "real":
+        raise LocalError("--against is for simulated time, and does not go with --speed real")
+    return StrategyFiles(arguments.strategy, arguments.against)
 
 
 # One match
 
 
-def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> None:
-    """Play, print the timeline as it happens and the summary at the end."""
+def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+    """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
+    from eurobot_od.logs.recorder import recording
     from eurobot_od.robot.match import stage
 
     if arguments.jobs is not None:
         raise LocalError("--jobs goes with --seeds only")
     if arguments.field is not None:
+        from eurobot_od.robot.match.drawing import draw
         from eurobot_od.robot.picture.files import form
 
         form(arguments.field)  # complains of a suffix before the match, not after it
+    players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
-    with recording(arguments.log) as write:
+    # What a strategy prints is not to get into the JSON.
+    with recording(arguments.log) as write, redirect_stdout(sys.stderr) if arguments.json else nullcontext():
 
         def watch(time: float, frame: Frame) -> None:
             write(time, frame)
@@ -122,21 +156,22 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> None:
 
         show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
         if arguments.speed == "fast":
-            summary, world = stage.play_simulated(options, show, watch)
+            summary, world = stage.play_simulated(options, show, watch, None, *players)
         else:
-            summary, world = stage.play_live(options, show, watch, partial(shared.open_bus, arguments))
+            open_bus = partial(shared.open_bus, arguments)
+            summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
     if arguments.field is not None:
-        from eurobot_od.robot.picture.files import save
-        from eurobot_od.robot.picture.recording import record_frames
-        from eurobot_od.robot.protocol import decoder
-
-        picture = record_frames(frames, decoder(arguments.dialect), world.path)
-        save(picture, arguments.field, f"Match, seed {options.seed}")
+        draw(arguments.field, frames, options, world)
     if arguments.json:
         timeline = [event.as_data() for event in events]
         print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
     else:
         print(f"\n{summary}")
+    if summary.failure is None:
+        return ExitStatus.FINE
+    sys.stdout.flush()
+    print(summary.failure, file=sys.stderr)
+    return ExitStatus.FOUND
 
 
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
@@ -153,34 +188,22 @@ def _show(in_colour: bool, event: MatchEvent) -> None:
 
 def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
+    from eurobot_od.cli.progress import counted
+    from eurobot_od.robot.match import histogram
     from eurobot_od.robot.match.seeds import cores, play_many
     from eurobot_od.robot.match.statistics import report
 
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
-    jobs = arguments.jobs or min(cores(), MOST_JOBS)
+    jobs, number = arguments.jobs or min(cores(), MOST_JOBS), len(arguments.seeds)
     played = []
-    with closing(play_many(options, arguments.seeds, jobs)) as matches:
-        for match in _watched(matches, len(arguments.seeds), arguments.json and sys.stdout.isatty()):
+    with closing(play_many(options, arguments.seeds, jobs, _strategies(arguments))) as matches:
+        lines_tell = arguments.json and sys.stdout.isatty()
+        for match in matches if lines_tell else counted(matches, number, "matches", min(jobs, number)):
             played.append(match)
             if arguments.json:
                 print(json.dumps(match.as_data()))
     if not arguments.json:
-        print(*report(played), sep="\n")
+        print(*report(played, histogram.marks(sys.stdout.encoding)), sep="\n")
     return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
-
-
-def _watched(matches: Iterable[PlayedMatch], number: int, lines_tell: bool) -> Iterator[PlayedMatch]:
-    """Show on a terminal how many matches are played, unless the lines that are printed there tell it."""
-    from eurobot_od.cli.decode import bar
-
-    if lines_tell or not sys.stderr.isatty():
-        yield from matches
-        return
-    try:
-        for count, match in enumerate(matches):
-            sys.stderr.write(f"\r{bar(count / number)}")
-            yield match
-    finally:
-        sys.stderr.write("\r" + " " * len(bar(1.0)) + "\r")

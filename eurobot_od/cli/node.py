@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NodeFile
-    from eurobot_od.od.values import Address, Value
+    from eurobot_od.od.values import Address
     from eurobot_od.robot.nodes import Core, Node
 
 
@@ -155,22 +155,13 @@ def _chosen(files: list[NodeFile], name: str | None) -> NodeFile:
 
 def _values(arguments: argparse.Namespace, dictionary: Dictionary) -> Mapping[str, Mapping[Address, Any]]:
     """Return the values of a device that the command line gives; raises LocalError, FieldError, UnknownName."""
+    from eurobot_od.client.objects import given
+
+    named = shared.assignments("--set", "OBJECT=VALUE", arguments.set)
     return {
-        "given": dict(_given(text, dictionary) for text in arguments.set),
+        "given": dict(given(*each, dictionary) for each in named),
         "waveforms": _waveforms(arguments.values, dictionary) if arguments.values else {},
     }
-
-
-def _given(text: str, dictionary: Dictionary) -> tuple[Address, Value]:
-    from eurobot_od.client.objects import encode, find_one, parse
-
-    name, equals, value = text.partition("=")
-    if not equals:
-        raise LocalError(f"--set {text}: write OBJECT=VALUE")
-    thing = find_one(name, dictionary)
-    given = parse(thing, value)
-    encode(thing, given)  # says what the object allows
-    return thing.address, given
 
 
 def _waveforms(file: Path, dictionary: Dictionary) -> dict[Address, Waveform]:

@@ -68,6 +68,14 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     )
 
 
+def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str, str]]:
+    """Split what an option gives as `form`, such as NAME=VALUE, at its first equals sign; raises LocalError."""
+    for text in texts:
+        if "=" not in text:
+            raise LocalError(f"{option} {text}: write {form}")
+    return [(name, value) for name, _, value in (text.partition("=") for text in texts)]
+
+
 # Devices
 
 

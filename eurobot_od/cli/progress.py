@@ -1,12 +1,12 @@
-"""A bar that shows how far a transfer is: on a terminal, and nothing elsewhere."""
+"""Shows how far something is that takes its time: a transfer by its bytes, many things by their number."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TextIO
+from typing import TextIO, TypeVar
 
 from eurobot_od.sdo.client import Progress, unwatched
 
@@ -52,3 +52,81 @@ def line(what: str, done: int, size: int | None, seconds: float) -> str:
         return f"{what}  {done} bytes  {rate}".rstrip()
     filled = done * WIDTH // size
     return f"{what}  {'█' * filled}{'░' * (WIDTH - filled)} {done / size:4.0%}  {done} of {size} bytes  {rate}".rstrip()
+
+
+# Many things
+
+Thing = TypeVar("Thing")
+
+LONG = 10.0
+"""What takes longer, in seconds, is said to do so; and so often something is said where there is no terminal."""
+
+
+def counted(
+    things: Iterable[Thing],
+    number: int,
+    what: str,
+    at_once: int,
+    stream: TextIO | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Thing]:
+    """Pass on a number of things, `what` in words, that so many processes make, and tell how long it takes.
+
+    After the second round of the processes one line says so, if it is going to be long. From then on a terminal has a
+    bar; elsewhere there is a line now and then.
+    """
+    out, meter = stream or sys.stderr, _Meter(number, what, at_once, clock)
+    try:
+        for count, thing in enumerate(things, 1):
+            if hint := meter.hint(count):
+                out.write(meter.cleared() + hint)
+            out.write(meter.bar(count) if out.isatty() else meter.line(count))
+            out.flush()
+            yield thing
+    finally:
+        out.write(meter.cleared())
+        out.flush()
+
+
+class _Meter:
+    """Knows how many things there are already, and how long the others are going to take."""
+
+    def __init__(self, number: int, what: str, at_once: int, clock: Callable[[], float]) -> None:
+        self._number, self._what, self._at_once, self._clock = number, what, at_once, clock
+        self._first, self._told = 0.0, clock()
+        self._width = 0
+
+    def hint(self, count: int) -> str:
+        """Say how long it is going to take, once and if it is long; the first round starts the processes as well."""
+        if count == 1:
+            self._first = self._clock()
+        if count != 1 + self._at_once or (seconds := self._left(count)) < LONG:
+            return ""
+        processes = f" on {self._at_once} processes" if self._at_once > 1 else ""
+        return f"{self._number} {self._what}, about {_about(seconds)}{processes}\n"
+
+    def line(self, count: int) -> str:
+        """Say how far it is, if nothing was said for a while."""
+        if count == 1 or self._clock() - self._told < LONG:
+            return ""
+        self._told = self._clock()
+        return f"{count} of {self._number} {self._what}, about {_about(self._left(count))} left\n"
+
+    def bar(self, count: int) -> str:
+        """Draw how far it is."""
+        filled = count * WIDTH // self._number
+        text = f"\r[{'#' * filled:{WIDTH}}] {count} of {self._number} {self._what}"
+        self._width = len(text) - 1
+        return text
+
+    def cleared(self) -> str:
+        """Wipe out the bar."""
+        return f"\r{' ' * self._width}\r" if self._width else ""
+
+    def _left(self, count: int) -> float:
+        """Estimate the seconds for what is still to come."""
+        return (self._clock() - self._first) / (count - 1) * (self._number - count)
+
+
+def _about(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"

@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import LocalError
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
     from eurobot_od.robot.match import MatchEvent
-    from eurobot_od.robot.options import Errors
     from eurobot_od.robot.world import World
     from eurobot_od.robot.world.channel import Address, Channel
 
@@ -50,13 +48,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Serve until the time is over or somebody ends it; raises LocalError, WorldError."""
-    from eurobot_od.robot.options import MatchOptions
+    from eurobot_od.robot.options import Errors, MatchOptions
     from eurobot_od.robot.world import World
     from eurobot_od.robot.world.channel import Channel
     from eurobot_od.robot.world.server import Server
     from eurobot_od.robot.world.world import OURS
 
-    team, errors = TeamColour[arguments.team.upper()], _errors(arguments.world)
+    team = TeamColour[arguments.team.upper()]
+    errors = Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world))
     options = MatchOptions(team, arguments.enemies, arguments.confederates, arguments.seed, errors=errors)
     begin = time.monotonic()
     world = World(options, lambda: time.monotonic() - begin)
@@ -68,19 +67,6 @@ def run(arguments: argparse.Namespace) -> None:
         asyncio.run(Server(world, channel, show).serve(arguments.listen, duration, _warn))
     summary = _summary(world, channel)
     print(json.dumps({"summary": summary}) if arguments.json else _in_words(summary))
-
-
-def _errors(texts: list[str]) -> Errors:
-    """Return the errors of the instruments; raises LocalError."""
-    from eurobot_od.robot.options import Errors
-
-    errors = Errors()
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals:
-            raise LocalError(f"--world {text}: write NAME=VALUE")
-        errors = errors.changed(name, value)
-    return errors
 
 
 def _warn(address: Address) -> None:

@@ -172,6 +172,17 @@ def encode(thing: NamedObject, value: Value, size: int = 0) -> bytes:
         raise thing.not_allowed(value, allowed) from None
 
 
+def given(name: str, text: str, dictionary: Dictionary) -> tuple[Address, Value]:
+    """Return the address and the value of an object, both as a person writes them.
+
+    Raises UnknownName, LocalError for a record, FieldError for a value that the object does not allow.
+    """
+    thing = find_one(name, dictionary)
+    value = parse(thing, text)
+    encode(thing, value)  # says what the object allows
+    return thing.address, value
+
+
 def integer_range(variable: ODVariable) -> Limits:
     """Return the least and the greatest value of an integer object: its limits inside of its type's."""
     type_ = data_type(variable)

@@ -34,6 +34,21 @@ class Store(Protocol):
         """Keep these values in place of the earlier ones; raises OSError or DictionaryError if that fails."""
 
 
+class MemoryStore:
+    """Keeps settings as long as the program runs, see Store; it begins with `values`."""
+
+    def __init__(self, values: Mapping[Address, Value]) -> None:
+        self._values = dict(values)
+
+    def load(self) -> dict[Address, Value]:
+        """Return the settings."""
+        return dict(self._values)
+
+    def save(self, values: Mapping[Address, Value], _node_id: int) -> None:
+        """Keep these settings."""
+        self._values = dict(values)
+
+
 class FileStore:
     """Keeps the settings of the device that `dictionary` describes in the DCF `file`, see Store."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 
 from eurobot_od.errors import LocalError, UnknownName
@@ -48,6 +49,13 @@ class Errors:
     sensor_missed: float = 0.02
     """Rate of measurements that see nothing where something is."""
 
+    def changed_by(self, values: Iterable[tuple[str, str]]) -> Errors:
+        """Return a copy with some errors changed, each by its name and value in text; see `changed`."""
+        errors = self
+        for name, text in values:
+            errors = errors.changed(name, text)
+        return errors
+
     def changed(self, name: str, text: str) -> Errors:
         """Return a copy with one error changed; raises UnknownName, LocalError for what is no number from 0 on."""
         names = [each.name for each in fields(self)]
@@ -62,6 +70,16 @@ class Errors:
         return replace(self, **{name: value})
 
 
+UNITS = {
+    "wheel_noise": "mm over 1 m",
+    "heading_noise": "degrees over 1 m or 90 degrees",
+    "beacon_latency": "s",
+    "sensor_range": "mm",
+    "sensor_angle": "degrees",
+    "sensor_noise": "mm",
+}
+"""Units of the errors of the world; the others are shares or rates of 0..1."""
+
 NOISE_ONLY = Errors(beacon_latency=0.0, beacon_dropouts=0.0, beacon_outliers=0.0, beacon_swaps=0.0, sensor_false=0.0)
 """A world whose beacons always answer and are only noisy, as on a test bench."""
 
@@ -72,7 +90,8 @@ class MatchOptions:
 
     `emergency_at` is the match time at which the mushroom is hit, None for never. `duration` None takes the core's
     setting. `errors` are those of the instruments in the simulated world, `faults` the names of the faults that our
-    nodes have. `falling`: once in a match a thing falls over in front of our robot.
+    nodes have. `falling`: once in a match a thing falls over in front of our robot. `settings` are values in place of
+    the EDS files' for our nodes, as a person writes them: `("drive.Motion.Maximum speed", "600")`.
     """
 
     team: TeamColour = TeamColour.RED
@@ -85,3 +104,4 @@ class MatchOptions:
     errors: Errors = Errors()
     faults: tuple[str, ...] = ()
     falling: bool = True
+    settings: tuple[tuple[str, str], ...] = ()

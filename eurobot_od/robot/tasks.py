@@ -16,8 +16,12 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from eurobot_od.robot.field import WIDTH, Pose, normalise
+from eurobot_od.robot.field import WIDTH, Point, Pose, normalise
 from eurobot_od.robot.values import TeamColour
+
+TREES = (Point(0, 700), Point(700, 0), Point(2300, 0), Point(3000, 700))
+TREE_RADIUS = 75.0
+"""Where the trees' trunks stand at the border, and how thick they are, mm."""
 
 
 class Worth(Enum):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,6 +15,8 @@ from typing import Any
 import can
 import pytest
 
+from eurobot_od.robot.match import strategy
+from eurobot_od.robot.options import UNITS, Errors
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.robot.document import NAMES
@@ -47,7 +50,7 @@ def test_json_has_every_message(capsys: pytest.CaptureFixture[str]) -> None:
     frames = data["summary"]["frames"]
     assert list(frames) == EurobotProtocol.load().names()
     assert data["summary"]["messages_sent"] == sum(count > 0 for count in frames.values())
-    assert [name for name in NAMES if not frames[name]] == ["Emergency Shutdown"]
+    assert not frames["Emergency Shutdown"]
     assert data["timeline"][0]["kind"] == "start"
     assert data["timeline"][-1]["moved"] == 0
 
@@ -109,7 +112,7 @@ def test_an_unknown_format_leaves_a_file_alone(capsys: pytest.CaptureFixture[str
     notes.write_text("precious")
     said = run(capsys, *SHORT, "--log", str(notes))
     assert (said.status, said.out) == (2, "")
-    assert said.err == f'eurobot-od: --log {notes}: No write support for unknown log format ".md"\n'
+    assert said.err == f'eurobot-od: {notes}: No write support for unknown log format ".md"\n'
     assert notes.read_text() == "precious"
 
 
@@ -119,6 +122,116 @@ def test_a_log_in_a_missing_folder_is_one_line(capsys: pytest.CaptureFixture[str
     said = run(capsys, *SHORT, "--log", str(log))
     assert (said.status, said.out) == (3, "")
     assert said.err == f"eurobot-od: {log}: No such file or directory\n"
+
+
+# Strategies, faults, settings, errors of the world
+
+
+ARRIVES = """
+async def play(core):
+    print("on the way")
+    await core.goto(400, 1800, 0, 15)
+"""
+RAISES = """
+async def play(core):
+    await core.goto(400, 1800, 0, 15)
+    return [][0]
+"""
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Callable[[str], Path]:
+    """Writes a strategy, and gives its file."""
+
+    def write(text: str) -> Path:
+        file = tmp_path / "mine.py"
+        file.write_text(text)
+        return file
+
+    return write
+
+
+def test_a_team_plays_its_own_strategy(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
+    said = run(capsys, "match", "--duration", "3", "--enemies", "0", "--strategy", str(mine(ARRIVES)))
+    assert (said.status, said.err) == (0, "")
+    assert "on the way\n" in said.out
+    assert said.out.count("goto       (400, 1800) 0 deg, 15 %") == said.out.count("arrived    ") == 1
+    assert said.out.splitlines()[-2:] == ["points: ours 0", "touches: none"]
+
+
+def test_what_a_strategy_prints_does_not_get_into_the_json(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    said = run(capsys, *SHORT, "--json", "--strategy", str(mine(ARRIVES)))
+    assert json.loads(said.out)["summary"]["failure"] is None
+    assert said.err == "on the way\n"
+
+
+def test_a_strategy_that_raises_ends_the_match_with_log_and_picture(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path], tmp_path: Path
+) -> None:
+    file, log, picture = mine(RAISES), tmp_path / "mine.log", tmp_path / "mine.svg"
+    words = ["--enemies", "0", "--strategy", str(file), "--log", str(log), "--field", str(picture)]
+    said = run(capsys, "match", "--duration", "4", *words)
+    assert said.status == 1
+    place = [f'  File "{file}", line 4, in play', "    return [][0]", "IndexError: list index out of range"]
+    assert said.err.splitlines()[-3:] == place
+    assert "failed     the strategy raised IndexError: list index out of range" in said.out
+    assert "since it stopped it moved 0 mm" in said.out
+    assert count(log) == total(said.out)
+    assert "1 of 1 goto reached" in picture.read_text()
+
+
+def test_the_place_is_told_that_is_the_teams_own(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    file = mine("async def play(core):\n    await core.goto(9999, 0, 0, 50)\n")
+    said = run(capsys, *SHORT, "--strategy", str(file))
+    assert said.err.splitlines()[-3:-1] == [f'  File "{file}", line 2, in play', "    await core.goto(9999, 0, 0, 50)"]
+    assert said.complaint.endswith("FieldError: Goto XY: x = 9999 is not allowed; allowed: 0..3000 mm")
+
+
+def test_two_strategies_play_each_other(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
+    said = run(capsys, *SHORT, "--against", str(mine(RAISES.replace("return", "core."))))
+    assert (said.status, said.out) == (2, "")
+    said = run(capsys, *SHORT, "--against", str(mine(ARRIVES)))
+    assert said.status == 0
+    assert "points: ours 0, enemy 1 0" in said.out.splitlines()
+
+
+def test_what_the_other_strategy_raises_is_told_as_well(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]
+) -> None:
+    said = run(capsys, *SHORT, "--against", str(mine("async def play(core):\n    raise ValueError('no plan')\n")))
+    assert (said.status, said.complaint) == (1, "ValueError: no plan")
+
+
+def test_parts_fail_as_in_a_check(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, *SHORT, "--fault", "goto-not-sent", "--fault", "heartbeat-missing")
+    frames = dict(
+        line.rsplit(maxsplit=1) for line in said.out.splitlines() if line.startswith(("Goto XY", "Heartbeat"))
+    )
+    assert frames == {"Goto XY": "0"}
+
+
+def test_a_setting_counts_in_place_of_the_files(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "match", "--set", "core.Match.Match duration=1")
+    assert "1 s begin" in said.out
+
+
+def test_the_world_errs_as_it_is_told_to(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    logs = [tmp_path / "a.log", tmp_path / "b.log"]
+    for log, dropouts in zip(logs, ("0", "1")):
+        run(capsys, *SHORT, "--world", f"beacon_dropouts={dropouts}", "--world", "sensor_false=0", "--log", str(log))
+    one, other = (log.read_bytes() for log in logs)
+    assert one != other
+
+
+def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.CaptureFixture[str]) -> None:
+    told = " ".join(run(capsys, "match", "--help").out.split())
+    assert all(f"{name}=" in told for name in vars(Errors()))
+    assert all(f" {unit}" in told for unit in UNITS.values())
+    assert UNITS.keys() <= vars(Errors()).keys()
 
 
 # What is wrong
@@ -168,6 +281,29 @@ def test_wrong_usage_is_told_in_the_last_line(
         (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
         (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
+        (["--strategy", "none.py"], 2, "none.py: No such file or directory"),
+        (["--seeds", "3", "--strategy", "none.py"], 2, "none.py: No such file or directory"),
+        (
+            ["--speed", "real", "--against", "mine.py"],
+            2,
+            "--against is for simulated time, and does not go with --speed real",
+        ),
+        (
+            ["--enemies", "0", "--against", strategy.__file__],
+            2,
+            "a second robot takes the place of an enemy, and there is to be none",
+        ),
+        (["--fault", "goto-not-send"], 2, "unknown fault 'goto-not-send'; did you mean goto-not-sent?"),
+        (["--world", "wheel_noise"], 2, "--world wheel_noise: write NAME=VALUE"),
+        (["--world", "wheel_nose=1"], 2, "unknown error of the world 'wheel_nose'; did you mean wheel_noise?"),
+        (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
+        (["--set", "drive.Motion.Maximum speed"], 2, "--set drive.Motion.Maximum speed: write NODE.OBJECT=VALUE"),
+        (["--set", "rive.Motion.Maximum speed=1"], 2, "unknown node 'rive'; did you mean drive?"),
+        (
+            ["--seeds", "2", "--set", "navigation.0x2101:1=x"],
+            2,
+            "0x2101:1: Noise.Position deviation = 'x' is not allowed; allowed: an integer",
+        ),
         (["--speed", "real", "-i", "nosuch"], 3, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
     ],
 )
@@ -205,12 +341,14 @@ ASLEEP = ("drive", "1F80", "DefaultValue", "0x0000000C")
 """A drive that waits for a master to start it (CiA 302-2, NMT startup)."""
 
 
-def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "match", "--duration", "6", "--seeds", "2-4", "--jobs", "1")
+def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:
+    words = ["--seeds", "2-4", "--jobs", "1", "--enemies", "0", "--strategy", str(mine(ARRIVES))]
+    said = run(capsys, "match", "--duration", "3", *words)
     lines = said.out.splitlines()
-    assert (said.status, said.err) == (0, "")
-    assert lines[0].split() == ["gotos", "matches", "gotos"]
-    assert [line.rsplit(maxsplit=2)[1:] for line in lines if line.startswith("stopped: object")] == [["3", "3"]]
+    assert (said.status, said.err) == (0, "on the way\n" * 3)
+    assert [line.split() for line in lines if line.startswith("arrived")] == [["arrived", "3", "3"]]
+    assert next(line for line in lines if line.startswith("points")).split()[1:4] == ["0.0", "0", "2"]
+    assert lines[lines.index("matches by points") + 1].split() == ["0", "█" * 40, "3"]
     assert lines[-1] == "3 matches, seeds 2 to 4: nothing went wrong"
 
 
@@ -219,14 +357,15 @@ def test_json_of_many_seeds_is_an_object_a_line_the_same_on_any_number_of_proces
 ) -> None:
     words = ["match", "--duration", "6", "--seeds", "5", "--json", "--jobs"]
     here = run(capsys, *words, "1")
-    there = subprocess.run([*SCRIPT, *words, "3"], capture_output=True, text=True, check=True)
+    there = subprocess.run([*SCRIPT, *words, "3"], capture_output=True, text=True, check=False)
     assert [json.loads(line)["seed"] for line in here.out.splitlines()] == [1, 2, 3, 4, 5]
-    assert (there.stdout, there.stderr) == (here.out, here.err)
+    assert (there.stdout, there.stderr, there.returncode) == (here.out, here.err, here.status)
 
 
 def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], spoil_eds: Callable[..., Path]) -> None:
     said = run(capsys, "match", "--seeds", "2", "--jobs", "1", "--dialect", str(spoil_eds(ASLEEP)))
     assert (said.status, said.err) == (1, "")
+    assert "matches by points" not in said.out  # nobody has played
     first, second, last = said.out.splitlines()[-3:]
     assert first.startswith("seed 1: no CheckDriveResponse after ")
     assert second.startswith("seed 2: no CheckDriveResponse after ")
@@ -240,7 +379,8 @@ def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
         assert running.stderr
         running.stdout.readline()
         os.killpg(running.pid, signal.SIGINT)
-        assert running.stderr.read() == b""
+        said = running.stderr.read().splitlines()
+        assert [line for line in said if not re.match(rb"1000 matches, about |[0-9]+ of 1000 matches", line)] == []
         assert running.wait() == 130
 
 

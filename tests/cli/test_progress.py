@@ -1,12 +1,14 @@
-"""The bar of a long transfer."""
+"""The bar of a long transfer; what is said while many things are made."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 
-from eurobot_od.cli.progress import REDRAWN, bar, line
+from eurobot_od.cli.progress import LONG, REDRAWN, bar, counted, line
 from eurobot_od.sdo.client import unwatched
 
 
@@ -46,3 +48,55 @@ def test_without_a_terminal_nothing_is_drawn() -> None:
     with bar("x", stream) as progress:
         assert progress is unwatched
     assert stream.getvalue() == ""
+
+
+# Many things
+
+
+def told(stream: io.StringIO, number: int, seconds: float, at_once: int = 1) -> list[str]:
+    """Count things, each of which takes so long, and return what was written before each and at the end."""
+    now = [0.0]
+
+    def made() -> Iterator[int]:
+        for each in range(number):
+            now[0] += seconds / at_once
+            yield each
+
+    written, counting = [], counted(made(), number, "matches", at_once, stream, lambda: now[0])
+    for expected in range(number):
+        assert next(counting) == expected
+        written.append(stream.getvalue())
+    assert next(counting, None) is None
+    return [after.removeprefix(before) for before, after in pairwise(["", *written, stream.getvalue()])]
+
+
+def test_what_is_short_is_not_spoken_of() -> None:
+    assert set(told(io.StringIO(), 9, LONG / 9.5)) == {""}
+
+
+def test_a_line_says_how_long_it_takes_and_others_now_and_then_how_far_it_is() -> None:
+    said = told(io.StringIO(), 100, 1.0, at_once=2)
+    assert [(number, text) for number, text in enumerate(said, 1) if text] == [
+        (3, "100 matches, about 48 s on 2 processes\n"),
+        (20, "20 of 100 matches, about 40 s left\n"),
+        (40, "40 of 100 matches, about 30 s left\n"),
+        (60, "60 of 100 matches, about 20 s left\n"),
+        (80, "80 of 100 matches, about 10 s left\n"),
+        (100, "100 of 100 matches, about 0 s left\n"),
+    ]
+
+
+def test_minutes_are_said_as_minutes() -> None:
+    assert told(io.StringIO(), 300, 0.9)[1] == "300 matches, about 4 min\n"
+
+
+def test_a_terminal_sees_a_bar_that_is_gone_at_the_end() -> None:
+    first, second, _, end = told(Terminal(), 3, 0.1)
+    assert (first, second) == (f"\r[{'#' * 10:30}] 1 of 3 matches", f"\r[{'#' * 20:30}] 2 of 3 matches")
+    assert end == "\r" + " " * len(first[1:]) + "\r"
+
+
+def test_a_terminal_has_the_bar_below_what_is_said() -> None:
+    _, second, *_ = told(Terminal(), 100, 1.0)
+    wiped = "\r" + " " * len(f"[{'':30}] 1 of 100 matches") + "\r"
+    assert second == f"{wiped}100 matches, about 2 min\n\r[{'':30}] 2 of 100 matches"

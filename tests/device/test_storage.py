@@ -11,7 +11,7 @@ import canopen
 import pytest
 
 from eurobot_od.device.device import SAVE, Device
-from eurobot_od.device.storage import FileStore
+from eurobot_od.device.storage import FileStore, MemoryStore
 from eurobot_od.errors import DictionaryError
 from eurobot_od.files import write_whole
 from eurobot_od.od.dictionary import Dictionary
@@ -137,3 +137,13 @@ def test_a_text_that_no_dcf_in_latin_1_can_hold_is_an_abort(tmp_path: Path) -> N
     with pytest.raises(Abort) as abort:
         device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
     assert abort.value.code == AbortCode.HARDWARE
+
+
+# In memory
+
+
+def test_in_memory_settings_last_as_long_as_the_store() -> None:
+    store = MemoryStore({(0x2100, 1): 5})
+    assert store.load() == {(0x2100, 1): 5}
+    store.save({(0x2100, 2): 6}, 1)
+    assert store.load() == {(0x2100, 2): 6}

@@ -4,7 +4,7 @@ Rule of this package: it uses the nodes as a team's program does, by the core's 
 a timeline of events and a summary, which others print.
 """
 
-from eurobot_od.robot.match.stage import rehearse as rehearse
+from eurobot_od.robot.match.rehearsal import rehearse as rehearse
 from eurobot_od.robot.match.summary import Summary as Summary
 from eurobot_od.robot.match.timeline import EventKind as EventKind
 from eurobot_od.robot.match.timeline import MatchEvent as MatchEvent

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Coroutine
+from dataclasses import replace
 from math import isnan, nan
 from typing import Any
 
@@ -46,7 +47,8 @@ class Led:
         asyncio.run(_as_long_as_it_runs(self._live, referee.play(strategy)))
         self._truth()  # the points at the end, unless the world has gone
         errors = [error for error in observer.errors if not isnan(error)]
-        return counter.summary(self._timeline.clock(), BITRATE, errors, [], self._points, referee.failure)
+        summary = counter.summary(self._timeline.clock(), BITRATE)
+        return replace(summary, errors=errors, points=self._points, failure=referee.failure)
 
     def _truth(self) -> Pose:
         try:

@@ -5,49 +5,76 @@ Rule of this file: all of it depends on the options and the EDS files alone; who
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+import sys
+from collections.abc import Iterable
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import RemoteError
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
+from eurobot_od.robot.match.strategies import Players
 from eurobot_od.robot.match.summary import Summary
 from eurobot_od.robot.match.timeline import EventKind, MatchEvent
+from eurobot_od.robot.match.touches import RobotTouch, touches_of
 from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.values import Outcome
+from eurobot_od.robot.values import Outcome, Passage
+from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.world import OURS
 
 ARRIVED = Outcome.ARRIVED.value
-UNMEANT = tuple(outcome.value for outcome in (Outcome.NOT_POSSIBLE, Outcome.BLOCKED, Outcome.REPLACED))
-"""Ways for a goto to end that nobody meant."""
+UNMEANT = tuple(outcome.value for outcome in (Outcome.NOT_POSSIBLE, Outcome.REPLACED, Outcome.LOST))
+"""Ways for a goto to end that nobody meant; one that is blocked was driven into, which is counted with the touches."""
+
+SHIPPED = Players()
 
 
 class PlayedGoto(NamedTuple):
-    """How the goto of a task ended, and after how many seconds from its first transmission.
+    """How a goto to a place, mm and degrees, ended, and after how many seconds from its first transmission.
 
     `end` is its outcome; a stop says why. At an arrival, in mm: the `distance` from the place to where the robot truly
     was, and the `error` of the position that it believed in.
     """
 
-    task: str
+    x: int
+    y: int
+    angle: int
     end: str
     seconds: float
     distance: float | None = None
     error: float | None = None
 
 
+class PlayedTask(NamedTuple):
+    """A task that was done: when it ended, in s, and what it came to, in points or fruit."""
+
+    time: float
+    task: str
+    gain: int
+
+
 @dataclass(frozen=True)
 class PlayedMatch:
     """What the match of a seed came to.
 
-    `failure` says why it could not be played to its end; then there is no `summary`, and `gotos` are those until
-    then. `moved` is how far the robot moved after it had come to rest, mm.
+    `failure` says why it could not be played to its end; then there is no `summary`, and the rest is what was until
+    then. `moved` is how far the robot moved after it had come to rest, mm; `stops` is how often it was stopped for
+    something ahead.
     """
 
     seed: int
-    gotos: list[PlayedGoto]
+    gotos: list[PlayedGoto] = field(default_factory=list)
+    tasks: list[PlayedTask] = field(default_factory=list)
+    touches: list[RobotTouch] = field(default_factory=list)
+    stops: int = 0
     moved: float = 0.0
     summary: Summary | None = None
     failure: str | None = None
+
+    @property
+    def points(self) -> int:
+        """Our points; 0 if the match could not be played to its end."""
+        return self.summary.points.get(OURS, 0) if self.summary else 0
 
     @property
     def arrivals(self) -> list[PlayedGoto]:
@@ -58,34 +85,78 @@ class PlayedMatch:
     def wrong(self) -> list[str]:
         """What needs a look, nothing if all is well."""
         texts = [] if self.failure is None else [self.failure]
-        texts += [f"goto {goto.task}: {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
+        if self.summary and self.summary.failure:
+            texts.append(f"the strategy raised {self.summary.failure.splitlines()[-1]}")
+        texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
+        texts += [f"touched {touch.thing} at {touch.time:.1f} s" for touch in self.touches if touch.is_wrong]
         texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved else []
         return texts + [f"gatekeeper: {report}" for report in (self.summary.reports if self.summary else ())]
 
     def as_data(self) -> dict[str, Any]:
         """Return everything as plain data."""
-        summary, gotos = self.summary and self.summary.as_data(), [goto._asdict() for goto in self.gotos]
-        return {"seed": self.seed, "wrong": self.wrong, "moved": self.moved, "gotos": gotos, "summary": summary}
+        rows = {name: [row._asdict() for row in getattr(self, name)] for name in ("gotos", "tasks", "touches")}
+        figures = {"points": self.points, "stops": self.stops, "moved": self.moved}
+        summary = self.summary and self.summary.as_data()
+        return {"seed": self.seed, "wrong": self.wrong, **figures, **rows, "summary": summary}
 
 
-def play(options: MatchOptions, files: EdsFiles) -> PlayedMatch:
-    """Play a match in simulated time; a node that does not answer is a result of the match, not an error."""
+def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED) -> PlayedMatch:
+    """Play a match in simulated time; a node that does not answer is a result of the match, not an error.
+
+    What a strategy prints goes to standard error.
+    """
     events: list[MatchEvent] = []
-    try:
-        summary, _ = play_simulated(options, events.append, lambda _time, _frame: None, files)
-    except RemoteError as error:
-        return PlayedMatch(options.seed, gotos_in(events), failure=str(error))
-    return PlayedMatch(options.seed, gotos_in(events), events[-1].data["moved"], summary)
+    summary, failure = None, None
+    with redirect_stdout(sys.stderr):
+        try:
+            summary, _ = play_simulated(options, events.append, lambda _time, _frame: None, files, *players)
+        except RemoteError as error:
+            failure = str(error)
+    return PlayedMatch(
+        options.seed,
+        gotos_in(events),
+        [PlayedTask(event.time, **event.data) for event in events if event.kind is EventKind.TASK],
+        touches_in(events),
+        sum(event.kind is EventKind.STOP and "obstacle" in event.data for event in events),
+        next((event.data["moved"] for event in events if event.kind is EventKind.END), 0.0),
+        summary,
+        failure,
+    )
 
 
-def gotos_in(events: Sequence[MatchEvent]) -> list[PlayedGoto]:
+def gotos_in(events: Iterable[MatchEvent]) -> list[PlayedGoto]:
     """Return how the gotos of a timeline ended, in their order; one without an end is left out."""
-    gotos = (event for event in events if event.kind is EventKind.GOTO)
-    ends = (event for event in events if event.kind in (EventKind.ARRIVED, EventKind.GIVEN_UP))
-    return [_goto(goto.data["goto"]["name"], end.data) for end, goto in zip(ends, gotos)]
+    begun: list[dict[str, Any]] = []
+    ended: list[PlayedGoto] = []
+    for event in events:
+        if event.kind is EventKind.GOTO:
+            begun.append(event.data["goto"])
+        elif event.kind in (EventKind.ARRIVED, EventKind.GIVEN_UP):
+            ended.append(_goto(begun[len(ended)], event.data))
+    return ended
 
 
-def _goto(task: str, end: dict[str, Any]) -> PlayedGoto:
+def _goto(goto: dict[str, Any], end: dict[str, Any]) -> PlayedGoto:
     outcome, why = end.get("outcome", ARRIVED), end.get("why")
     end_text = f"{outcome}: {why}" if why else outcome
-    return PlayedGoto(task, end_text, end["seconds"], end.get("distance"), end.get("error"))
+    place = goto["x"], goto["y"], goto["angle"]
+    return PlayedGoto(*place, end_text, end["seconds"], end.get("distance"), end.get("error"))
+
+
+def _forced(barriers: str) -> set[str]:
+    """Return the names of the barriers that flags in words, `fire 1:normal, pool 2:forced`, have as forced."""
+    passages = (text.partition(":") for text in barriers.split(", "))
+    return {name for name, _, passage in passages if passage == Passage.FORCED.name.lower()}
+
+
+def touches_in(events: Iterable[MatchEvent]) -> list[RobotTouch]:
+    """Return what our robot touched in a timeline, and whether its goto at that time had flagged it as forced."""
+    forced: set[str] = set()
+    found: list[RobotTouch] = []
+    for event in events:
+        if event.kind is EventKind.GOTO:
+            forced = _forced(event.data["goto"]["barriers"])
+        elif event.kind is EventKind.TOUCH:
+            (touch,) = touches_of(OURS, [Touch(**event.data)])
+            found.append(touch._replace(forced=touch.thing in forced))
+    return found

@@ -9,6 +9,7 @@ import asyncio
 import traceback
 from collections.abc import Callable, Coroutine
 from math import inf
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from eurobot_od.errors import LocalError, RemoteError, StateError
@@ -24,14 +25,32 @@ Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
 LOOKS = 0.05
 """How often the referee looks whether the match is over, s."""
 
+MOMENT = 0.001
+"""The least that it waits, s: without it, no time passes for a core whose match is just about to end."""
+
 FIRST_POSITION = 5.0
 """Seconds until the first position should have come: the polling's start delay, and several periods."""
 
 SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
 
-LAST_LINES = 3
-"""So many lines of a strategy's traceback are told."""
+LAST_LINES = 5
+"""So many lines of a strategy's traceback are told: what it raised, and in which two lines."""
+
+PACKAGE = Path(__file__).resolve().parents[2]
+"""Where this package lies: what is called in there says nothing to the team."""
+
+CARETS = " ~^"
+"""What Python 3.11 and later underline the place in a line with."""
+
+
+def _last_lines(error: BaseException) -> str:
+    """Return the end of a traceback, without what is inside of this package, or generated, unless it has no other."""
+    told = traceback.TracebackException.from_exception(error)
+    foreign = [frame for frame in told.stack if frame.line and PACKAGE not in Path(frame.filename).resolve().parents]
+    told.stack = traceback.StackSummary.from_list(foreign or told.stack)
+    lines = "".join(told.format()).strip().splitlines()
+    return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
 
 
 def _count(number: int, one: str, several: str = "") -> str:
@@ -109,7 +128,7 @@ class Referee:
     async def _watch(self, playing: asyncio.Future[Any]) -> None:
         """Wait for a moment; hit the mushroom in time, and see whether the strategy has failed."""
         left = min(self._mushroom, self._end) - self.clock()
-        await asyncio.sleep(min(max(left, 0.0), LOOKS))
+        await asyncio.sleep(min(max(left, MOMENT), LOOKS))
         if self.clock() >= self._mushroom:
             self._mushroom, self._over = inf, True
             self.core.emergency_shutdown()
@@ -120,8 +139,7 @@ class Referee:
     async def _fail(self, error: BaseException) -> None:
         """Stop the robot after an exception of the strategy, and keep what a team needs to find it."""
         self._over = True
-        lines = "".join(traceback.format_exception(type(error), error, error.__traceback__)).strip().splitlines()
-        self.failure = "\n".join(lines[-LAST_LINES:])
+        self.failure = _last_lines(error)
         self.timeline.tell(EventKind.FAILED, f"the strategy raised {type(error).__name__}: {error}")
         try:
             await self.core.stop()

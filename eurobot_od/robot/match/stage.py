@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from eurobot_od import live as runtime
-from eurobot_od.device.flow import Result
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
 from eurobot_od.live.signals import EndedBySigterm
@@ -26,8 +26,10 @@ from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee, Strategy
+from eurobot_od.robot.match.settings import stores
 from eurobot_od.robot.match.summary import FrameCounter, Summary
 from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.match.touches import counts, touches_of
 from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.options import MatchOptions
@@ -47,8 +49,6 @@ BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
 
 POWER_UP = 0.1
 """When the core begins with the startup (document 5.1), s."""
-
-DEFAULTS = MatchOptions()
 
 Watcher = Callable[[float, Frame], None]
 """Called with the time in seconds and each frame on the bus."""
@@ -81,9 +81,12 @@ class EdsFiles(NamedTuple):
 
 
 def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, Node, Node]:
-    """Make core, drive and navigation of a robot in the world; raises UnknownName for a fault that there is not."""
-    kinds = faulty_kinds(options.faults)
-    nodes = [kinds[role](files.dictionaries[role]) for role in BOOT_TIMES]
+    """Make core, drive and navigation of a robot in the world.
+
+    Raises UnknownName for a fault, a node or an object that there is not, LocalError for a value that is not allowed.
+    """
+    kinds, found = faulty_kinds(options.faults), stores(options.settings, files.dictionaries)
+    nodes = [kinds[role](files.dictionaries[role], store=found[role]) for role in BOOT_TIMES]
     seed = str(options.seed) if name == OURS else f"{options.seed} {name}"
     equip(nodes, world.vehicle(name), options.errors, seed)
     core, drive, navigation = nodes
@@ -113,6 +116,11 @@ class Performance:
         self._watch = watch
         world.watchers.append(self._tell_touch)
 
+    @property
+    def failure(self) -> str | None:
+        """The last lines of the traceback if the strategy raised."""
+        return self._referee.failure
+
     def _truth(self) -> Pose:
         return self._world.robots[self.name].pose
 
@@ -135,33 +143,22 @@ class Performance:
 
     def result(self, seconds: float, bitrate: int, reports: Sequence[Report]) -> Summary:
         """Return what the match came to, `seconds` after power-on."""
-        points = {name: self._world.game.points(name) for name in self._world.driven}
-        texts = [str(each) for each in reports]
-        return self._counter.summary(seconds, bitrate, self._observer.errors, texts, points, self._referee.failure)
+        touches = touches_of(self.name, self._world.touches)
+        return replace(
+            self._counter.summary(seconds, bitrate),
+            errors=self._observer.errors,
+            reports=[str(each) for each in reports],
+            points={self.name: self._world.game.points(self.name)},
+            touches=counts(touches),
+            at_fault=sum(touch.at_fault for touch in touches),
+            failure=self.failure,
+        )
 
 
-def _switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
+def switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
+    """Attach nodes to a simulated bus; each boots in its time."""
     for node in nodes:
         network.attach(node, BOOT_TIMES[node.name], processing_time(seed, node.name))
-
-
-def rehearse(
-    strategy: Callable[[Core], Coroutine[Any, Any, Result]],
-    options: MatchOptions = DEFAULTS,
-    watch: Watcher = _unwatched,
-) -> Result:
-    """Run a team's strategy in simulated time against simulated nodes, and return its result.
-
-    The strategy starts when the nodes have booted. `watch` is called with the time and each frame on the bus. Raises
-    what the strategy raises, DictionaryError.
-    """
-    network = Network()
-    world = World(options, lambda: network.now)
-    nodes = cast_for(options, EdsFiles.read(options.dialect), world)
-    _switch_on(nodes, network, options.seed)
-    network.observers.append(watch)
-    network.run(POWER_UP)
-    return loop.run(network, strategy(nodes[0]))
 
 
 def play_simulated(
@@ -177,6 +174,8 @@ def play_simulated(
     `against` is the strategy of a second robot, which takes enemy 1's place on a bus of its own. Raises NoAnswer,
     UnknownName, DictionaryError, LocalError.
     """
+    if against is not None and not options.enemies:
+        raise LocalError("a second robot takes the place of an enemy, and there is to be none")
     files = files or EdsFiles.read(options.dialect)
     networks = [Network()] if against is None else [Network(), Network()]
     clock = networks[0] if against is None else Several(*networks)
@@ -184,12 +183,15 @@ def play_simulated(
     match = Performance(options, files, world, show, watch)
     sides = [match] if against is None else [match, Performance(_rival(options), files, world, name=RIVAL)]
     for side, network in zip(sides, networks):
-        _switch_on(side.nodes, network, options.seed)
+        switch_on(side.nodes, network, options.seed)
         network.observers.append(side.seen)
     bitrate = networks[0].bitrate
     plays = [side.play(each, bitrate, "simulated") for side, each in zip(sides, (strategy, against)) if each]
     loop.run(clock, _together(plays))
-    return match.result(clock.now, bitrate, networks[0].reports), world
+    summary = match.result(clock.now, bitrate, networks[0].reports)
+    points = {side.name: world.game.points(side.name) for side in sides}
+    failures = [side.failure for side in sides if side.failure]
+    return replace(summary, points=points, failure="\n".join(failures) or None), world
 
 
 def _rival(options: MatchOptions) -> MatchOptions:
@@ -201,6 +203,7 @@ def _rival(options: MatchOptions) -> MatchOptions:
         confederates=max(options.enemies - 1, 0),
         emergency_at=None,
         faults=(),
+        settings=(),
     )
 
 

@@ -1,6 +1,6 @@
 """What many matches came to: how their gotos ended, the spread of their figures, and the seeds that need a look.
 
-Counts and order statistics only, nothing smoothed: every extreme names its seed, which can be played again.
+Counts and order statistics, nothing smoothed: every extreme names its seed, which can be played again.
 """
 
 from __future__ import annotations
@@ -8,14 +8,21 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
-from operator import itemgetter
-from statistics import median
+from math import ceil, sqrt
+from operator import attrgetter, itemgetter
+from statistics import fmean, quantiles
 from typing import NamedTuple
 
+from eurobot_od.robot.match import histogram
 from eurobot_od.robot.match.played import ARRIVED, UNMEANT, PlayedMatch
 from eurobot_od.robot.match.summary import Summary
+from eurobot_od.robot.match.touches import RobotTouch, Touched
 
-ALL_ARRIVED = "all arrived but the last"
+MOST_LISTED = 20
+"""So many of the seeds that need a look are listed; all of them are in the JSON."""
+
+LOWEST = 3
+"""So many of the seeds with the fewest points are worth a look as well."""
 
 
 class EndingCount(NamedTuple):
@@ -24,6 +31,16 @@ class EndingCount(NamedTuple):
     name: str
     matches: int
     gotos: int
+
+
+class TouchCount(NamedTuple):
+    """What was touched: in how many matches, how often, how often we drove into it, and how often it drove into us."""
+
+    name: str
+    matches: int
+    touches: int
+    at_fault: int
+    driven_into: int
 
 
 class Figure(NamedTuple):
@@ -40,6 +57,10 @@ def _once(figure: Callable[[PlayedMatch, Summary], float]) -> Callable[[PlayedMa
 
 
 FIGURES = (
+    Figure("points", 0, _once(lambda match, _: match.points)),
+    Figure("tasks done", 0, _once(lambda match, _: sum(task.gain > 0 for task in match.tasks))),
+    Figure("stops", 0, _once(lambda match, _: match.stops)),
+    Figure("touches", 0, _once(lambda match, _: len(match.touches))),
     Figure("places reached", 0, _once(lambda match, _: len(match.arrivals))),
     Figure("distance to place, mm", 1, lambda match: [goto.distance for goto in match.arrivals]),
     Figure("position error, mm", 1, lambda match: [goto.error for goto in match.arrivals]),
@@ -51,55 +72,111 @@ FIGURES = (
 
 
 class Spread(NamedTuple):
-    """The least, the middle and the greatest of a figure, and the first seeds that have the extremes."""
+    """Mean, least, quartiles and greatest of a figure, and the first seeds that have the extremes."""
 
+    mean: float
     least: float
     least_seed: int
+    lower: float
     median: float
+    upper: float
     most: float
     most_seed: int
 
 
 def endings(matches: Sequence[PlayedMatch]) -> list[EndingCount]:
-    """Count how gotos ended: in which matches all but the last arrived, then every way to end."""
+    """Count how gotos ended: those that arrived, those whose end nobody meant, then every other way to end."""
     ends = [[goto.end for goto in match.gotos] for match in matches]
-    fine = [each for each, match in zip(ends, matches) if not match.wrong and set(each[:-1]) <= {ARRIVED}]
     gotos, in_matches = Counter(chain(*ends)), Counter(chain(*map(set, ends)))
     names = [ARRIVED, *UNMEANT, *sorted(gotos.keys() - {ARRIVED, *UNMEANT})]
-    rest = [EndingCount(name, in_matches[name], gotos[name]) for name in names]
-    return [EndingCount(ALL_ARRIVED, len(fine), sum(map(len, fine))), *rest]
+    return [EndingCount(name, in_matches[name], gotos[name]) for name in names]
 
 
-def spread(figure: Figure, matches: Sequence[PlayedMatch]) -> Spread | None:
+FORCED = "forced barrier"
+
+
+def touch_counts(matches: Iterable[PlayedMatch]) -> list[TouchCount]:
+    """Count what was touched, and by whose fault; a barrier that was to be kept off by force counts as that alone."""
+    found: dict[str, list[tuple[int, RobotTouch]]] = {name: [] for name in (FORCED, *(kind.value for kind in Touched))}
+    for match in matches:
+        for touch in match.touches:
+            found[FORCED if touch.forced else touch.kind.value].append((match.seed, touch))
+    return [_touched(name, touches) for name, touches in found.items()]
+
+
+def _touched(name: str, found: list[tuple[int, RobotTouch]]) -> TouchCount:
+    seeds, touches = {seed for seed, _ in found}, [touch for _, touch in found]
+    at_fault, driven_into = sum(each.at_fault for each in touches), sum(each.driven_into for each in touches)
+    return TouchCount(name, len(seeds), len(touches), at_fault, driven_into)
+
+
+def spread(figure: Figure, matches: Iterable[PlayedMatch]) -> Spread | None:
     """Return the spread of a figure, None if no match has it."""
-    values = [(value, match.seed) for match in matches for value in figure.of(match) if value is not None]
-    if not values:
+    pairs = [(value, match.seed) for match in matches for value in figure.of(match) if value is not None]
+    if not pairs:
         return None
-    least, most = min(values, key=itemgetter(0)), max(values, key=itemgetter(0))
-    return Spread(*least, median(value for value, _ in values), *most)
+    values = [value for value, _ in pairs]
+    lower, median, upper = quantiles(values, n=4, method="inclusive") if len(values) > 1 else values * 3
+    least, most = min(pairs, key=itemgetter(0)), max(pairs, key=itemgetter(0))
+    return Spread(fmean(values), *least, lower, median, upper, *most)
 
 
 # In words
 
 
-def report(matches: Sequence[PlayedMatch]) -> Iterator[str]:
-    """Say in lines what the matches came to; there is at least one."""
+def report(matches: Sequence[PlayedMatch], marks: str = histogram.BLOCKS) -> Iterator[str]:
+    """Say in lines what the matches came to; there is at least one. `marks` are the characters of the histogram."""
     yield f"{'gotos':<30} {'matches':>8} {'gotos':>8}"
     for ending in endings(matches):
         yield f"{ending.name:<30} {ending.matches:>8} {ending.gotos:>8}"
     yield ""
-    yield f"{'':<22} {'least':>8} {'seed':>6} {'median':>8} {'most':>8} {'seed':>6}"
+    yield f"{'touched':<21} {'matches':>8} {'touches':>8} {'our fault':>10} {'driven into':>12}"
+    for row in touch_counts(matches):
+        yield f"{row.name:<21} {row.matches:>8} {row.touches:>8} {row.at_fault:>10} {row.driven_into:>12}"
+    yield ""
+    headings = f"{'mean':>8} {'least':>8} {'seed':>6} {'25 %':>8} {'median':>8} {'75 %':>8} {'most':>8} {'seed':>6}"
+    yield f"{'':<22} {headings}"
     for figure in FIGURES:
         yield _line(figure, spread(figure, matches))
+    yield from _position_error([goto.error for match in matches for goto in match.arrivals if goto.error is not None])
+    yield from _histogram([match.points for match in matches if match.summary], marks)
     yield ""
-    bad = [match for match in matches if match.wrong]
-    yield from (f"seed {match.seed}: {text}" for match in bad for text in match.wrong)
-    played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"
-    yield f"{played}: something went wrong in {len(bad)}" if bad else f"{played}: nothing went wrong"
+    yield from _to_look_at(matches)
 
 
 def _line(figure: Figure, spread: Spread | None) -> str:
     if spread is None:
         return f"{figure.name:<22} {'none':>8}"
-    least, middle, most = (f"{each:8.{figure.decimals}f}" for each in (spread.least, spread.median, spread.most))
-    return f"{figure.name:<22} {least} {spread.least_seed:>6} {middle} {most} {spread.most_seed:>6}"
+    quartiles = (spread.lower, spread.median, spread.upper)
+    least, *middle, most = (f"{each:8.{figure.decimals}f}" for each in (spread.least, *quartiles, spread.most))
+    mean = f"{spread.mean:8.{max(figure.decimals, 1)}f}"
+    return f"{figure.name:<22} {mean} {least} {spread.least_seed:>6} {' '.join(middle)} {most} {spread.most_seed:>6}"
+
+
+def _position_error(errors: list[float]) -> Iterator[str]:
+    if errors:
+        rms, most = sqrt(fmean(error**2 for error in errors)), sorted(errors)[ceil(0.95 * len(errors)) - 1]
+        where = f"position error at {len(errors)} arrivals"
+        yield f"{where}: mean {fmean(errors):.1f} mm, RMS {rms:.1f} mm, 95 % up to {most:.1f} mm"
+
+
+def _histogram(points: list[int], marks: str) -> Iterator[str]:
+    if points:
+        yield ""
+        yield "matches by points"
+        yield from histogram.rows(points, marks)
+
+
+def _to_look_at(matches: Sequence[PlayedMatch]) -> Iterator[str]:
+    """Name the seeds in which something was wrong, and those with the fewest points."""
+    bad = [match for match in matches if match.wrong]
+    for match in bad[:MOST_LISTED]:
+        first, *others = match.wrong
+        yield f"seed {match.seed}: {first}" + f", and {len(others)} more" * bool(others)
+    if len(bad) > MOST_LISTED:
+        yield f"and {len(bad) - MOST_LISTED} more seeds"
+    if len(matches) > LOWEST and any(match.summary for match in matches):
+        low = sorted((match for match in matches if match.summary), key=attrgetter("points"))[:LOWEST]
+        yield "fewest points: " + ", ".join(f"seed {match.seed} with {match.points}" for match in low)
+    played = f"{len(matches)} match{'es' * (len(matches) != 1)}, seeds {matches[0].seed} to {matches[-1].seed}"
+    yield f"{played}: something went wrong in {len(bad)}" if bad else f"{played}: nothing went wrong"

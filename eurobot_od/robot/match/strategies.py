@@ -1,30 +1,86 @@
-"""Loads a team's strategy from its file."""
+"""A team's strategy from its file: Python with a coroutine function `play(core)`.
+
+Rule of this file: whatever is wrong with a strategy before a match begins is one line that names the place in its file.
+"""
 
 from __future__ import annotations
 
-from importlib.machinery import SourceFileLoader
-from importlib.util import module_from_spec, spec_from_loader
-from inspect import iscoroutinefunction
+import sys
+import traceback
+from contextlib import redirect_stdout
+from inspect import iscoroutinefunction, signature
 from pathlib import Path
+from types import ModuleType
+from typing import NamedTuple, cast
 
 from eurobot_od.errors import LocalError
+from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Strategy
 
 
-def load(path: Path) -> Strategy:
-    """Return the coroutine `play` of a Python file; raises OSError, and LocalError for a file that has none."""
-    loader = SourceFileLoader(path.stem, str(path))
-    spec = spec_from_loader(loader.name, loader)
-    assert spec is not None
-    module = module_from_spec(spec)
-    try:
-        loader.exec_module(module)
-    except OSError:
-        raise
-    except Exception as error:
-        raise LocalError(f"{path}: {type(error).__name__}: {error}") from error
+class Players(NamedTuple):
+    """Who plays: our strategy, and that of the second robot, None if there is none."""
+
+    ours: Strategy = shipped.play
+    against: Strategy | None = None
+
+
+class StrategyFiles(NamedTuple):
+    """The files of a match's strategies: ours, None for the shipped one; the second robot's, None for no such robot."""
+
+    ours: Path | None = None
+    against: Path | None = None
+
+    def load(self) -> Players:
+        """Load them; raises LocalError."""
+        return Players(load(self.ours) if self.ours else shipped.play, load(self.against) if self.against else None)
+
+
+def load(file: Path) -> Strategy:
+    """Return the `play` of a Python file, which may import what stands beside it.
+
+    What the file prints while it is loaded goes to standard error. Raises LocalError, with the line of the file, if it
+    cannot be read, is no Python, raises, or has no coroutine function `play` that takes the core.
+    """
+    module = _run(file)
     play = getattr(module, "play", None)
+    if play is None:
+        raise LocalError(f"{file}: no `play` in it; write `async def play(core)`")
+    code = getattr(play, "__code__", None)
+    where = f"{code.co_filename}:{code.co_firstlineno}" if code else str(file)
     if not iscoroutinefunction(play):
-        raise LocalError(f"{path}: has no coroutine play(core)")
-    strategy: Strategy = play
-    return strategy
+        raise LocalError(f"{where}: `play` is no coroutine function; write `async def play(core)`")
+    try:
+        signature(play).bind(None)
+    except TypeError as error:
+        raise LocalError(f"{where}: `play` is called with the core and nothing else: {error}") from None
+    return cast(Strategy, play)
+
+
+def _run(file: Path) -> ModuleType:
+    """Run a file as a module of its own; raises LocalError."""
+    module = ModuleType(f"strategy {file.resolve()}")
+    module.__file__ = str(file)
+    try:
+        source = file.read_bytes()
+    except OSError as error:
+        raise LocalError(f"{file}: {error.strerror}") from None
+    folder = str(file.resolve().parent)
+    if folder not in sys.path:
+        sys.path.append(folder)
+    sys.modules[module.__name__] = module  # where dataclasses look for the module that they are in
+    try:
+        with redirect_stdout(sys.stderr):
+            exec(compile(source, str(file), "exec", dont_inherit=True), module.__dict__)
+    except (Exception, SystemExit) as error:
+        raise LocalError(_complaint(file, error)) from None
+    return module
+
+
+def _complaint(file: Path, error: BaseException) -> str:
+    """Say on one line what a file raised, and where in it."""
+    what = f"{type(error).__name__}: {' '.join(str(error).split())}"
+    if isinstance(error, SyntaxError):
+        return f"{error.filename or file}:{error.lineno or 1}: {type(error).__name__}: {error.msg}"
+    lines = [line for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_code.co_filename == str(file)]
+    return f"{file}:{lines[-1] if lines else 1}: {what}"

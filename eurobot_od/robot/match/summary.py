@@ -19,8 +19,9 @@ class Summary:
     """Frames by message name in the order of the protocol, those of no message, and what they came to.
 
     `load` is the share of the time that the bus was in use at `bitrate`; `errors` the position errors in mm at the
-    arrivals, `reports` what the gatekeepers had to say, `points` those of each robot that plays. `failure` is the end
-    of the traceback if the strategy raised.
+    arrivals, `reports` what the gatekeepers had to say, `points` those of each robot that plays. `touches` counts what
+    our robot touched by kind; in `at_fault` of them it drove into the other. `failure` is the end of the traceback if a
+    strategy raised.
     """
 
     seconds: float
@@ -28,9 +29,11 @@ class Summary:
     frames: dict[str, int]
     others: dict[str, int]
     load: float
-    errors: list[float]
-    reports: list[str]
+    errors: list[float] = field(default_factory=list)
+    reports: list[str] = field(default_factory=list)
     points: dict[str, int] = field(default_factory=dict)
+    touches: dict[str, int] = field(default_factory=dict)
+    at_fault: int = 0
     failure: str | None = None
 
     @property
@@ -53,8 +56,13 @@ class Summary:
             places = f"{reached} place{'s' * (reached != 1)} reached"
             lines.append(f"{places}, position error {mean:.1f} mm on average, {max(self.errors):.0f} mm at most")
         if self.points:
-            lines.append(", ".join(f"{name}: {points} points" for name, points in self.points.items()))
+            points = ", ".join(f"{name} {points}" for name, points in self.points.items())
+            lines += [f"points: {points}", f"touches: {self._touched()}"]
         return "\n".join(lines + [f"gatekeeper: {report}" for report in self.reports])
+
+    def _touched(self) -> str:
+        kinds = ", ".join(f"{count} x {kind}" for kind, count in self.touches.items())
+        return f"{kinds}; {self.at_fault} of {sum(self.touches.values())} by our fault" if kinds else "none"
 
 
 class FrameCounter:
@@ -79,16 +87,8 @@ class FrameCounter:
             boot_up = name == "Heartbeat" and frame.data == bytes([NmtState.INITIALISING])
             self._others["Boot-up" if boot_up else name] += 1
 
-    def summary(
-        self,
-        seconds: float,
-        bitrate: int,
-        errors: list[float],
-        reports: list[str],
-        points: dict[str, int],
-        failure: str | None,
-    ) -> Summary:
+    def summary(self, seconds: float, bitrate: int) -> Summary:
         """Return what was counted in `seconds`."""
         frames = {name: self._counts[name] for name in self._protocol.names()}
         load = self._bits / bitrate / seconds if seconds else 0.0
-        return Summary(seconds, bitrate, frames, dict(self._others), load, errors, reports, points, failure)
+        return Summary(seconds, bitrate, frames, dict(self._others), load)

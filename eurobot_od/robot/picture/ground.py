@@ -1,4 +1,4 @@
-"""The field to scale with what stands still on it: start places, fires, pools, rings around barriers to avoid."""
+"""The field to scale with what stands still on it: start places, barriers and the rings to avoid them, trees."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from eurobot_od import svg
 from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, START_POSES, WIDTH, Barrier, BarrierKind
 from eurobot_od.robot.picture import style
+from eurobot_od.robot.tasks import TREE_RADIUS, TREES
 from eurobot_od.robot.values import Passage, TeamColour
 from eurobot_od.svg import PaperPoint
 
@@ -31,6 +32,7 @@ def ground(team: TeamColour | None, passages: Mapping[int, Passage]) -> str:
         *(_start(colour, colour is team) for colour in START_POSES),
         *(_barrier(each, passages.get(each.number, Passage.FREE)) for each in BARRIERS),
         svg.rectangle((0, 0), WIDTH, HEIGHT, fill="none", stroke=style.INK, stroke_width=10),
+        *(svg.circle(place(*each), TREE_RADIUS, fill=style.TREE) for each in TREES),
     )
 
 

@@ -15,8 +15,9 @@ from typing import Any
 from eurobot_od.robot.messages import KalmanPositionResponse
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import place
-from eurobot_od.robot.picture.picture import ROBOT_RADIUS, diameter, picture
+from eurobot_od.robot.picture.picture import diameter, picture
 from eurobot_od.robot.picture.recording import Recording
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS
 
 
 def page(recording: Recording, title: str) -> str:

@@ -12,18 +12,16 @@ from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.messages import PositionResponse
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import ground, place
-from eurobot_od.robot.picture.recording import PathPoint, RecordedGoto, RecordedStop, Recording, at
+from eurobot_od.robot.picture.recording import OURS, PathPoint, RecordedGoto, RecordedStop, Recording, at
 from eurobot_od.robot.picture.tables import column, timeline
 from eurobot_od.robot.values import Outcome
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS
 
 PAGE = (4200, 2970)
 """Width and height: the ratio of an A4 page in landscape."""
 
 FIELD, COLUMN, TIMELINE = (190, 300), (3330, 300), (190, 2470)
 """Where the upper left corners of the three parts are."""
-
-ROBOT_RADIUS = 140
-"""Our robot as it is drawn at its last place, mm; the protocol does not say how large it is."""
 
 PATH_TICK = 10
 """Seconds from one mark on the path to the next."""
@@ -71,6 +69,9 @@ def _summary(recording: Recording) -> Iterator[str]:
     reached = sum(goto.outcome is Outcome.ARRIVED for goto in recording.gotos)
     yield f"{reached} of {_several(len(recording.gotos), 'goto', 'gotos')} reached"
     yield _several(len(recording.stops), "stop", "stops")
+    if recording.truth:
+        yield _several(len(recording.touches), "touch", "touches")
+        yield _several(sum(each.points for each in recording.scores if each.robot == OURS), "point", "points")
     yield f"{recording.end:.0f} s"
 
 
@@ -93,6 +94,7 @@ def field_drawing(recording: Recording) -> str:
         *_ticks(recording),
         *_gotos(recording.gotos),
         *_stops(recording.stops),
+        *(style.touch_mark(place(*each.place), each.at_fault, svg.title(each.words)) for each in recording.touches),
     )
 
 

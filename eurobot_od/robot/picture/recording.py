@@ -14,7 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.pdo.message import Message, is_flagged, kinds
 from eurobot_od.robot import messages
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.field import Point, Pose
 from eurobot_od.robot.values import FAULT_OUTCOME, GotoFault, Outcome, Passage, TeamColour
 
 
@@ -57,11 +57,45 @@ class RecordedStop:
     place: PathPoint | None
 
 
+class TouchMark(NamedTuple):
+    """Two bodies met: when, in s, where, who met whom in words, and whether our robot drove into the other."""
+
+    time: float
+    place: Point
+    words: str
+    at_fault: bool
+
+
+OURS = "ours"
+"""Our robot, among those that make points."""
+
+
+class ScoredTask(NamedTuple):
+    """Points made with a task: when, in s, by whom, which task, how many."""
+
+    time: float
+    robot: str
+    task: str
+    points: int
+
+
+class Truth(NamedTuple):
+    """What nobody can see on the bus, with times by its clock: our true poses, touches, and who made which points."""
+
+    path: Iterable[tuple[float, Pose]] = ()
+    touches: Iterable[TouchMark] = ()
+    scores: Iterable[ScoredTask] = ()
+
+
+NOTHING = Truth()
+
+
 @dataclass
 class Recording:
     """A match: everything with its time in s since the first message.
 
-    `paths` are the sightings by message type, `truth` the true poses of our robot, if anybody knows them.
+    `paths` are the sightings by message type. `truth` are the true poses of our robot, `touches` and `scores` what the
+    world knows besides, if anybody does.
     """
 
     configuration: messages.StartConfigurationSet | None = None
@@ -69,6 +103,8 @@ class Recording:
     truth: list[PathPoint] = field(default_factory=list)
     gotos: list[RecordedGoto] = field(default_factory=list)
     stops: list[RecordedStop] = field(default_factory=list)
+    touches: list[TouchMark] = field(default_factory=list)
+    scores: list[ScoredTask] = field(default_factory=list)
     end: float = 0.0
 
     @property
@@ -92,19 +128,21 @@ class Recording:
         return found
 
 
-def record(events: Iterable[tuple[float, Message]], truth: Iterable[tuple[float, Pose]] = ()) -> Recording:
-    """Work out a match from its messages and their times in s; `truth` are true poses by the same clock."""
+def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
+    """Work out a match from its messages and their times in s, and what is known besides, by the same clock."""
     recorder = _Recorder()
     for time, message in events:
         recorder.take(time, message)
-    start = recorder.start or 0.0
-    recorder.recording.truth = [PathPoint(time - start, *pose) for time, pose in truth]
-    return recorder.recording
+    start, recording = recorder.start or 0.0, recorder.recording
+    recording.truth = [PathPoint(time - start, *pose) for time, pose in truth.path]
+    recording.touches = [each._replace(time=each.time - start) for each in truth.touches]
+    recording.scores = [each._replace(time=each.time - start) for each in truth.scores]
+    known = [each.time for each in recording.touches] + [each.time for each in recording.scores]
+    recording.end = max([recording.end, *known])
+    return recording
 
 
-def record_frames(
-    frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth: Iterable[tuple[float, Pose]] = ()
-) -> Recording:
+def record_frames(frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth: Truth = NOTHING) -> Recording:
     """Work out a match from frames and their times in s; those that are not messages, or damaged, are left out."""
     meanings = ((time, decoder(frame).message) for time, frame in frames)
     return record(((time, message) for time, message in meanings if message is not None), truth)

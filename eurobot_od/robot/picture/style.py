@@ -19,6 +19,7 @@ TEXT, SMALL = 38, 31
 
 PAPER, SURFACE, GRID, INK, PALE = "#ffffff", "#fbfaf4", "#e6e3d8", "#22262b", "#6b7178"
 FIRE, POOL, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
+TREE, TOUCH = "#558b2f", "#d500f9"
 TEAM = {TeamColour.RED: "#d32f2f", TeamColour.YELLOW: "#f2b705"}
 
 OTHERS: Mapping[type[messages.PositionResponse], tuple[str, str, str | None]] = {
@@ -102,6 +103,17 @@ def stop_mark(centre: PaperPoint, letter: str, *content: str) -> str:
         svg.polygon(around(centre, MARK + 6, 8, 22.5), fill=STOP, stroke=PAPER, stroke_width=5),
         label((centre[0], centre[1] + 11), letter, fill=PAPER, size=SMALL, font_weight="bold"),
     )
+
+
+def touch_mark(centre: PaperPoint, at_fault: bool, *content: str) -> str:
+    """Draw a touch as a burst, filled if our robot drove into the other."""
+    spikes = [
+        corner
+        for turn in range(0, 360, 45)
+        for corner in (*around(centre, 30, 1, turn), *around(centre, 13, 1, turn + 22.5))
+    ]
+    fill, edge = (TOUCH, PAPER) if at_fault else (PAPER, TOUCH)
+    return svg.group(*content, svg.polygon(spikes, fill=fill, stroke=edge, stroke_width=4, stroke_linejoin="round"))
 
 
 def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: str) -> str:

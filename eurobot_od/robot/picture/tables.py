@@ -5,20 +5,25 @@ Rule of this file: what does not fit is said to be left out, never drawn over th
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od import svg
 from eurobot_od.robot.field import WIDTH, BarrierKind
+from eurobot_od.robot.messages import Enemy1PositionResponse
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
-from eurobot_od.robot.picture.recording import RecordedGoto, RecordedStop, Recording
+from eurobot_od.robot.picture.recording import OURS, RecordedGoto, RecordedStop, Recording, ScoredTask
 from eurobot_od.robot.values import Outcome, Passage
 from eurobot_od.svg import PaperPoint
 
-ROW, LEGEND_ROW = 45, 64
-ROWS = 34
-"""How many rows the two tables have room for."""
+ROW, LEGEND_ROW = 45, 58
+HEIGHT = 2640
+"""From the legend's first line to the foot of the page."""
+
+HEADS = 6
+"""So many rows are taken by headings, gaps, and the lines that say what is left out."""
 
 TIME_TICK = 10
 """Seconds between two marks on the time line."""
@@ -28,8 +33,9 @@ def column(recording: Recording) -> str:
     """Draw legend and tables, one below the other."""
     legend = list(_legend(recording))
     below = LEGEND_ROW * len(legend) + 90
-    stops = min(len(recording.stops), max(ROWS // 3, ROWS - len(recording.gotos)))
-    gotos = min(len(recording.gotos), ROWS - stops)
+    rows = (HEIGHT - below) // ROW - HEADS
+    stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
+    gotos = min(len(recording.gotos), rows - stops)
     return svg.group(
         *(svg.moved((0, LEGEND_ROW * row), each) for row, each in enumerate(legend)),
         svg.moved((0, below), _table("Gotos", GOTO_COLUMNS, recording.gotos, gotos)),
@@ -56,8 +62,11 @@ def _legend(recording: Recording) -> Iterator[str]:
     for whom, (name, colour, dashes) in style.OTHERS.items():
         if recording.paths.get(whom):
             yield _explained(f"{name}, seen last as a disc", _stroke(colour, 7, dashes))
+    if recording.touches:
+        yield _explained("touch; filled: we drove into it", style.touch_mark(SAMPLE, at_fault=True))
     yield _explained("fire", barrier_shape(BarrierKind.FIRE, SAMPLE, 30))
     yield _explained("fire pool", barrier_shape(BarrierKind.POOL, SAMPLE, 26))
+    yield _explained("tree", svg.circle(SAMPLE, 26, fill=style.TREE))
     for passage in sorted(set(recording.passages.values())):
         yield _explained(f"{style.PASSAGES[passage][0]}, in some goto", passage_ring(SAMPLE, 22, Passage(passage)))
 
@@ -119,8 +128,8 @@ def _table(heading: str, columns: Sequence[TableColumn], rows: Sequence[object],
 
 # Time line
 
-TIME_Y, GOTO_Y, STOP_Y = 0, 80, 200
-BAR, GOTO_BAR = 30, 70
+TIME_Y, GOTO_Y, STOP_Y, SCORE_Y = 0, 70, 160, 250
+BAR, GOTO_BAR, SCORE_BAR = 30, 55, 130
 SIGN_WIDTH = 2 * style.MARK + 12
 NARROW = 48
 """A bar up to this wide has its number above it."""
@@ -135,10 +144,18 @@ def timeline(recording: Recording) -> str:
 
     return svg.group(
         *_seconds(end, x),
-        *(_bar(goto, x, end) for goto in recording.gotos),
+        *_bars(recording.gotos, x, end),
         *(style.stop_mark(where, letter) for where, letter in _signs(recording.stops, x)),
-        style.label((WIDTH, STOP_Y + 150), "time in s; bars: gotos, green if reached", fill=style.PALE, anchor="end"),
+        *(style.touch_mark((x(each.time), TIME_Y + BAR / 2), each.at_fault) for each in recording.touches),
+        *_points(recording.scores, x),
+        style.label((WIDTH, CAPTION_Y), _caption(recording), fill=style.PALE, size=style.SMALL, anchor="end"),
     )
+
+
+def _caption(recording: Recording) -> str:
+    ours = "; line: our points" if recording.scores else ""
+    other = ", dashed: the other robot's" if any(each.robot != OURS for each in recording.scores) else ""
+    return f"time in s; bars: gotos, green if reached{ours}{other}"
 
 
 def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
@@ -147,7 +164,7 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
         start = WIDTH * piece / pieces
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
     for time in range(0, int(end) + 1, TIME_TICK):
-        yield svg.line((x(time), TIME_Y), (x(time), STOP_Y + 85), stroke=style.GRID, stroke_width=3)
+        yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=style.GRID, stroke_width=3)
         yield style.label((x(time), TIME_Y - 14), str(time), fill=style.PALE, size=style.SMALL)
 
 
@@ -161,14 +178,71 @@ def _signs(stops: Sequence[RecordedStop], x: Callable[[float], float]) -> Iterat
         left = max(x(stop.time), free)
         if left - x(stop.time) <= SIGN_WIDTH:
             free = left + SIGN_WIDTH
-            yield (left, STOP_Y + 40), stop.letter
+            yield (left, STOP_Y + 38), stop.letter
 
 
-def _bar(goto: RecordedGoto, x: Callable[[float], float], end: float) -> str:
-    left, right = x(goto.sent), x(end if goto.ended is None else goto.ended)
-    width = max(right - left - 4, 6)
-    colour = style.OUTCOMES[goto.outcome]
-    bar = svg.rectangle((left, GOTO_Y), width, GOTO_BAR, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=5)
-    inside = width > NARROW
-    middle: PaperPoint = (left + width / 2, GOTO_Y + (46 if inside else -9))
-    return svg.group(bar, style.label(middle, str(goto.number), size=36 if inside else 28, font_weight="bold"))
+def _bars(gotos: Sequence[RecordedGoto], x: Callable[[float], float], end: float) -> Iterator[str]:
+    """Draw each goto as a bar with its number inside, or above a narrow one if there is room beside the one before."""
+    free = 0.0
+    for goto in gotos:
+        left, right = x(goto.sent), x(end if goto.ended is None else goto.ended)
+        width, colour = max(right - left - 4, 6), style.OUTCOMES[goto.outcome]
+        outline = {"fill": colour, "fill_opacity": 0.25, "stroke": colour, "stroke_width": 5}
+        yield svg.rectangle((left, GOTO_Y), width, GOTO_BAR, **outline)
+        middle = left + width / 2
+        if width > NARROW:
+            yield style.label((middle, GOTO_Y + 40), str(goto.number), size=36, font_weight="bold")
+        elif middle >= free:
+            free = middle + NARROW
+            yield style.label((middle, GOTO_Y - 9), str(goto.number), size=28, font_weight="bold")
+
+
+# Points
+
+NAME_ROWS = (SCORE_Y + SCORE_BAR + 38, SCORE_Y + SCORE_BAR + 74)
+"""Where the names of tasks stand, below each other."""
+
+CAPTION_Y = NAME_ROWS[-1] + 40
+
+CHARACTER = 17
+"""About the width of a character of a small text."""
+
+
+def _points(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
+    """Draw the points of each robot as steps over the time, and name the tasks that brought ours."""
+    totals: Counter[str] = Counter()
+    for each in scores:
+        totals[each.robot] += each.points
+    last = float(SCORE_Y - ROW)
+    for robot, total in totals.most_common():
+        own = [each for each in scores if each.robot == robot]
+        line = [(place, SCORE_Y + SCORE_BAR * (1 - points / max(totals.values()))) for place, points in _steps(own, x)]
+        colour, dashes = (style.GOTO, None) if robot == OURS else (style.OTHERS[Enemy1PositionResponse][1], "18 12")
+        last = max(line[-1][1], last + ROW)  # two that are nearly equal are written below each other
+        yield svg.polyline(line, fill="none", stroke=colour, stroke_width=7, stroke_dasharray=dashes)
+        yield style.label((WIDTH + 12, last + 11), str(total), fill=colour, anchor="start")
+    yield from _names([each for each in scores if each.robot == OURS], x)
+
+
+def _steps(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[PaperPoint]:
+    """Yield the corners of one robot's line: places on the paper and points."""
+    points = 0
+    yield 0, points
+    for each in scores:
+        yield x(each.time), points
+        points += each.points
+        yield x(each.time), points
+    yield WIDTH, points
+
+
+def _names(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterator[str]:
+    """Write what brought points below its time, in the first row that has room; one without room is left out."""
+    free = dict.fromkeys(NAME_ROWS, 0.0)
+    for each in scores:
+        words = f"{each.task} +{each.points}"
+        left = max(x(each.time) - len(words) * CHARACTER, 0)
+        row = next((row for row, begin in free.items() if begin <= left), None)
+        if row is not None:
+            free[row] = x(each.time) + CHARACTER
+            yield svg.line((x(each.time), SCORE_Y + SCORE_BAR), (x(each.time), row), stroke=style.PALE, stroke_width=3)
+            yield style.label((x(each.time) - 6, row), words, size=style.SMALL, anchor="end")

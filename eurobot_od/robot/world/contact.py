@@ -30,13 +30,15 @@ AT_FAULT = 20.0
 
 
 class Touch(NamedTuple):
-    """Two bodies met: when, in s, which robot moved into what, and how fast either came nearer, mm/s."""
+    """Two bodies met: when, in s, which robot moved into what, how fast either came nearer, mm/s, and where, mm."""
 
     time: float
     robot: str
     thing: str
     speed: float
     met: float
+    x: float = 0.0
+    y: float = 0.0
 
     def is_fault_of(self, robot: str) -> bool:
         """Tell whether a robot drove into the other body, and was not rather driven into."""
@@ -77,7 +79,7 @@ class Contacts:
         """Return the nearest place to the wanted one where a robot is in nothing else; push what can be pushed."""
         point = inside(wanted, body.radius)
         if point != wanted:
-            self._touch(body, BORDER, 0.0)
+            self._touch(body, BORDER, wanted)
         near = self._near(body, point)
         met = [each for each in near if gap(point, body.radius, each) < 0]
         for each in met:
@@ -98,8 +100,7 @@ class Contacts:
 
     def _meet(self, body: RobotBody, point: Point, other: Body) -> Point:
         """Have a robot meet a body at a place; return where the robot is then."""
-        met = other.approach(body) if isinstance(other, RobotBody) else 0.0
-        self._touch(body, other.name, met)
+        self._touch(body, other.name, other.point)
         if other.weight is Weight.LIGHT:
             self._push(body, point, other)
             return point
@@ -122,15 +123,17 @@ class Contacts:
             other.go(inside(Point(x, y), other.radius), other.angle, self._clock())
             other.room = 0.0
 
-    def _touch(self, body: RobotBody, thing: str, met: float) -> None:
+    def _touch(self, body: RobotBody, thing: str, towards: Point) -> None:
+        """Tell that a robot meets something, which lies towards a point, unless it does already."""
         if thing in body.touching:
             return
         body.touching.add(thing)
-        other = self._robots.get(thing)
-        speed = abs(body.speed) if other is None else body.approach(other)
+        place = Pose(*body.point, body.pose.bearing(towards)).moved(body.radius, 0).point
+        other, speed, met = self._robots.get(thing), abs(body.speed), 0.0
         if other is not None:
             other.touching.add(body.name)
-        self._touched(Touch(self._clock(), body.name, thing, speed, met))
+            speed, met = body.approach(other), other.approach(body)
+        self._touched(Touch(self._clock(), body.name, thing, speed, met, *place))
 
     def _release(self, body: RobotBody) -> None:
         """Forget the contacts that are over."""

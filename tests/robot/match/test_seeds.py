@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -12,6 +13,7 @@ from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.played import play
 from eurobot_od.robot.match.seeds import cores, play_many
 from eurobot_od.robot.match.stage import EdsFiles
+from eurobot_od.robot.match.strategies import StrategyFiles
 
 SHORT = MatchOptions(duration=3.0)
 
@@ -75,6 +77,31 @@ def test_what_cannot_be_played_is_an_error_before_a_process_begins(
 ) -> None:
     with pytest.raises(error):
         play_many(options, range(1, 4), jobs)
+
+
+LOOK = """
+async def play(core):
+    await core.goto(600, 1800, 0, 50)
+    raise ValueError("no plan")
+"""
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_each_process_loads_the_strategies(tmp_path: Path, jobs: int) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(LOOK)
+    program = f"""
+from pathlib import Path
+from eurobot_od.robot.match.strategies import StrategyFiles
+for match in play_many(MatchOptions(duration=3.0), range(1, 4), {jobs}, StrategyFiles(Path({str(file)!r}))):
+    print(match.wrong)
+"""
+    assert run(program, 2) == ["['the strategy raised ValueError: no plan']"] * 3
+
+
+def test_a_strategy_that_cannot_be_loaded_is_an_error_before_a_process_begins(tmp_path: Path) -> None:
+    with pytest.raises(LocalError, match="No such file"):
+        play_many(SHORT, range(1, 4), 2, StrategyFiles(tmp_path / "none.py"))
 
 
 def test_there_is_a_core() -> None:

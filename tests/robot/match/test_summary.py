@@ -20,7 +20,7 @@ def summary(*frames: Frame, seconds: float = 1.0) -> Summary:
     counter = FrameCounter(PROTOCOL)
     for frame in frames:
         counter.count(frame)
-    return counter.summary(seconds, 500_000, [], [])
+    return counter.summary(seconds, 500_000)
 
 
 def test_messages_are_counted_under_their_names_in_the_order_of_their_priority() -> None:
@@ -30,18 +30,32 @@ def test_messages_are_counted_under_their_names_in_the_order_of_their_priority()
 
 
 def test_in_words_every_count_has_a_line_and_errors_and_reports_follow_the_totals() -> None:
-    counted = replace(summary(GOTO, GOTO, Frame(0x701, b"\x05")), errors=[1.0, 4.0], reports=["one lost"])
+    counted = replace(
+        summary(GOTO, GOTO, Frame(0x701, b"\x05")),
+        errors=[1.0, 4.0],
+        reports=["one lost"],
+        points={"ours": 12},
+        touches={"pool": 1, "fire": 2},
+        at_fault=2,
+    )
     lines = str(counted).splitlines()
     assert [line.rsplit(maxsplit=1) for line in lines if line.startswith(("Goto XY", "Heartbeat", "total"))] == [
         ["Goto XY", "2"],
         ["Heartbeat", "1"],
         ["total", "3"],
     ]
-    assert lines[-3:] == [
+    assert lines[-5:] == [
         f"1 of {len(PROTOCOL.names())} messages in 1.0 s, bus load {counted.load:.2%}",
         "2 places reached, position error 2.5 mm on average, 4 mm at most",
+        "points: ours 12",
+        "touches: 1 x pool, 2 x fire; 2 of 3 by our fault",
         "gatekeeper: one lost",
     ]
+
+
+def test_nothing_touched_is_said_as_well() -> None:
+    lines = str(replace(summary(GOTO), points={"ours": 0, "enemy 1": 3})).splitlines()
+    assert lines[-2:] == ["points: ours 0, enemy 1 3", "touches: none"]
 
 
 @pytest.mark.parametrize(

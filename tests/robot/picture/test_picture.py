@@ -12,7 +12,7 @@ import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Pose
+from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Point, Pose
 from eurobot_od.robot.messages import (
     EmergencyStop,
     Enemy1PositionResponse,
@@ -26,8 +26,10 @@ from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.files import save
 from eurobot_od.robot.picture.page import page
 from eurobot_od.robot.picture.picture import PAGE, picture
-from eurobot_od.robot.picture.recording import record
+from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth, record
+from eurobot_od.robot.tasks import TREE_RADIUS, TREES
 from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS
 
 SVG = "{http://www.w3.org/2000/svg}"
 BARRIER_FLAGS = Barriers.of({1: Passage.NORMAL, 8: Passage.FORCED})
@@ -44,8 +46,23 @@ EVENTS: list[tuple[float, Message]] = [
 ]
 
 
-def drawn(events: list[tuple[float, Message]] = EVENTS, title: str = "Match") -> ElementTree.Element:
-    return ElementTree.fromstring(picture(record(events), title))
+TOUCHES = [
+    TouchMark(4.0, Point(620, 1400), "ours at 300 mm/s touched fire 1", True),
+    TouchMark(5.0, Point(700, 500), "enemy 1 at 200 mm/s touched ours", False),
+]
+SCORES = [
+    ScoredTask(5.0, OURS, "frescos", 6),
+    ScoredTask(8.0, "enemy 1", "mammoth", 10),
+    ScoredTask(15.0, OURS, "tree 1", 3),
+]
+KNOWN = Truth([(1.0, Pose(200, 1800, 0)), (15.0, Pose(1000, 500, 0))], TOUCHES, SCORES)
+"""What the world knows of the events."""
+
+
+def drawn(
+    events: list[tuple[float, Message]] = EVENTS, title: str = "Match", truth: Truth | None = None
+) -> ElementTree.Element:
+    return ElementTree.fromstring(picture(record(events, truth or Truth()), title))
 
 
 def field_of(picture: ElementTree.Element) -> ElementTree.Element:
@@ -133,6 +150,56 @@ def test_summary_and_tables() -> None:
     assert "Emergency Stop: enemy" in found
 
 
+def test_bodies_are_to_scale() -> None:
+    field = field_of(drawn())
+    assert circles(field, fill=style.TREE) == [(x, HEIGHT - y, TREE_RADIUS) for x, y in TREES]
+    assert circles(field, fill=style.colour_of(TeamColour.RED)) == [(1000, HEIGHT - 500, ROBOT_RADIUS)]
+
+
+def bursts(picture: ElementTree.Element) -> list[tuple[float, float, bool]]:
+    """Return the middle of each burst, and whether it is filled."""
+    found = [each for each in picture.iter(f"{SVG}polygon") if style.TOUCH in each.attrib.values()]
+    corners = [[tuple(map(float, pair.split(","))) for pair in each.attrib["points"].split()] for each in found]
+    middles = [(sum(x for x, _ in each) / len(each), sum(y for _, y in each) / len(each)) for each in corners]
+    return [(round(x), round(y), each.get("fill") == style.TOUCH) for (x, y), each in zip(middles, found)]
+
+
+def test_touches_are_marked_where_they_happened() -> None:
+    drawing = drawn(truth=KNOWN)
+    assert bursts(field_of(drawing)) == [(620, HEIGHT - 1400, True), (700, HEIGHT - 500, False)]
+    assert {each.words for each in TOUCHES} <= set(titles(drawing))
+
+
+def test_points_stand_along_the_time_with_what_brought_them() -> None:
+    drawing = drawn(truth=KNOWN)
+    assert {"frescos +6", "tree 1 +3"} <= set(words(drawing))
+    assert "mammoth +10" not in words(drawing)  # the other robot's line has no names
+    ours, other = (
+        [
+            each
+            for each in drawing.iter(f"{SVG}polyline")
+            if each.get("stroke") == colour and each.get("stroke-width") == "7"
+        ]
+        for colour in (style.GOTO, style.OTHERS[Enemy1PositionResponse][1])
+    )
+    assert [len(line.attrib["points"].split()) for line in (*ours, *other)] == [6, 4]  # two corners a step
+    assert "red team, 1 enemy, 0 confederates, 1 of 2 gotos reached, 1 stop, 2 touches, 9 points, 16 s" in words(
+        drawing
+    )
+
+
+def test_names_of_tasks_that_would_overlap_are_left_out() -> None:
+    scores = [ScoredTask(8.0 + number / 100, OURS, f"fire {number}", 1) for number in range(9)]
+    named = [each for each in words(drawn(truth=Truth(scores=scores))) if re.fullmatch(r"fire \d \+1", each)]
+    assert named == ["fire 0 +1", "fire 1 +1"]
+
+
+def test_a_log_alone_knows_neither_touches_nor_points() -> None:
+    drawing = drawn()
+    assert bursts(drawing) == []
+    assert not [each for each in words(drawing) if "touch" in each or "points" in each]
+
+
 @pytest.mark.parametrize("title", ["<b>&\"' Größe", "]]>", "-->"])
 def test_any_title_is_good_xml(title: str) -> None:
     assert title in words(drawn(title=title))
@@ -152,9 +219,10 @@ MANY: list[tuple[float, Message]] = [
 ]
 
 
+@pytest.mark.parametrize("truth", [Truth(), KNOWN], ids=["a log", "a match played here"])
 @pytest.mark.parametrize("events", [EMPTY, EVENTS, MANY], ids=["nothing", "little", "a lot"])
-def test_everything_is_on_the_page(events: list[tuple[float, Message]]) -> None:
-    picture = drawn(events)
+def test_everything_is_on_the_page(events: list[tuple[float, Message]], truth: Truth) -> None:
+    picture = drawn(events, truth=truth)
     width, height = PAGE
     for part in picture.findall(f"{SVG}g"):
         match = re.fullmatch(r"translate\((\S+) (\S+)\)", part.attrib["transform"])
@@ -173,7 +241,7 @@ def test_what_does_not_fit_in_a_table_is_counted() -> None:
 
 def test_the_true_path_is_drawn_without_points_nobody_could_tell_apart() -> None:
     truth = [(n / 100, Pose(200 + n, 1800, 0)) for n in range(1001)]
-    drawing = ElementTree.fromstring(picture(record(EVENTS, truth), "Match"))
+    drawing = ElementTree.fromstring(picture(record(EVENTS, Truth(truth)), "Match"))
     (line,) = (each for each in drawing.iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
     points = line.attrib["points"].split()
     assert (points[0], len(points)) == ("200,200", 126)

@@ -7,7 +7,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.field import Point, Pose
 from eurobot_od.robot.messages import (
     EmergencyShutdown,
     EmergencyStop,
@@ -20,7 +20,17 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
-from eurobot_od.robot.picture.recording import PathPoint, Recording, at, record, record_frames
+from eurobot_od.robot.picture.recording import (
+    OURS,
+    PathPoint,
+    Recording,
+    ScoredTask,
+    TouchMark,
+    Truth,
+    at,
+    record,
+    record_frames,
+)
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
 
@@ -125,9 +135,12 @@ def test_team() -> None:
     assert recorded(ONE).team is None
 
 
-def test_the_truth_has_the_clock_of_the_messages() -> None:
-    recording = record([(100.0, ONE)], [(100.5, Pose(1, 2, 3))])
+def test_what_the_world_knows_has_the_clock_of_the_messages() -> None:
+    touch, score = TouchMark(101.0, Point(5, 6), "ours touched fire 1", True), ScoredTask(102.0, OURS, "tree 1", 3)
+    recording = record([(100.0, ONE)], Truth([(100.5, Pose(1, 2, 3))], [touch], [score]))
     assert recording.truth == [PathPoint(0.5, 1, 2, 3)]
+    assert recording.touches == [touch._replace(time=1.0)]
+    assert recording.scores == [score._replace(time=2.0)]
 
 
 def test_frames_that_are_not_messages_are_left_out() -> None:

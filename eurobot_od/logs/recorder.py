@@ -54,7 +54,7 @@ def _open(file: Path) -> MessageWriter:
     try:
         writer = can.Logger(file)
     except (ValueError, NotImplementedError) as error:
-        raise LocalError(f"--log {file}: {error}") from error
+        raise LocalError(f"{file}: {error}") from error
     if isinstance(writer, can.SqliteWriter):
         # Its stop() writes one more batch and drops what comes after that: there is to be one batch only.
         writer.MAX_BUFFER_SIZE_BEFORE_WRITES = writer.MAX_TIME_BETWEEN_WRITES = sys.maxsize

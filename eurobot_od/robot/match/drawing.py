@@ -1,0 +1,32 @@
+"""The picture of a match that was played here: what was on the bus, and what the world knows besides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from eurobot_od.frame import Frame
+from eurobot_od.robot.field import Point
+from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.picture.files import save
+from eurobot_od.robot.picture.recording import Recording, ScoredTask, TouchMark, Truth, record_frames
+from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.world import OURS
+
+
+def recorded(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> Recording:
+    """Return what is to be drawn of a match, from its frames with their times by the world's clock."""
+    return record_frames(frames, decoder(options.dialect), truth_of(world))
+
+
+def draw(file: Path, frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> None:
+    """Draw a match into a file; raises OSError, UnknownName for its suffix, LocalError for a PNG without the extra."""
+    save(recorded(frames, options, world), file, f"Match, seed {options.seed}")
+
+
+def truth_of(world: World) -> Truth:
+    """Return what nobody could see on the bus: where our robot was, what it touched, how it made its points."""
+    ours = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
+    touches = [TouchMark(each.time, Point(each.x, each.y), str(each), each.is_fault_of(OURS)) for each in ours]
+    return Truth(world.path, touches, [ScoredTask(*score) for score in world.game.scores])

@@ -1,0 +1,46 @@
+"""A histogram of whole numbers in lines of text."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+
+BLOCKS = " ▏▎▍▌▋▊▉█"
+"""Nothing, parts of a character, and a whole one."""
+
+ASCII = " #"
+
+WIDTH = 40
+"""Characters of the longest bar."""
+
+MOST_ROWS = 15
+"""There are at most so many rows; each has as many numbers as it needs for that."""
+
+STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+
+
+def marks(encoding: str | None) -> str:
+    """Return the characters for bars that an encoding has."""
+    try:
+        BLOCKS.encode(encoding or "ascii")
+    except (UnicodeEncodeError, LookupError):
+        return ASCII
+    return BLOCKS
+
+
+def rows(values: Sequence[int], characters: str = BLOCKS) -> Iterator[str]:
+    """Draw how often values of 0 and more come, with a row for each step from the least to the greatest."""
+    step = next((each for each in STEPS if max(values) // each - min(values) // each < MOST_ROWS), STEPS[-1])
+    counts = Counter(value // step for value in values)
+    most, width = max(counts.values()), len(str(max(counts) * step + step - 1))
+    for number in range(min(counts), max(counts) + 1):
+        first, last = number * step, number * step + step - 1
+        name = f"{first:>{width}}" if step == 1 else f"{first:>{width}} to {last:>{width}}"
+        yield f"{name}  {_bar(counts[number] / most, characters)} {counts[number]}"
+
+
+def _bar(share: float, characters: str) -> str:
+    """Draw a bar for a share of 0..1; what is not nothing is seen."""
+    parts = len(characters) - 1
+    length = round(share * WIDTH * parts) or (share > 0)
+    return characters[-1] * (length // parts) + characters[length % parts].strip()

@@ -1,0 +1,27 @@
+"""Settings of a match: values that stand in a node's object dictionary in place of its EDS file's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from eurobot_od.client.objects import given
+from eurobot_od.device.storage import MemoryStore
+from eurobot_od.errors import UnknownName
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import Address, Value
+
+
+def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dictionary]) -> dict[str, MemoryStore]:
+    """Return what each node finds stored when it is switched on: settings as a person writes them.
+
+    A name is that of the node and of the object, `drive.Motion.Maximum speed` or `navigation.0x2101:1`. Raises
+    UnknownName, LocalError, FieldError.
+    """
+    values: dict[str, dict[Address, Value]] = {node: {} for node in dictionaries}
+    for name, text in settings:
+        node, _, thing = name.partition(".")
+        if node not in values:
+            raise UnknownName("node", node, values)
+        address, value = given(thing, text, dictionaries[node])
+        values[node][address] = value
+    return {node: MemoryStore(each) for node, each in values.items()}

@@ -1,0 +1,54 @@
+"""What a match that was played here is drawn with: touches at the robot's edge, and points by whom they are."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from eurobot_od.robot.field import Point, Pose
+from eurobot_od.robot.match.drawing import truth_of
+from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.picture.recording import ScoredTask
+from eurobot_od.robot.world import World
+from eurobot_od.robot.world.game import Score
+from eurobot_od.robot.world.world import OURS, RIVAL
+
+STEP = 5.0
+
+
+def driven(start: Pose, steps: int) -> World:
+    """Return a world in which our robot drove straight on from somewhere."""
+    now = [0.0]
+    world = World(MatchOptions(enemies=0, confederates=0), lambda: now[0])
+    world.robots[OURS].place(start)
+    for _ in range(steps):
+        now[0] += 0.01
+        world.move(OURS, Odometry(STEP, 0.0), 0.01)
+    return world
+
+
+@pytest.mark.parametrize(
+    ("start", "words", "place"),
+    [
+        (Pose(1300, 900, 180), "pool 1", Point(1050, 900)),
+        (Pose(1500, 1700, 90), "border", Point(1500, 2000)),
+        (Pose(1300, 1400, 180), "fire 1", Point(900 + 81, 1400)),
+        (Pose(300, 700, 180), "tree 1", Point(75, 700)),
+    ],
+)
+def test_a_touch_is_where_the_two_met(start: Pose, words: str, place: Point) -> None:
+    (touch, *_) = truth_of(driven(start, 80)).touches
+    assert touch.words == f"ours at 500 mm/s touched {words}"
+    assert touch.at_fault
+    assert math.dist(touch.place, place) < 2 * STEP
+
+
+def test_the_path_is_our_robots_and_scores_keep_their_robot() -> None:
+    world = driven(Pose(1500, 1000, 0), 10)
+    world.game.scores.append(Score(3.0, RIVAL, "mammoth", 8))
+    truth = truth_of(world)
+    assert list(truth.scores) == [ScoredTask(3.0, RIVAL, "mammoth", 8)]
+    assert list(truth.path) == world.path
+    assert list(truth.touches) == []

@@ -1,0 +1,62 @@
+"""Touches as our robot sees them: what it was, who drove into whom, and what should not have been touched."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.robot.match.touches import RobotTouch, Touched, counts, kind_of, touches_of
+from eurobot_od.robot.world.bodies import BORDER, things
+from eurobot_od.robot.world.world import NAMES, OURS, Touch
+
+FAST, STANDS = 300.0, 0.0
+
+
+@pytest.mark.parametrize("name", [*(each.name for each in things()), BORDER, OURS, *NAMES.values()])
+def test_everything_on_the_field_has_a_kind(name: str) -> None:
+    assert kind_of(name) is not Touched.OTHER
+
+
+def test_what_has_no_kind_is_something_else() -> None:
+    assert kind_of("fallen thing") is Touched.OTHER
+
+
+@pytest.mark.parametrize(
+    ("touch", "seen"),
+    [
+        (Touch(1.0, OURS, "fire 1", FAST, 0.0), ("fire 1", True, False)),
+        (Touch(1.0, OURS, "enemy 1", FAST, STANDS), ("enemy 1", True, False)),
+        (Touch(1.0, OURS, "enemy 1", FAST, FAST), ("enemy 1", True, True)),
+        (Touch(1.0, "enemy 1", OURS, FAST, STANDS), ("enemy 1", False, True)),
+        (Touch(1.0, "enemy 1", OURS, FAST, FAST), ("enemy 1", True, True)),
+        (Touch(1.0, OURS, "pool 1", STANDS, 0.0), ("pool 1", False, False)),  # it was pushed there
+    ],
+)
+def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None:
+    (mine,) = touches_of(OURS, [touch, Touch(2.0, "enemy 1", "enemy 2", FAST, FAST)])
+    assert mine == RobotTouch(1.0, *seen)
+
+
+@pytest.mark.parametrize(
+    ("touch", "wrong"),
+    [
+        (RobotTouch(1.0, "fire 1", True, False), False),  # they are light, and in the way
+        (RobotTouch(1.0, "fire 1", True, False, forced=True), True),
+        (RobotTouch(1.0, "pool 1", False, False, forced=True), True),
+        (RobotTouch(1.0, "pool 1", False, False), False),
+        (RobotTouch(1.0, "pool 1", True, False), True),
+        (RobotTouch(1.0, "tree 1", True, False), True),
+        (RobotTouch(1.0, BORDER, True, False), True),
+        (RobotTouch(1.0, "enemy 1", True, False), True),
+        (RobotTouch(1.0, "enemy 1", True, True), False),
+        (RobotTouch(1.0, "enemy 1", False, True), False),
+        (RobotTouch(1.0, "fallen thing", True, False), False),
+    ],
+)
+def test_what_should_not_have_been_touched(touch: RobotTouch, wrong: bool) -> None:
+    assert touch.is_wrong is wrong
+
+
+def test_touches_are_counted_by_kind() -> None:
+    things_met = ["enemy 1", "pool 1", "confederate", "pool 2"]
+    assert counts(RobotTouch(1.0, each, True, False) for each in things_met) == {"pool": 2, "robot": 2}
+    assert counts([]) == {}
