@@ -66,6 +66,10 @@ class DictionaryError(EurobotError):
         super().__init__(f"{where}: {what}")
 
 
+class DamagedFile(DictionaryError):
+    """A file that is not as it was written: its checksum is not that of what it holds."""
+
+
 class MappingError(DictionaryError):
     """A PDO mapping that does not hold: object missing, over 64 bits, identifier used twice, wrong fields."""
 
