@@ -69,6 +69,10 @@ class Kind:
         """Return the values that are their own raw value, which `write` need not be asked about."""
         return self.numbers(limits)
 
+    def extremes(self, limits: Limits) -> Limits:
+        """Return the lowest and the highest raw value that there is to be sent."""
+        return limits
+
     def named_values(self) -> Mapping[int, str]:
         """Return the raw values that have a name of their own, whatever the other fields of the message are."""
         return {}
@@ -106,6 +110,9 @@ class Choice(Kind):
 
     def numbers(self, limits: Limits) -> range:
         return range(0)
+
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(min(self.enum), max(self.enum))
 
     def write(self, value: Any, limits: Limits) -> int:
         return int(self.enum(whole_number(value)))

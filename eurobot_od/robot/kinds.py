@@ -27,6 +27,9 @@ class Angle(Kind):
     def numbers(self, limits: Limits) -> range:
         return range(self.modulus)
 
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, self.modulus - 1)
+
 
 class Heading(Angle):
     """An angle that may be unknown, alone or together with its coordinates (document Table 2)."""
@@ -39,6 +42,9 @@ class Heading(Angle):
 
     def write(self, value: Any, limits: Limits) -> int:
         return self.UNKNOWN if value is None else super().write(value, limits)
+
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, self.UNKNOWN)
 
     def named_values(self) -> Mapping[int, str]:
         return {self.UNKNOWN: self.text(None)}
@@ -73,6 +79,9 @@ class Remaining(Kind):
 
     def numbers(self, limits: Limits) -> range:
         return range(self.UNKNOWN)
+
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, max(self.MEANING))
 
     def write(self, value: Any, limits: Limits) -> int:
         return self.CODE[value] if value in self.CODE else super().write(value, Limits(0, self.UNKNOWN - 1))
