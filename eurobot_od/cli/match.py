@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
-from eurobot_od.cli.recorder import recording
+from eurobot_od.cli.recorder import add_log, recording
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.values import TeamColour
 
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="match time (default: the core's, 90)")
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
     parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
+    add_log(parser)
     parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
     parser.add_argument(
         "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
@@ -113,7 +113,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> None:
         form(arguments.field)  # complains of a suffix before the match, not after it
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
-    with recording(arguments.log) as write:
+    with recording(arguments.log, arguments.log_failure) as write:
 
         def watch(time: float, frame: Frame) -> None:
             write(time, frame)
@@ -125,18 +125,18 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> None:
             summary, world = stage.play_simulated(options, show, watch)
         else:
             summary, world = stage.play_live(options, show, watch, partial(shared.open_bus, arguments))
-    if arguments.field is not None:
-        from eurobot_od.robot.picture.files import save
-        from eurobot_od.robot.picture.recording import record_frames
-        from eurobot_od.robot.protocol import decoder
+        if arguments.field is not None:
+            from eurobot_od.robot.picture.files import save
+            from eurobot_od.robot.picture.recording import record_frames
+            from eurobot_od.robot.protocol import decoder
 
-        picture = record_frames(frames, decoder(arguments.dialect), world.path)
-        save(picture, arguments.field, f"Match, seed {options.seed}")
-    if arguments.json:
-        timeline = [event.as_data() for event in events]
-        print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
-    else:
-        print(f"\n{summary}")
+            picture = record_frames(frames, decoder(arguments.dialect), world.path)
+            save(picture, arguments.field, f"Match, seed {options.seed}")
+        if arguments.json:
+            timeline = [event.as_data() for event in events]
+            print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
+        else:
+            print(f"\n{summary}")
 
 
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}

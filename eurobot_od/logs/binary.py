@@ -6,6 +6,7 @@ Rule of this file: a log that ends in the middle, or that its reader gives up, e
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     import can
 
 QUERY = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
+CREATE = """CREATE TABLE messages
+(ts REAL, arbitration_id INTEGER, extended INTEGER, remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"""
 """The table of python-can's SqliteWriter."""
 
 
@@ -43,6 +46,18 @@ def read_table(file: BinaryIO) -> Entries:
                 yield number, time, "", _of_row(*row)
         except sqlite3.DatabaseError as error:
             yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, str(error))
+
+
+def write_table(file: Path, messages: Iterable[can.Message]) -> None:
+    """Write an SQLite file with a table `messages`, as python-can's SqliteWriter does; raises OSError."""
+    flags = ("is_extended_id", "is_remote_frame", "is_error_frame")
+    rows = ((m.timestamp, m.arbitration_id, *(getattr(m, each) for each in flags), m.dlc, m.data) for m in messages)
+    try:
+        with closing(sqlite3.connect(file)) as connection, connection:
+            connection.execute(CREATE)
+            connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+    except sqlite3.Error as error:
+        raise OSError(f"{file}: {error}") from error
 
 
 def _of_row(cob_id: int, extended: int, remote: int, error: int, length: int, data: bytes | None) -> Raw:
