@@ -26,7 +26,7 @@ COMMANDS = {
     "send": "send a message, and wait for an answer if asked to",
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
-    "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
+    "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, pcap, pcapng, or standard input",
     "monitor": "watch a bus, or a log, as a live table",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
     "load": "compute how full a bus is, and how late each message can be",

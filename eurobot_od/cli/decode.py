@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.cli import ExitStatus, options
-from eurobot_od.cli.logs import add_log, entries, form_of, opened
+from eurobot_od.cli.logs import add_log, entries, opened
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     sys.stdout.write(output.header)
     for log in arguments.logs:
         with opened(log) as file:
-            sys.stdout.writelines(_watched(decoding.lines(file, log, form_of(log, arguments.format)), file))
+            sys.stdout.writelines(_watched(decoding.lines(file, log, arguments.format, arguments.largest), file))
     sys.stdout.flush()
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
@@ -101,7 +101,7 @@ def _statistics(arguments: argparse.Namespace) -> ExitStatus:
     for log in arguments.logs:
         seen = SeenTraffic(arguments.bitrate, promised)
         shown_time = Window(arguments.since, arguments.until, arguments.relative).clock()
-        for _, (line, time, _, raw) in entries([log], arguments.format):
+        for _, (line, time, _, raw) in entries([log], arguments):
             meaning, shown = decode(raw), shown_time(time)
             damage.add(log, line, meaning.defects)
             if isinstance(raw, Frame) and shown is not None and (wanted is None or wanted(meaning)):
