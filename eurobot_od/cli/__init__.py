@@ -12,12 +12,15 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import IntEnum
 from functools import partial
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from eurobot_od.errors import BusError, EurobotError, RemoteError
+from eurobot_od.escaping import one_line
 
 COMMANDS = {
     "match": "play a match of the three nodes, in simulated or real time",
@@ -97,6 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
+        _open_streams()
         return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
@@ -107,8 +111,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own
-        print(f"eurobot-od: {what}", file=sys.stderr)
+        complain(what)
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
+
+
+def complain(what: str) -> None:
+    """Say on standard error, in one line, what is wrong."""
+    with suppress(OSError):  # it may be on a full disk, too
+        print(one_line(f"eurobot-od: {what}"), file=sys.stderr)
+
+
+def _open_streams() -> None:
+    """Have streams to write to: what a stream cannot write becomes an escape. Raises OSError without an output."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115  # as long as the program
+    if sys.stdout is None:
+        raise OSError("standard output is closed")
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _run(words: list[str]) -> int:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.od import network
 from eurobot_od.od.network_file import NetworkFile, NodeFile
@@ -129,7 +129,7 @@ def tell_repairs(outlines: Iterable[Outline]) -> None:
         if repairs:
             what = f"line {repairs[0].line}: {repairs[0].what}"
             more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
-            print(f"eurobot-od: {file}: read as it is meant: {what}{more}", file=sys.stderr)
+            complain(f"{file}: read as it is meant: {what}{more}")
 
 
 def decoder(arguments: argparse.Namespace) -> Decoder:
@@ -151,7 +151,7 @@ def asking_decoder(arguments: argparse.Namespace) -> Decoder:
             try:
                 asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
             except RemoteError as error:
-                print(f"eurobot-od: {outline.name}: PDOs as in {outline.file}: {error}", file=sys.stderr)
+                complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
                 asked.append(outline)
     return decoder_of(asked)
 
@@ -190,4 +190,4 @@ def left_out() -> Iterator[OnRefused]:
     yield lambda error: errors.setdefault(error.file, []).append(error)
     for first, *others in errors.values():
         more = f" (and {len(others)} more)" if others else ""
-        print(f"eurobot-od: PDO left out{more}: {first}", file=sys.stderr)
+        complain(f"PDO left out{more}: {first}")

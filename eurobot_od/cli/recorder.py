@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 import threading
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od.cli import complain
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
@@ -160,6 +160,6 @@ class Lines:
             if self.failure is not None:
                 return
             self.failure = error
-            print(f"eurobot-od: {self.told}: nothing more is logged", file=sys.stderr, flush=True)
+            complain(f"{self.told}: nothing more is logged")
             if self._ends and not self._over.is_set():
                 interrupt_main()

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError
+from eurobot_od.escaping import one_line
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, LintedPdo, load
 from eurobot_od.od import values
@@ -36,7 +37,7 @@ class Difference(NamedTuple):
     right: str
 
     def __str__(self) -> str:
-        return f"{place(self.where)}: {self.aspect}: {self.left} -> {self.right}"
+        return one_line(f"{place(self.where)}: {self.aspect}: {self.left} -> {self.right}")
 
 
 def place(address: Address) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from eurobot_od.od.values import Limits
-from eurobot_od.pdo.kinds import KeyedForm, Kind, whole_number, words_of
+from eurobot_od.pdo.kinds import KeyedForm, Kind, parsed_number, whole_number, words_of
 from eurobot_od.robot.values import BARRIER_NAMES, Barriers, GotoFault, Passage, barrier_number
 
 
@@ -114,7 +114,7 @@ class BarrierFlags(Kind):
 
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():
-            return Barriers(0 if text == "none" else int(text, 0))
+            return Barriers(0 if text == "none" else parsed_number(text))
         return Barriers.of(dict(map(_barrier, text.split(","))))
 
     def text(self, value: Any) -> str:
