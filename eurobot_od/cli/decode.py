@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.logs import add_log, entries, opened
+from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
@@ -106,7 +107,7 @@ def _statistics(arguments: argparse.Namespace) -> ExitStatus:
             damage.add(log, line, meaning.defects)
             if isinstance(raw, Frame) and shown is not None and (wanted is None or wanted(meaning)):
                 seen.take(shown, raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
-        print("\n".join(([f"{log}:"] if len(arguments.logs) > 1 else []) + list(table(seen))))
+        print("\n".join(([one_line(f"{log}:")] if len(arguments.logs) > 1 else []) + list(table(seen))))
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     return ExitStatus.FOUND if arguments.strict and damage.total else ExitStatus.FINE
 
