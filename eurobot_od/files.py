@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
-LONGEST_WAIT, WAIT = 2.0, 0.01
+LONGEST_WAIT, WAIT = 0.5, 0.01
 """Seconds that another program may have the folder, and between two looks whether it still has."""
 
 NAME_BYTES = 4

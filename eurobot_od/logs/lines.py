@@ -13,7 +13,7 @@ from eurobot_od.logs.entries import BAD, Damage, Entries, Foreign, Raw, shortene
 
 
 class LineFormat:
-    """A format of lines; `entry` raises ValueError or LookupError for what it cannot read.
+    """A format of lines; `entry` and `comment` raise one of BAD for what they cannot read.
 
     A format with a header keeps what it says; an instance is used for one log.
     """
