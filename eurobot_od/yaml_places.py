@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import yaml
 
 T = TypeVar("T")
-NUMBER = re.compile(r"0|[1-9][0-9]*|0x[0-9A-Fa-f]+")
+NUMBER = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
 STRING = "tag:yaml.org,2002:str"
 """The tag of what YAML itself takes for a text."""
 

@@ -10,6 +10,7 @@ from eurobot_od.errors import (
     BusError,
     Cause,
     ConfigurationError,
+    DamagedFile,
     DictionaryError,
     EurobotError,
     FieldError,
@@ -51,6 +52,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # a file's
     (DictionaryError("a/drive.eds", None, "is empty"), EurobotError, "a/drive.eds: is empty"),
     (DictionaryError("drive.eds", 0x1A03, "no value"), EurobotError, "drive.eds: 0x1A03: no value"),
+    (DamagedFile("stored.dcf", None, "damaged"), DictionaryError, "stored.dcf: damaged"),
     (MappingError("drive.eds", 0x1603, "65 bits"), DictionaryError, "drive.eds: 0x1603: 65 bits"),
     # a peer's, or the wire's
     (UnknownIdentifier(0x7), RemoteError, "no message has the identifier 0x007"),
@@ -87,3 +89,7 @@ def test_every_error_has_a_row() -> None:
 def test_faults_are_kept_apart() -> None:
     for one, other in permutations((LocalError, DictionaryError, RemoteError, BusError), 2):
         assert not issubclass(one, other)
+
+
+def test_a_number_that_python_does_not_write_is_told_all_the_same() -> None:
+    assert str(FieldError("Goto XY", "x", 10**5000, "0..3000 mm")).startswith("Goto XY: x = a number of thousands")

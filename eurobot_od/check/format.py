@@ -24,7 +24,7 @@ VERSION = 1
 """Value of the key `spec`."""
 
 MAX_COUNT = 100_000
-"""Most repetitions of a step, most periods measured."""
+"""Most repetitions of a step, those of the steps inside it too; most periods measured."""
 
 
 class ActionRow(NamedTuple):
@@ -136,7 +136,10 @@ class Format:
         if wrong:
             raise ReadError
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
-        return suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+        step = suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+        if step.total > MAX_COUNT:
+            refuse(node, problems, f"with the repetitions inside it {step.total} steps, at most {MAX_COUNT} are done")
+        return step
 
     def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
         """Return the key of a step's one action."""

@@ -230,6 +230,12 @@ class Step(NamedTuple):
     action: Action
     repeat: int = 1
 
+    @property
+    def total(self) -> int:
+        """How often something is done, with all repetitions inside it."""
+        inside = sum(each.total for each in self.action.steps) if isinstance(self.action, Group) else 1
+        return self.repeat * inside
+
 
 class Suite(NamedTuple):
     """One document: `nodes` are under test, `dialect` is that of the EDS files it is for (None: any).

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.escaping import one_line
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         for suite in suites:
             where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
             tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
-            print(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
+            print(one_line(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}"))
         return ExitStatus.FINE
     return _check(arguments, suites)
 

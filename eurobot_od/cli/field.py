@@ -37,7 +37,7 @@ def run(arguments: argparse.Namespace) -> None:
     decode, damage = lru_cache(REMEMBERED)(decoder(arguments.dialect)), DamageCounts()
 
     def messages() -> Iterator[tuple[float, Message]]:
-        for log, (line, time, _, raw) in entries(arguments.logs, arguments.format):
+        for log, (line, time, _, raw) in entries(arguments.logs, arguments):
             meaning = decode(raw)
             damage.add(log, line, meaning.defects)
             if meaning.message is not None:

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.options import UNITS, Errors
@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
     parser.add_argument("--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core)")
     parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
+    shared.add_log(parser)
     parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
     parser.add_argument(
         "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
@@ -146,8 +146,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
-    # What a strategy prints is not to get into the JSON.
-    with recording(arguments.log) as write, redirect_stdout(sys.stderr) if arguments.json else nullcontext():
+    with recording(arguments.log, arguments.log_failure, complain) as write:
 
         def watch(time: float, frame: Frame) -> None:
             write(time, frame)
@@ -155,18 +154,20 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
                 frames.append((time, frame))
 
         show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
-        if arguments.speed == "fast":
-            summary, world = stage.play_simulated(options, show, watch, None, *players)
+        # What a strategy prints is not to get into the JSON.
+        with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
+            if arguments.speed == "fast":
+                summary, world = stage.play_simulated(options, show, watch, None, *players)
+            else:
+                open_bus = partial(shared.open_bus, arguments)
+                summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
+        if arguments.field is not None:
+            draw(arguments.field, frames, options, world)
+        if arguments.json:
+            timeline = [event.as_data() for event in events]
+            print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
         else:
-            open_bus = partial(shared.open_bus, arguments)
-            summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
-    if arguments.field is not None:
-        draw(arguments.field, frames, options, world)
-    if arguments.json:
-        timeline = [event.as_data() for event in events]
-        print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
-    else:
-        print(f"\n{summary}")
+            print(f"\n{summary}")
     if summary.failure is None:
         return ExitStatus.FINE
     sys.stdout.flush()

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.cli import options
 from eurobot_od.cli.keyboard import keys
-from eurobot_od.cli.logs import entries
+from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
@@ -34,11 +34,10 @@ REFRESH = 0.2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.logs.formats import FORMATS
     from eurobot_od.monitor.traffic import SORTS
 
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play; left out: watch a bus")
-    parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
+    add_reading(parser)
     parser.add_argument("--speed", type=_speed, default=1.0, help="how many times faster to play a log, or max")
     parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
     parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
@@ -121,7 +120,7 @@ def _source(arguments: argparse.Namespace) -> Source:
 
     if not arguments.logs:
         return BusSource(options.open_bus(arguments))
-    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments.format))
+    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments))
     return LogSource(timed, arguments.speed)
 
 

@@ -15,6 +15,7 @@ from eurobot_od import durations
 from eurobot_od.cli import ExitStatus, scene
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
+from eurobot_od.escaping import one_line
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
@@ -76,7 +77,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
 
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with _bus_failure_first(live), live:
-        print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
+        where = f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}"
+        print(one_line(f"{where}; Ctrl-C ends it"), flush=True)
         if isinstance(node, Core) and entered and entered.strategy:
             return scene.play(live, node, entered, entered.strategy, arguments)
         if isinstance(node, Core):
@@ -181,7 +183,7 @@ def _show(node: Node, frame: Frame, now: float) -> None:
         what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
     except RemoteError as error:
         what = str(error)
-    print(f"{now:12.3f}  {frame!s:<20}  {what}", flush=True)
+    print(one_line(f"{now:12.3f}  {frame!s:<20}  {what}"), flush=True)
 
 
 def _lead(core: Core, arguments: argparse.Namespace) -> None:

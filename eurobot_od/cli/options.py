@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
+from eurobot_od.logs.recorder import END, GO_ON
 from eurobot_od.od import network
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.outline import Outline
@@ -56,6 +58,17 @@ def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     from eurobot_od import live as runtime
 
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
+
+
+def add_log(parser: argparse.ArgumentParser) -> None:
+    """Add the log to write, and what happens when that fails."""
+    parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
+    parser.add_argument(
+        "--log-failure",
+        choices=(GO_ON, END),
+        default=GO_ON,
+        help="what to do when the log cannot be written (default: %(default)s); the exit status is 3 in any case",
+    )
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:
@@ -148,7 +161,7 @@ def tell_repairs(outlines: Iterable[Outline]) -> None:
         if repairs:
             what = f"line {repairs[0].line}: {repairs[0].what}"
             more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
-            print(f"eurobot-od: {file}: read as it is meant: {what}{more}", file=sys.stderr)
+            complain(f"{file}: read as it is meant: {what}{more}")
 
 
 def decoder(arguments: argparse.Namespace) -> Decoder:
@@ -170,7 +183,7 @@ def asking_decoder(arguments: argparse.Namespace) -> Decoder:
             try:
                 asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
             except RemoteError as error:
-                print(f"eurobot-od: {outline.name}: PDOs as in {outline.file}: {error}", file=sys.stderr)
+                complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
                 asked.append(outline)
     return decoder_of(asked)
 
@@ -209,4 +222,4 @@ def left_out() -> Iterator[OnRefused]:
     yield lambda error: errors.setdefault(error.file, []).append(error)
     for first, *others in errors.values():
         more = f" (and {len(others)} more)" if others else ""
-        print(f"eurobot-od: PDO left out{more}: {first}", file=sys.stderr)
+        complain(f"PDO left out{more}: {first}")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TextIO, TypeVar
 
+from eurobot_od.escaping import one_line
 from eurobot_od.sdo.client import Progress, unwatched
 
 WIDTH = 30
@@ -47,6 +48,7 @@ def bar(what: str, stream: TextIO | None = None, clock: Callable[[], float] = ti
 
 def line(what: str, done: int, size: int | None, seconds: float) -> str:
     """Return the bar as text: share, bytes, and bytes per second."""
+    what = one_line(what)
     rate = f"{done / seconds / 1000:.1f} kB/s" if seconds > 0 else ""
     if not size:
         return f"{what}  {done} bytes  {rate}".rstrip()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.escaping import one_line
 from eurobot_od.od import network
 from eurobot_od.od.values import NODE_IDS, label
 from eurobot_od.robot import dialects
@@ -48,7 +49,7 @@ def node_id(arguments: argparse.Namespace) -> int:
         if text not in named:
             raise UnknownName("node", text, named)
         return named[text]
-    if int(text) not in NODE_IDS:
+    if len(text) > 3 or int(text) not in NODE_IDS:
         raise LocalError(f"node-ID {text} is not in 1..127")
     return int(text)
 
@@ -102,7 +103,7 @@ def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Descr
 
 def columns(rows: Iterable[Sequence[str]]) -> str:
     """Lay out rows of texts in columns."""
-    lines = [*rows]
+    lines = [[*map(one_line, row)] for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines)]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 

@@ -35,6 +35,7 @@ class ErrorCode(IntEnum):
     """
 
     NO_ERROR = 0x0000
+    DATA_SET = 0x6300
     OVERRUN = 0x8110
     ERROR_PASSIVE = 0x8120
     HEARTBEAT_LOST = 0x8130
@@ -90,7 +91,7 @@ class Emergencies:
         """Value of the error register 0x1001."""
         register = 0
         for code in self.errors.values():
-            register |= GENERIC | REGISTER_BIT[code & 0xF000]
+            register |= GENERIC | REGISTER_BIT.get(code & 0xF000, 0)
         return register
 
     # What happens

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from eurobot_od.device.flow import Call
 
 
+SHORTEST_PERIOD = 0.001
+"""In seconds: what comes again after no time at all would be due for ever."""
+
+
 class Node:
     """A node, made from its EDS; `store` keeps its settings over a restart, None as long as it runs.
 
@@ -78,6 +82,10 @@ class Node:
         """Return a setting in milliseconds as seconds."""
         return self.setting(name) / 1000
 
+    def period(self, name: str) -> float:
+        """Return a setting in milliseconds as seconds, of what comes again and again: never 0, whatever a file says."""
+        return max(self.seconds(name), SHORTEST_PERIOD)
+
     # From outside
 
     @property
@@ -88,6 +96,8 @@ class Node:
     def start(self, now: float) -> list[Frame]:
         """Switch the node on: boot-up, and what it does from then on."""
         self.now = now
+        for what in self.device.refused:
+            self.alarm(what)
         self._out += self.device.start(now)
         self.reset()
         self._operational = self.device.operational

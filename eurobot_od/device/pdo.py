@@ -205,8 +205,18 @@ class Pdos:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
             raise Abort(AbortCode.INCOMPATIBLE, str(error)) from error
+        if narrow := self._narrow_fields(protocol, index):
+            raise Abort(AbortCode.INCOMPATIBLE, f"too few bits for {', '.join(narrow)}")
         self._objects.put(address, entry)
         self._apply(protocol)
+
+    def _narrow_fields(self, protocol: Protocol, index: int) -> list[str]:
+        """Return the fields of a TPDO that its mapping cuts; a message of no catalogue is its mapped bits, however few.
+
+        A node could not send a message with such a value, and nobody would know why it does not answer.
+        """
+        ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
+        return [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]
 
     def _write_mapping(self, address: Address, value: Value) -> None:
         index, subindex = address

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
+from eurobot_od.escaping import one_line
+
 
 class Event(Enum):
     """What happened."""
@@ -41,7 +43,7 @@ class Report:
     error: BaseException | None = None
 
     def __str__(self) -> str:
-        return f"{self.event.value}: {self.name}: {' '.join(self.text.split())}"
+        return one_line(f"{self.event.value}: {self.name}: {' '.join(self.text.split())}")
 
 
 Reporter: TypeAlias = Callable[[Report], object]

@@ -65,7 +65,7 @@ def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str]) -> Ta
         ratio = 1 if heading == HEADINGS[-1] else None
         table.add_column(heading, justify="right" if align is str.rjust else "left", no_wrap=True, ratio=ratio)
     for row in rows:
-        table.add_row(*cells(row, now), style=_style(row, now, colours))
+        table.add_row(*map(Text, cells(row, now)), style=_style(row, now, colours))
     return table
 
 

@@ -69,13 +69,17 @@ class Kind:
         """Return the values that are their own raw value, which `write` need not be asked about."""
         return self.numbers(limits)
 
+    def extremes(self, limits: Limits) -> Limits:
+        """Return the lowest and the highest raw value that there is to be sent."""
+        return limits
+
     def named_values(self) -> Mapping[int, str]:
         """Return the raw values that have a name of their own, whatever the other fields of the message are."""
         return {}
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return None if text == "unknown" and self.unknown_as_a_whole is not None else int(text, 0)
+        return None if text == "unknown" and self.unknown_as_a_whole is not None else parsed_number(text)
 
     def text(self, value: Any) -> str:
         """Write the value for a person: the name of an enum's member, or a number with its unit."""
@@ -107,12 +111,15 @@ class Choice(Kind):
     def numbers(self, limits: Limits) -> range:
         return range(0)
 
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(min(self.enum), max(self.enum))
+
     def write(self, value: Any, limits: Limits) -> int:
         return int(self.enum(whole_number(value)))
 
     def parse(self, text: str) -> Any:
         names = {words_of(member): member for member in self.enum}
-        return names[text] if text in names else self.enum(int(text, 0))
+        return names[text] if text in names else self.enum(parsed_number(text))
 
     def allowed(self, limits: Limits) -> str:
         return ", ".join(f"{words_of(member)} ({member.value})" for member in self.enum)
@@ -258,6 +265,13 @@ def kind_of(type_: DataType, bits: int) -> Kind:
     whole = type_ is values.BOOLEAN or (bits == type_.bits if type_.bits else bits % 8 == 0)
     make = _OF_TYPE.get(type_)
     return make(bits) if make and whole else Kind()
+
+
+def parsed_number(text: str) -> int:
+    """Read a whole number: decimal, 0x hexadecimal, 0b binary; raises ValueError, also where no field is so long."""
+    if len(text) > values.LONGEST_NUMBER:
+        raise ValueError(text)
+    return int(text, 0)
 
 
 def whole_number(value: Any) -> int:

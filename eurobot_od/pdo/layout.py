@@ -1,7 +1,7 @@
 """Where the bits of each field lie in a PDO, for any mapping of 1 to 64 bits at any offset (CiA 301, 7.4.8.2).
 
 The first mapped object has the least significant bits, and bytes follow in little-endian order. A value may also be
-mapped in slices, `X position [11:4]` and so on, at any places: some controllers send the most significant bit first.
+mapped in slices, `X position (11:4)` and so on, at any places: some controllers send the most significant bit first.
 """
 
 from __future__ import annotations

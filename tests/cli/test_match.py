@@ -116,6 +116,19 @@ def test_an_unknown_format_leaves_a_file_alone(capsys: pytest.CaptureFixture[str
     assert notes.read_text() == "precious"
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full, as Linux has one")
+def test_a_match_goes_on_without_its_log_on_a_full_disk_and_says_so(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    log = tmp_path / "match.log"
+    log.symlink_to("/dev/full")
+    said = run(capsys, *SHORT, "--log", str(log))
+    assert said.status == 3
+    assert "the robot stands at" in said.out
+    full = f"eurobot-od: {log}: No space left on device: "
+    assert said.err == f"{full}nothing more is logged\n{full}the log is not whole\n"
+
+
 @pytest.mark.parametrize("suffix", [".log", ".db"])
 def test_a_log_in_a_missing_folder_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str) -> None:
     log = tmp_path / "missing" / f"match{suffix}"

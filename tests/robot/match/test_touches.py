@@ -7,7 +7,7 @@ import pytest
 from eurobot_od.robot.match.touches import RobotTouch, Touched, counts, kind_of, touches_of
 from eurobot_od.robot.world.bodies import BORDER, things
 from eurobot_od.robot.world.contact import Touch
-from eurobot_od.robot.world.world import OURS
+from eurobot_od.robot.world.world import NAMES, OURS
 
 FAST, STANDS = 300.0, 0.0
 
