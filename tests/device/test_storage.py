@@ -120,7 +120,7 @@ def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_ar
 
 OUT_OF_LIMITS = [
     ("drive", (0x2101, 6), 0, "0x2101:6 Control period = 0, allowed: 1..255"),
-    ("drive", (0x2103, 1), 101, "0x2103:1 Navigation weight = 101, allowed: 0..100"),
+    ("drive", (0x2103, 4), 1001, "0x2103:4 Gate = 1001, allowed: 0..1000"),
     ("core", (0x2103, 1), 0, "0x2103:1 Polling period = 0, allowed: 1..65535"),
     ("core", (0x1017, 0), 70_000, "0x1017:0 Producer heartbeat time = 70000, allowed: 0..65535"),
 ]

@@ -40,7 +40,7 @@ def test_every_message_and_every_loss_has_its_cells() -> None:
 
 def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Drive, "heartbeat_lost", lambda *_: None)
-    result = loss_matrix.attempt(Cell("core", "killed", 4.0, seed=5))
+    result = loss_matrix.attempt(Cell("core", "killed", 12.0, seed=5))
     assert "uncommanded" in result.wrong
 
 
