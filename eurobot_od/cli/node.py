@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     robot.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     shared.add_network(parser)
     shared.add_bus(parser)
+    shared.add_reconnect(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -60,7 +61,12 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.robot.nodes import Core
 
     node = _make(arguments)
-    live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
+    live = runtime.Live.node(
+        shared.open_bus(arguments),
+        node,
+        opener=shared.opener(arguments),
+        report=lambda report: print(report, flush=True),
+    )
     if arguments.verbose:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the drive stopped, the bus closed
@@ -71,7 +77,7 @@ def run(arguments: argparse.Namespace) -> None:
 
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with live:
-        print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
+        print(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it", flush=True)
         if isinstance(node, Core):
             _lead(node, arguments)
         end = float("inf") if arguments.duration is None else live.clock() + arguments.duration

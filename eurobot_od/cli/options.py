@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
@@ -18,6 +19,7 @@ from eurobot_od.robot import dialects
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.live.connection import Opener
     from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
@@ -45,6 +47,16 @@ def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     from eurobot_od import live as runtime
 
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
+
+
+def add_reconnect(parser: argparse.ArgumentParser) -> None:
+    """Add --no-reconnect, for commands that stay on a bus."""
+    parser.add_argument("--no-reconnect", action="store_true", help="end when the bus is lost; else it is opened again")
+
+
+def opener(arguments: argparse.Namespace) -> Opener | None:
+    """Return what opens the bus again when it is lost, None if nothing is to."""
+    return None if arguments.no_reconnect else partial(open_bus, arguments)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:

@@ -412,6 +412,10 @@ class Device:
         """Note what the CAN controller reports; `tick` sends the EMCY."""
         self.emergencies.happened(code, now)
 
+    def bus_lost(self) -> None:
+        """Give up the SDO transfer that is under way: its client will."""
+        self._server.forget()
+
     def emergency_frames(self, now: float) -> list[Frame]:
         """Return the EMCY frames that may go now; in STOPPED they wait (CiA 301, 7.3.2.2.4)."""
         if not self._reports:

@@ -35,6 +35,7 @@ class ErrorCode(IntEnum):
     """
 
     NO_ERROR = 0x0000
+    BUS_LOST = 0x8100
     OVERRUN = 0x8110
     ERROR_PASSIVE = 0x8120
     HEARTBEAT_LOST = 0x8130

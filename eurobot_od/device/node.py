@@ -124,6 +124,16 @@ class Node:
         self.device.bus_error(code, now)
         self._call()
 
+    def bus_lost(self, now: float) -> list[Frame]:
+        """Take in that the bus is lost, and return what is to be sent as soon as it is back."""
+
+        def cut_off() -> Reaction:
+            self.device.bus_lost()
+            self.cut_off()
+            return Reaction([])
+
+        return self._attend(cut_off, now)
+
     def _react(self, reaction: Reaction) -> None:
         frames, message, reset, lost, answer, booted, synchronous = reaction
         self._out += frames
@@ -158,6 +168,10 @@ class Node:
 
     def halted(self) -> None:
         """Do what is to be done when the node is no longer OPERATIONAL; the nodes that care say what."""
+
+    def cut_off(self) -> None:
+        """Do what is to be done when the bus is lost, so that nobody can command the node: as when it is halted."""
+        self.halted()
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Do what is to be done when another node has fallen silent; the nodes that care say what."""

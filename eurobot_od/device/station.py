@@ -71,6 +71,12 @@ class Station:
         with self.node.guard:
             self.node.bus_error(code, now)
 
+    def bus_lost(self, now: float) -> None:
+        """Tell the node that the bus is lost."""
+        with self.node.guard:
+            self.gatekeeper.mailboxes.withdraw(self.node.device.sdo_answers)
+            self._submit(self.node.bus_lost(now), now)
+
     def _report_alarm(self, text: str) -> None:
         self.gatekeeper.report(Report(Event.NODE_ALARM, self.node.name, text, self.node.now))
 

@@ -17,6 +17,7 @@ from eurobot_od.errors import BusError
 from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.connection import Connection, Gaps, Opener
 from eurobot_od.live.functions import FunctionThread
 from eurobot_od.live.reader import POLL, Reader
 from eurobot_od.live.sender import Sender
@@ -47,8 +48,9 @@ class Live:
     """A gatekeeper, and the node of a station if there is one, running on a bus; a context manager.
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
-    classic base data frame. `failure` is the first error of the bus, None while all is well; it is reported, too.
-    The bus is shut down at the end.
+    classic base data frame. A bus that fails is opened again by `opener`, if there is one; `gaps` tells how often that
+    was, and for how long. `failure` is why it cannot go on, None while it can. All this is reported, too. The bus is
+    shut down at the end.
     """
 
     def __init__(
@@ -57,17 +59,21 @@ class Live:
         gatekeeper: Gatekeeper,
         station: Station | None = None,
         clock: Callable[[], float] = time.perf_counter,
+        opener: Opener | None = None,
     ) -> None:
-        self.bus, self.gatekeeper, self.station, self.clock = bus, gatekeeper, station, clock
+        self.gatekeeper, self.station, self.clock = gatekeeper, station, clock
+        self.name = str(bus.channel_info)
         self.foreign = 0
-        self.failure: BusError | None = None
+        self._failure: BusError | None = None
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
         self._driver = Driver(bus)
-        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, self._fail, self._wake)
+        self._connection = Connection(self._driver, opener, clock, self._lost, self._filter, self._back)
+        fail = self._connection.fail
+        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
         receive = gatekeeper.receive_data if station is None else self._receive
-        self._reader = Reader(bus, receive, clock, self._note_foreign, self._fail)
-        self._functions = FunctionThread(f"{bus.channel_info} functions", gatekeeper.report, gatekeeper.clock)
+        self._reader = Reader(self._connection, receive, clock, self._note_foreign)
+        self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
         self._running = False
         self._looks_at = self._rests_until = 0.0
@@ -77,35 +83,66 @@ class Live:
             station.node.wake = self._wake
 
     @classmethod
-    def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.perf_counter, **options: Any) -> Live:
+    def node(
+        cls,
+        bus: can.BusABC,
+        node: Node,
+        clock: Callable[[], float] = time.perf_counter,
+        opener: Opener | None = None,
+        **options: Any,
+    ) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
         from eurobot_od.device.station import Station  # a gatekeeper alone needs no nodes
 
         station = Station(node, **options)
-        return cls(bus, station.gatekeeper, station, clock)
+        return cls(bus, station.gatekeeper, station, clock, opener)
+
+    @property
+    def bus(self) -> can.BusABC:
+        """The bus as it is opened now."""
+        return self._driver.bus
+
+    @property
+    def gaps(self) -> Gaps:
+        """How often the bus was lost and came back, and for how long."""
+        return self._connection.gaps
+
+    @property
+    def failure(self) -> BusError | None:
+        """Why it cannot go on: the bus has failed, and nobody opens it again."""
+        return self._failure
 
     # Life
 
     def start(self) -> Live:
         """Hand the receive filters to the bus, switch the node on, start reading."""
         self._running = True
-        self.gatekeeper.rerouted = self._filter
+        self.gatekeeper.rerouted = self._refilter
         self.gatekeeper.start()
         if self.station is not None:
             self.station.start(self.clock())
         self._functions.start()
         for run in (self._reader.read, self._keep):
-            thread = threading.Thread(target=run, name=f"{self.bus.channel_info} {run.__name__}", daemon=True)
+            thread = threading.Thread(target=run, name=f"{self.name} {run.__name__}", daemon=True)
             self._threads.append(thread)
             thread.start()
         return self
 
     def _filter(self) -> None:
-        """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing."""
+        """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing.
+
+        Raises BusError.
+        """
         try:
             self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
-            self._fail(failure(self.bus, error))
+            raise failure(self.bus, error) from error
+
+    def _refilter(self) -> None:
+        try:
+            self._filter()
+        except BusError as error:
+            self._connection.fail(error)
 
     def stop(self) -> None:
         """Let the node take its leave, end the threads and shut the bus down.
@@ -129,8 +166,9 @@ class Live:
         try:
             self._functions.stop()  # first: what the last functions send still needs the other two threads
             self._sender.retry()
+            self._connection.close()
             with self._changed:
-                self._running = self._reader.running = False
+                self._running = False
                 self._changed.notify_all()
             for thread in self._threads:
                 if thread is not threading.current_thread():
@@ -141,9 +179,9 @@ class Live:
             try:
                 self.bus.shutdown()
             except Exception as error:
-                if self.failure is None:  # else it is only a consequence
-                    self.failure = failure(self.bus, error)
-                    raise self.failure from error
+                if self._connection.failure is None:  # else it is only a consequence
+                    self._failure = failure(self.bus, error)
+                    raise self._failure from error
 
     def __enter__(self) -> Live:
         return self.start()
@@ -159,11 +197,33 @@ class Live:
         with self._changed:
             self._changed.notify_all()
 
-    def _fail(self, why: BusError) -> None:
-        """Note and report, once, that the adapter was pulled out, the server went away, the driver failed."""
-        if self._running and self.failure is None:
-            self.failure = why
-            self.gatekeeper.report(Report(Event.BUS_FAILED, str(self.bus.channel_info), str(why), self.clock()))
+    def _lost(self, why: BusError, opened_again: bool) -> None:
+        """Report that the adapter was pulled out, the server went away, the driver failed, and let the node stand.
+
+        Until the bus is back, only stops are kept for it.
+        """
+        if not self._running:
+            return
+        now = self.clock()
+        with self._lock:
+            if opened_again:
+                self.gatekeeper.mailboxes.leave()
+            else:
+                self._failure = why
+            if self.station is not None:
+                self.station.bus_lost(now)
+        text = f"{why}; it is opened again" if opened_again else str(why)
+        self.gatekeeper.report(Report(Event.BUS_FAILED, self.name, text, now))
+
+    def _back(self, gap: float) -> None:
+        now = self.clock()
+        with self._lock:
+            dropped = self.gatekeeper.mailboxes.come_back()
+            if self.station is not None:
+                self.station.bus_error(ErrorCode.BUS_LOST, now)
+        text = f"after a gap of {gap:.1f} s, in which {dropped} frames were not sent"
+        self.gatekeeper.report(Report(Event.BUS_BACK, self.name, text, now))
+        self._sender.retry()
 
     # Sending
 
@@ -198,10 +258,10 @@ class Live:
             self._wake()
         self._sender.pump()
 
-    def _note_foreign(self, message: can.Message) -> None:
+    def _note_foreign(self, message: can.Message | None) -> None:
         """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
         self.foreign += 1
-        if self.station is None:
+        if self.station is None or message is None:
             return
         if message.is_error_frame:
             self._note_error(self.station, message)

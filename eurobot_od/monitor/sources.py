@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Watch
+from eurobot_od.live import Opener, Watch
 from eurobot_od.logs.binary import of_message
-from eurobot_od.logs.entries import Raw
+from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
 
 if TYPE_CHECKING:
     import can
@@ -28,23 +28,47 @@ AT_ONCE = 20_000
 
 
 class BusSource:
-    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them."""
+    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
+
+    A bus that is lost is opened again by `opener`, if there is one. `notes` say when it was lost, and for how long.
+    """
 
     ended = False
 
-    def __init__(self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(
+        self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic, opener: Opener | None = None
+    ) -> None:
+        self.notes: list[str] = []
+        self._clock, self._opener = clock, opener
         self._came: deque[Timed] = deque()
         self._failures: list[BusError] = []
         self._last, self._seen = 0.0, clock()
         self._watch = ExitStack()
-        self._watch.enter_context(Watch(bus, self._take, None, self._failures.append, self._take_foreign))
+        self._watch.enter_context(
+            Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+        )
+
+    def _fail(self, why: BusError) -> None:
+        if self._opener is None:
+            self._failures.append(why)
+        else:
+            self.notes.append(f"{why}; it is opened again")
+
+    def _note_gap(self, gap: float) -> None:
+        self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
 
     def _take(self, time: float, frame: Frame) -> None:
         self._came.append((time, frame))
 
-    def _take_foreign(self, message: can.Message) -> None:
-        self._came.append((message.timestamp, of_message(message)))
+    def _take_foreign(self, message: can.Message | None) -> None:
+        if message is None:
+            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver can make no sense of it")))
+            return
+        try:
+            raw = of_message(message)
+        except ValueError:
+            raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
+        self._came.append((message.timestamp, raw))
 
     @property
     def now(self) -> float:
@@ -71,6 +95,8 @@ class BusSource:
 
 class LogSource:
     """Entries of logs, played so many times faster than they were recorded."""
+
+    notes: Sequence[str] = ()
 
     def __init__(
         self, entries: Generator[Timed, None, None], speed: float, clock: Callable[[], float] = time.monotonic

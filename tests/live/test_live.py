@@ -17,9 +17,9 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
-from eurobot_od.gatekeeper import Gatekeeper, Report
+from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live, Watch, open_bus
-from eurobot_od.live.reader import POLL
+from eurobot_od.live.reader import ENDURED, POLL
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
@@ -36,10 +36,9 @@ from eurobot_od.robot.messages import (
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Obstacle
+from tests.live.loose import LONG, Reports
 
 PROTOCOL = EurobotProtocol.load()
-LONG = 10.0
-"""Seconds after which a test gives up; what it waits for comes at once."""
 
 
 @pytest.fixture
@@ -354,6 +353,59 @@ def test_a_watch_sees_every_frame(channel: str) -> None:
     assert seen == [(7.0, Frame(0x123, b"\x01")), (7.0, Frame(0x7FF))]
 
 
+HOSTILE = {
+    "300 bytes": can.Message(arbitration_id=0x008, data=bytes(300), dlc=44, is_extended_id=False),
+    "negative identifier": can.Message(arbitration_id=-1, is_extended_id=False),
+    "identifier too high": can.Message(arbitration_id=0x800, is_extended_id=False),
+}
+"""What a peer of python-can-remote can send, and no adapter can receive."""
+
+
+@pytest.mark.parametrize("message", HOSTILE.values(), ids=HOSTILE)
+def test_what_no_adapter_can_receive_is_counted_and_acted_on_by_nobody(channel: str, message: can.Message) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers, reports = gatekeeper.add_queue(CheckDriveResponse), Reports()
+    with (
+        virtual(channel) as other,
+        Live.node(virtual(channel), Drive(dialects.load("drive")), report=reports) as drive,
+        Live(virtual(channel), gatekeeper) as tester,
+    ):
+        other.send(message)
+        tester.send(CheckDriveRequest())
+        assert answers.get(LONG) is not None
+        assert drive.foreign == 1
+    assert reports.empty()
+
+
+class Babble(VirtualBus):
+    """A driver that can make no sense of what comes, so many times."""
+
+    def __init__(self, channel: str, times: int) -> None:
+        self.left = times
+        super().__init__(channel)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.left:
+            self.left -= 1
+            raise ValueError("invalid frame")
+        return super().recv(timeout)
+
+
+def test_a_driver_that_can_make_no_sense_of_a_frame_is_read_on(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    with virtual(channel) as other, Live(Babble(channel, ENDURED - 1), gatekeeper) as live:
+        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+        assert queue.get(LONG) is not None
+        assert (live.foreign, live.failure) == (ENDURED - 1, None)
+
+
+def test_a_driver_that_never_makes_sense_has_failed(channel: str) -> None:
+    reports = Reports()
+    with Live(Babble(channel, ENDURED), Gatekeeper(PROTOCOL, report=reports)):
+        assert reports.wait_for(What.BUS_FAILED).text.endswith("failed: invalid frame")
+
+
 # Drivers that do not behave
 
 
@@ -412,25 +464,6 @@ class Driver(can.BusABC):
             self.attempt.clear()
             if len(self.tries) < wanted:
                 assert self.attempt.wait(LONG)
-
-
-class Reports:
-    """Reports as they come; on a slow machine there may be others of slow listeners."""
-
-    def __init__(self) -> None:
-        self._reports: SimpleQueue[Report] = SimpleQueue()
-
-    def __call__(self, report: Report) -> None:
-        self._reports.put(report)
-
-    def wait_for(self, event: What) -> Report:
-        """Give the next report of an event."""
-        while (report := self._reports.get(timeout=LONG)).event is not event:
-            pass
-        return report
-
-    def empty(self) -> bool:
-        return self._reports.empty()
 
 
 @pytest.fixture
