@@ -24,13 +24,8 @@ class Process:
 
     def __init__(self, *command: str) -> None:
         environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-        self.popen = subprocess.Popen(
-            command,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            text=True,
-            env=environment,
+        self.popen: subprocess.Popen[str] = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
         )
         self.said: list[str] = []
         self._lines: SimpleQueue[str] = SimpleQueue()
