@@ -132,5 +132,12 @@ class ProgramError(RemoteError):
     """A program that could not be downloaded into a node; the text says in which state the node is."""
 
 
+# Ours
+
+
+class NodeFailed(EurobotError):
+    """A node that has raised an exception, its own or its hardware's, and was stopped and ended."""
+
+
 class BusError(EurobotError):
     """The CAN bus, its driver or its configuration failed."""

@@ -17,7 +17,7 @@ from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, RemoteError
+from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError
 
 COMMANDS = {
     "match": "play a match of the three nodes, in simulated or real time",
@@ -65,13 +65,14 @@ class ExitStatus(IntEnum):
     WRONG_INPUT = 2
     """Of the command line, or of a file."""
     TROUBLE = 3
-    """With the bus or the file system."""
+    """With the bus, the file system, or what a node drives."""
     INTERRUPTED = 130
 
 
 STATUS_OF = {
     RemoteError: ExitStatus.FOUND,
     BusError: ExitStatus.TROUBLE,
+    NodeFailed: ExitStatus.TROUBLE,
     EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }

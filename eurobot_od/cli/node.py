@@ -53,11 +53,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_network(parser)
     shared.add_bus(parser)
     shared.add_reconnect(parser)
+    parser.add_argument(
+        "--on-error",
+        choices=("end", "restart"),
+        default="restart",
+        help="what becomes of a node that fails, after it was stopped (default: restart)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError."""
     from eurobot_od import live as runtime
+    from eurobot_od.device.station import OnError
     from eurobot_od.robot.nodes import Core
 
     node = _make(arguments)
@@ -65,6 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
         shared.open_bus(arguments),
         node,
         opener=shared.opener(arguments),
+        on_error=OnError(arguments.on_error),
         report=lambda report: print(report, flush=True),
     )
     if arguments.verbose:

@@ -339,6 +339,11 @@ class Device:
         self._beating = True
         return [error_control(self.node_id, self.state)]
 
+    def restart(self, now: float) -> Reaction:
+        """Do what an NMT reset of the node does."""
+        self._now = now
+        return self._reset(NmtCommand.RESET_NODE)
+
     def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
         values = dict(self._stored)

@@ -134,6 +134,23 @@ class Node:
 
         return self._attend(cut_off, now)
 
+    def failed(self, error: BaseException, now: float) -> list[Frame]:
+        """Stop, and return what is to be sent because the node has raised an exception: stops, and the EMCY.
+
+        Nobody is to call anything but `restart` then.
+        """
+        self.now = now
+        for stop in (self.cut_off, self.reset):
+            with suppress(Exception):  # what has failed may fail once more; the rest is done all the same
+                stop()
+        code = ErrorCode.HARDWARE if isinstance(error, OSError) else ErrorCode.INTERNAL_SOFTWARE
+        self.device.emergencies.raised(code, Node.failed)
+        return self._flush()
+
+    def restart(self, now: float) -> list[Frame]:
+        """Do what an NMT reset does, whatever state the node is in, and return the frames to send."""
+        return self._attend(lambda: self.device.restart(now), now)
+
     def _react(self, reaction: Reaction) -> None:
         frames, message, reset, lost, answer, booted, synchronous = reaction
         self._out += frames

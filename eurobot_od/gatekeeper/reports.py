@@ -25,6 +25,7 @@ class Event(Enum):
     BUS_FAILED = "bus failed"
     BUS_BACK = "bus back"
     NODE_ALARM = "node alarm"
+    NODE_FAILED = "node failed"
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.errors import BusError
+from eurobot_od.errors import BusError, NodeFailed
 from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.live.buses import Driver, failure
@@ -76,7 +76,7 @@ class Live:
         self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
         self._running = False
-        self._looks_at = self._rests_until = 0.0
+        self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
         if station is not None:
             station.node.guard = self._lock
@@ -92,9 +92,9 @@ class Live:
         **options: Any,
     ) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
-        from eurobot_od.device.station import Station  # a gatekeeper alone needs no nodes
+        from eurobot_od.device.station import OnError, Station  # a gatekeeper alone needs no nodes
 
-        station = Station(node, **options)
+        station = Station(node, **{"on_error": OnError.RESTART} | options)
         return cls(bus, station.gatekeeper, station, clock, opener)
 
     @property
@@ -108,9 +108,9 @@ class Live:
         return self._connection.gaps
 
     @property
-    def failure(self) -> BusError | None:
-        """Why it cannot go on: the bus has failed, and nobody opens it again."""
-        return self._failure
+    def failure(self) -> BusError | NodeFailed | None:
+        """Why it cannot go on: the bus has failed, and nobody opens it again, or the node has ended."""
+        return self._failure or (None if self.station is None else self.station.failure)
 
     # Life
 
@@ -157,7 +157,8 @@ class Live:
 
     def _take_leave(self) -> None:
         """Have the node do what it has to before it is switched off, while there are threads to do it."""
-        farewell = self.station.node.leave() if self.station is not None and self._running else None
+        present = self.station is not None and self.station.failure is None and self._running
+        farewell = self.station.node.leave() if self.station is not None and present else None
         if farewell is not None:
             farewell.result()
 
@@ -266,15 +267,8 @@ class Live:
         if message.is_error_frame:
             self._note_error(self.station, message)
         elif message.is_remote_frame and not message.is_extended_id:
-            self._request(self.station, message.arbitration_id)
-
-    def _request(self, station: Station, cob_id: int) -> None:
-        """Have the node answer a remote frame; an exception of its own does not end the reading."""
-        try:
-            station.requested(cob_id, self.clock())
-        except Exception as error:
-            station.has_failed(error, self.clock())
-        self._answered()
+            self.station.requested(message.arbitration_id, self.clock())
+            self._answered()
 
     def _note_error(self, station: Station, message: can.Message) -> None:
         details = int.from_bytes(message.data[1:2], "little")
@@ -286,7 +280,8 @@ class Live:
 
     def _keep(self) -> None:
         while self._running:
-            self._tick()
+            if self.station is not None and self.station.next_wakeup <= self.clock():
+                self.station.tick(self.clock())
             self._sender.retry()
             self._functions.watch()
             with self._changed:
@@ -295,22 +290,12 @@ class Live:
                 if self._running and pause > 0:
                     self._changed.wait(pause)
 
-    def _tick(self) -> None:
-        """Let the node do what is due; an exception of its own ends neither this thread nor the node."""
-        if self.station is not None and max(self.station.next_wakeup, self._rests_until) <= self.clock():
-            try:
-                self.station.tick(self.clock())
-            except Exception as error:
-                self.station.has_failed(error, self.clock())
-                # What has failed may be due still: without a rest this thread would do nothing but fail.
-                self._rests_until = self.clock() + POLL
-
     def _next_look(self) -> float:
         """Return when there is something to do again; called with the lock held, so that no wake-up is missed."""
         now = self.clock()
         looks = [now + POLL]
         if self.station is not None:
-            looks.append(max(self.station.next_wakeup, self._rests_until))
+            looks.append(self.station.next_wakeup)
         expiry = self.gatekeeper.mailboxes.next_expiry
         if self._sender.blocked:
             looks += [now + self._sender.pause, now + POLL if expiry is None else expiry]

@@ -77,3 +77,11 @@ class Reports:
 
     def empty(self) -> bool:
         return self._reports.empty()
+
+
+def wait_for(bus: can.BusABC, cob_id: int, beginning: bytes = b"") -> bytes:
+    """Read until a frame comes with an identifier, and data that begin so; give its data."""
+    while (message := bus.recv(LONG)) is not None:
+        if message.arbitration_id == cob_id and message.data.startswith(beginning):
+            return bytes(message.data)
+    raise AssertionError(f"nothing came with {cob_id:03X}")

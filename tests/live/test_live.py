@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event
@@ -19,7 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live, Watch, open_bus
-from eurobot_od.live.reader import ENDURED, POLL
+from eurobot_od.live.reader import ENDURED
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
@@ -634,36 +633,3 @@ def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
         live.send(CheckDriveRequest())
         assert answers.get(LONG) is not None
         assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"
-
-
-def test_an_exception_in_what_a_node_does_at_a_time_is_reported_and_ends_nothing(channel: str) -> None:
-    reports, drive = Reports(), Drive(dialects.load("drive"))
-
-    def broken(_: float) -> None:
-        raise ValueError("lamp is gone")
-
-    gatekeeper = Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    with Live.node(virtual(channel), drive, report=reports) as live, Live(virtual(channel), gatekeeper) as other:
-        with drive.guard:
-            drive.soon(broken)
-        assert str(reports.wait_for(What.LISTENER_FAILED)) == "listener failed: drive: ValueError: lamp is gone"
-        other.send(CheckDriveRequest())
-        assert answers.get(LONG) is not None
-    assert live.gatekeeper.statistics().listeners[0].failed == 1
-
-
-class TiredDrive(Drive):
-    """Fails whenever something is due, and that is always."""
-
-    next_wakeup = 0.0
-
-    def tick(self, now: float) -> list[Frame]:
-        raise ValueError("never again")
-
-
-def test_a_node_that_fails_whenever_it_is_called_is_called_at_intervals(channel: str) -> None:
-    reports = Reports()
-    with Live.node(virtual(channel), TiredDrive(dialects.load("drive")), report=reports):
-        times = [reports.wait_for(What.LISTENER_FAILED).timestamp for _ in range(3)]
-    assert all(later - earlier >= POLL for earlier, later in pairwise(times))

@@ -23,7 +23,7 @@ from eurobot_od.robot.messages import (
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Outcome, TeamColour
-from tests.live.loose import LONG, Cable, Reports
+from tests.live.loose import LONG, Cable, Reports, wait_for
 
 PROTOCOL = EurobotProtocol.load()
 UNPLUGGED = OSError(100, "Network is down")
@@ -103,13 +103,6 @@ def test_a_drive_brakes_when_its_bus_is_lost_and_says_so_when_it_is_back(cable: 
         cable.error = None
         emergency = wait_for(other, 0x082)
     assert int.from_bytes(emergency[:2], "little") == ErrorCode.BUS_LOST
-
-
-def wait_for(bus: can.BusABC, cob_id: int) -> bytes:
-    while (message := bus.recv(LONG)) is not None:
-        if message.arbitration_id == cob_id:
-            return bytes(message.data)
-    raise AssertionError(f"nothing came with {cob_id:03X}")
 
 
 def test_a_core_ends_its_goto_and_recovers_before_the_next(channel: str) -> None:
