@@ -24,6 +24,7 @@ class Event(Enum):
     FRAME_DROPPED = "frame dropped"
     BUS_FAILED = "bus failed"
     BUS_BACK = "bus back"
+    FRAMES_LOST = "frames lost"
     NODE_ALARM = "node alarm"
     NODE_FAILED = "node failed"
 

@@ -6,6 +6,7 @@ Rule of this file: whatever a driver raises becomes a BusError of one line.
 from __future__ import annotations
 
 import errno
+import socket
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -34,6 +35,12 @@ PROMPT = ("socketcan", "virtual")
 
 FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
 """What an operating system says when there is no room for a frame; any other error of it means that the bus is lost."""
+
+SO_MEMINFO, DROPS = 55, slice(32, 36)
+"""A socket's counters (Linux 4.12), and where among them is how many frames have found no room in its receive queue.
+
+SO_RXQ_OVFL gives the same count with each frame, which python-can does not read, and does not endure.
+"""
 
 # python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
 # these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as
@@ -91,6 +98,7 @@ class Driver:
         self.filters = any(_is_of(bus, interface) for interface in FILTERING)
         self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
         self._wait = 0.0 if self.prompt else RETRY
+        self._socket = getattr(bus, "socket", None) if _is_of(bus, "socketcan") else None
 
     def replace(self, opener: Callable[[], can.BusABC]) -> None:
         """Shut the bus down, which has failed, and open it again; raises BusError."""
@@ -118,6 +126,17 @@ class Driver:
                 return False
             raise failure(bus, error) from error
         return True
+
+    @property
+    def overflow(self) -> int:
+        """How many received frames have found no room since the bus was opened; only SocketCAN tells."""
+        if not isinstance(self._socket, socket.socket):
+            return 0
+        try:
+            counters = self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, DROPS.stop)
+        except OSError:  # an older kernel; or the bus is being shut down
+            return 0
+        return int.from_bytes(counters[DROPS], sys.byteorder)
 
     def stuck(self, seconds: float) -> BusError:
         """Return the error that it has taken no frame for so many seconds."""

@@ -43,7 +43,7 @@ class Connection:
     `lost` is told the error when the bus fails, and whether it will be opened again, in the thread that noticed. The
     reader calls `opened` when it is open again, which may raise BusError like opening it, and `back` when it works,
     with the length of the gap in seconds of `clock`. `failure` is why it is lost, None while all is well. The reader
-    reads while it is `up`.
+    reads while it is `up`. `overflow` counts frames that have found no room in the driver's receive queue.
     """
 
     def __init__(
@@ -59,6 +59,7 @@ class Connection:
         self.up = True
         self.failure: BusError | None = None
         self.gaps = Gaps()
+        self.overflow = self._of_this_bus = 0
         self._opener, self._clock = opener, clock
         self._told_lost, self._opened, self._told_back = lost, opened, back
         self._lock = threading.Lock()
@@ -87,7 +88,9 @@ class Connection:
         while not self._closing.wait(self._pause):
             self._pause = min(2 * self._pause, LONGEST_PAUSE)
             try:
+                self.count_overflow()
                 self.driver.replace(self._opener)
+                self._of_this_bus = 0
                 self._opened()
             except BusError:
                 continue
@@ -106,6 +109,13 @@ class Connection:
             gap, self._since, self.failure = now - self._since, now, None
             self.gaps = Gaps(self.gaps.number + 1, self.gaps.seconds + gap)
         self._told_back(gap)
+
+    def count_overflow(self) -> bool:
+        """Ask the driver how many frames it has lost; return whether so many more that it is to be told."""
+        now, before = self.driver.overflow, self.overflow
+        self.overflow += max(now - self._of_this_bus, 0)
+        self._of_this_bus = now
+        return self.overflow.bit_length() > before.bit_length()
 
     def close(self) -> None:
         """End reading, and any attempt to open the bus again."""

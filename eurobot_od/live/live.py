@@ -108,6 +108,11 @@ class Live:
         return self._connection.gaps
 
     @property
+    def overflow(self) -> int:
+        """How many received frames have found no room in the driver's queue; 0 if it does not tell."""
+        return self._connection.overflow
+
+    @property
     def failure(self) -> BusError | NodeFailed | None:
         """Why it cannot go on: the bus has failed, and nobody opens it again, or the node has ended."""
         return self._failure or (None if self.station is None else self.station.failure)
@@ -177,6 +182,9 @@ class Live:
             if self.station is not None:
                 self.station.node.switched_off()
         finally:
+            self._connection.count_overflow()
+            if self.overflow:
+                self._report_overflow()
             try:
                 self.bus.shutdown()
             except Exception as error:
@@ -225,6 +233,17 @@ class Live:
         text = f"after a gap of {gap:.1f} s, in which {dropped} frames were not sent"
         self.gatekeeper.report(Report(Event.BUS_BACK, self.name, text, now))
         self._sender.retry()
+
+    def _look_for_overflow(self) -> None:
+        """Report frames that were lost before they could be read: when it begins, and when twice as many were."""
+        if self._connection.count_overflow():
+            if self.station is not None:
+                self.station.bus_error(ErrorCode.OVERRUN, self.clock())
+            self._report_overflow()
+
+    def _report_overflow(self) -> None:
+        text = f"{self.overflow} received frames have found no room in the driver's queue so far"
+        self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     # Sending
 
@@ -284,6 +303,7 @@ class Live:
                 self.station.tick(self.clock())
             self._sender.retry()
             self._functions.watch()
+            self._look_for_overflow()
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()

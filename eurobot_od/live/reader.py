@@ -106,11 +106,17 @@ class Watch:
         reader = Reader(self._connection, receive, clock, foreign)
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
+    def overflow(self) -> int:
+        """Return how many frames have found no room in the driver's queue so far; 0 if it does not tell."""
+        self._connection.count_overflow()
+        return self._connection.overflow
+
     def __enter__(self) -> Watch:
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._connection.close()
+        self._connection.count_overflow()
         self._thread.join(10 * POLL)
         self._connection.driver.bus.shutdown()

@@ -30,7 +30,8 @@ AT_ONCE = 20_000
 class BusSource:
     """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
 
-    A bus that is lost is opened again by `opener`, if there is one. `notes` say when it was lost, and for how long.
+    A bus that is lost is opened again by `opener`, if there is one. `notes` say when it was lost, for how long,
+    and how many frames were lost because the driver's queue was full.
     """
 
     ended = False
@@ -43,10 +44,10 @@ class BusSource:
         self._came: deque[Timed] = deque()
         self._failures: list[BusError] = []
         self._last, self._seen = 0.0, clock()
-        self._watch = ExitStack()
-        self._watch.enter_context(
-            Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
-        )
+        self._overflow = 0
+        self._leaving = ExitStack()
+        watch = Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+        self._watch = self._leaving.enter_context(watch)
 
     def _fail(self, why: BusError) -> None:
         if self._opener is None:
@@ -56,6 +57,12 @@ class BusSource:
 
     def _note_gap(self, gap: float) -> None:
         self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
+
+    def _note_overflow(self) -> None:
+        self._overflow = self._watch.overflow()
+        self.notes.append(
+            f"{self._overflow} frames have found no room in the driver's queue so far, and are missing here"
+        )
 
     def _take(self, time: float, frame: Frame) -> None:
         self._came.append((time, frame))
@@ -85,12 +92,16 @@ class BusSource:
             timed = self._came.popleft()
             self._last, self._seen = timed[0], self._clock()
             yield timed
+        if self._watch.overflow().bit_length() > self._overflow.bit_length():
+            self._note_overflow()
         if self._failures:
             raise self._failures[0]
 
     def close(self) -> None:
         """Let the bus go."""
-        self._watch.close()
+        if self._watch.overflow() > self._overflow:
+            self._note_overflow()
+        self._leaving.close()
 
 
 class LogSource:
