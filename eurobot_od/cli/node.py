@@ -89,10 +89,10 @@ def run(arguments: argparse.Namespace) -> None:
         if isinstance(node, Core):
             _lead(node, arguments)
         end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
-        while live.failure is None and live.clock() < end:
+        while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
             time.sleep(0.1)
-        if live.failure is not None:
-            raise live.failure
+        if failure is not None:
+            raise failure
 
 
 def _set_clock(node: Node, now: float) -> None:

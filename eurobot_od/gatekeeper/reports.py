@@ -25,6 +25,7 @@ class Event(Enum):
     BUS_FAILED = "bus failed"
     BUS_BACK = "bus back"
     FRAMES_LOST = "frames lost"
+    END_FAILED = "end failed"
     NODE_ALARM = "node alarm"
     NODE_FAILED = "node failed"
 

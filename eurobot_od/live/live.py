@@ -7,13 +7,17 @@ Rule of this file: to submit a frame never waits for the bus.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
+import weakref
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.errors import BusError, NodeFailed
+from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.live.buses import Driver, failure
@@ -42,6 +46,26 @@ ERROR_FRAMES = (
 
 Each has a class bit in the identifier, bits of data byte 1 of which one is set (0: any or none), and our error code.
 """
+
+
+class _NoThreads:
+    """Takes the place of the lock in a forked child, which has none of the threads that would do what it is told."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __enter__(self) -> None:
+        raise StateError(f"{self._name}: belongs to the process that has forked; open a bus of your own after the fork")
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing was entered."""
+
+
+def _refuse(started: weakref.ref[Live]) -> None:
+    """Have every call to a `Live` and its node refused in a forked child."""
+    live = started()
+    if live is not None:
+        live.refuse()
 
 
 class Live:
@@ -75,7 +99,7 @@ class Live:
         self._reader = Reader(self._connection, receive, clock, self._note_foreign)
         self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
-        self._running = False
+        self._running = self._ended = self._forked = False
         self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
         if station is not None:
@@ -126,6 +150,8 @@ class Live:
         self.gatekeeper.start()
         if self.station is not None:
             self.station.start(self.clock())
+        if hasattr(os, "register_at_fork"):  # not on Windows, where nothing forks
+            os.register_at_fork(after_in_child=partial(_refuse, weakref.ref(self)))
         self._functions.start()
         for run in (self._reader.read, self._keep):
             thread = threading.Thread(target=run, name=f"{self.name} {run.__name__}", daemon=True)
@@ -153,12 +179,17 @@ class Live:
         """Let the node take its leave, end the threads and shut the bus down.
 
         Frames still waiting are sent first if the bus takes them. Waits for a function that does not return no longer
-        than `PATIENCE`. Raises BusError if the bus fails only now, and what the node could not bring to its end.
+        than `PATIENCE`. Raises what the node could not bring to its end, else BusError if the bus fails only now.
         """
+        if self._forked:
+            return  # the bus is the other process's
         try:
             self._take_leave()
-        finally:
-            self._end()
+        except BaseException:
+            with suppress(BusError):
+                self._end()
+            raise
+        self._end()
 
     def _take_leave(self) -> None:
         """Have the node do what it has to before it is switched off, while there are threads to do it."""
@@ -174,7 +205,7 @@ class Live:
             self._sender.retry()
             self._connection.close()
             with self._changed:
-                self._running = False
+                self._running, self._ended = False, True
                 self._changed.notify_all()
             for thread in self._threads:
                 if thread is not threading.current_thread():
@@ -198,9 +229,18 @@ class Live:
     def __exit__(self, cause: object, *_: object) -> None:
         try:
             self.stop()
-        except BusError:
-            if cause is None:  # else the error that has ended the block is the one to be seen
+        except BusError as error:
+            if cause is None:
                 raise
+            # The error that has ended the block is the one to be seen; that a robot does not stand is worse than either.
+            self.gatekeeper.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
+
+    def refuse(self) -> None:
+        """Refuse to send, and whatever the node is told, by StateError: for a process without its threads."""
+        refusal: Any = _NoThreads(self.name)
+        self._lock, self._forked = refusal, True
+        if self.station is not None:
+            self.station.node.guard = refusal
 
     def _wake(self) -> None:
         with self._changed:
@@ -250,9 +290,12 @@ class Live:
     def send(self, message: Message) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range.
 
-        With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it.
+        With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it; and
+        in any case when the `Live` has ended, or in a forked child.
         """
         with self._lock:
+            if self._ended:
+                raise StateError(f"{self.name}: the bus is closed; nothing is sent any more")
             if self.station is not None:
                 self.station.node.send(message)  # and that wakes the keeper
                 return

@@ -75,6 +75,10 @@ class Reports:
             pass
         return report
 
+    def rest(self) -> list[Report]:
+        """Give those that are there."""
+        return [self._reports.get() for _ in range(self._reports.qsize())]
+
     def empty(self) -> bool:
         return self._reports.empty()
 

@@ -57,9 +57,7 @@ def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -
     assert int.from_bytes(emergency[:2], "little") == ErrorCode.OVERRUN
     assert 0 < live.overflow < 1000
     assert told.text.endswith(" received frames have found no room in the driver's queue so far")
-    last = told
-    while not reports.empty():
-        last = reports.wait_for(Event.FRAMES_LOST)
+    *_, last = [told, *(report for report in reports.rest() if report.event is Event.FRAMES_LOST)]
     assert last.text.startswith(f"{live.overflow} ")
 
 

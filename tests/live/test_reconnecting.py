@@ -64,8 +64,8 @@ def test_an_interface_that_goes_down_and_up_again_leaves_no_deaf_node(cable: Cab
 
 def test_receive_filters_are_set_again(cable: Cable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(can.interfaces.BACKENDS, "socketcan", ("tests.live.loose", "LooseBus"))
-    reports, gatekeeper = Reports(), Gatekeeper(PROTOCOL)
-    gatekeeper.report = reports
+    reports = Reports()
+    gatekeeper = Gatekeeper(PROTOCOL, report=reports)
     gatekeeper.add_queue(StopDrive)
     with Live(cable.open(), gatekeeper, opener=cable.open):
         cable.error = UNPLUGGED
