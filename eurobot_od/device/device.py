@@ -24,6 +24,7 @@ from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, prede
 from eurobot_od.device.storage import Store
 from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, Clock
+from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -370,8 +371,7 @@ class Device:
         self._now = now
         frames = []
         if now >= self._next_heartbeat:
-            # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
-            self._plan_heartbeat(self._next_heartbeat)
+            self._plan_heartbeat(caught_up(self._next_heartbeat, now))
             self._beating = True
             frames.append(error_control(self.node_id, self.state))
         own = self._broadcast(now)

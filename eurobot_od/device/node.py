@@ -17,7 +17,7 @@ from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.storage import Store
-from eurobot_od.device.timers import Timer, TimerAction, Timers
+from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -98,7 +98,13 @@ class Node:
         return self._attend(lambda: self.device.requested(cob_id, now), now)
 
     def tick(self, now: float) -> list[Frame]:
-        """Do what is due by now and return the frames to send."""
+        """Do what is due by now and return the frames to send.
+
+        A node that has stood still does once what it has missed, and says so.
+        """
+        late = now - min(self._timers.next, self.device.next_wakeup)
+        if late > LATE:
+            self.alarm(f"stood still for {late:.1f} s; what was due meanwhile is skipped")
 
         def do_due() -> Reaction:
             for _ in range(len(self._soon)):  # what one of them plans anew is for the next time

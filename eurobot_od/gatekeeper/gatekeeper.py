@@ -53,8 +53,8 @@ class Gatekeeper:
 
     `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A call that
     takes longer than `slow_after` seconds of `clock` is reported. Reports go to `report`; without one, the latest are
-    kept in `reports`. A `report` that raises (a pipe that nobody reads any more) is not called again: its exception is the
-    `report_failure`, and reports are kept from then on. One thread receives; the bus's owner sends.
+    kept in `reports`. A `report` that raises (a pipe that nobody reads any more) is not called again: its exception is
+    the `report_failure`, and reports are kept from then on. One thread receives; the bus's owner sends.
 
     `call_function` decides where functions run. It calls them in place, in the order of their registration, until a
     `Live` gives them a thread of their own. `rerouted` is called when the receive filters have changed, in the thread

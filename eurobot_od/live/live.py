@@ -232,7 +232,7 @@ class Live:
         except BusError as error:
             if cause is None:
                 raise
-            # The error that has ended the block is the one to be seen; that a robot does not stand is worse than either.
+            # The error that has ended the block is the one to be seen. A robot that does not stand is worse than that.
             self.gatekeeper.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
 
     def refuse(self) -> None:
