@@ -142,6 +142,10 @@ class Station:
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         mailboxes, device = self.gatekeeper.mailboxes, self.node.device
+        if any(frame.cob_id == device.sdo_answers for frame in frames):
+            # One transfer at a time: whoever asks anew awaits no more what was answered before. Or else a client that
+            # asks for block after block would have answers wait without end.
+            mailboxes.withdraw(device.sdo_answers)
         for frame in frames:
             stop = frame.cob_id in device.always_sent
             # A stop waits as long as it takes. It is repeated, too: one of a kind that waits is enough.

@@ -169,3 +169,16 @@ def test_in_a_simulation_a_frame_that_makes_a_node_fail_is_reported_and_nothing_
     station, reports = failing(None)
     assert check(station, 1.0) == []
     assert [report.event for report in reports] == [Event.LISTENER_FAILED]
+
+
+def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_drive_that_answers(station: Station) -> None:
+    """The queue grew without a bound, and the drive did not answer for half a minute."""
+    station.start(0.0)
+    blocks = [Frame(0x602, bytes.fromhex(data)) for data in ("a4211000 7f000000", "a300000000000000")]
+    for _ in range(500):
+        for request in blocks:
+            station.gatekeeper.receive(request, 0.5)
+    assert station.gatekeeper.mailboxes.statistics().waiting <= 127 + 1  # a block, and the boot-up message
+    sent(station, 0.5)
+    station.gatekeeper.receive(Frame(0x602, bytes.fromhex("4000100000000000")), 0.5)
+    assert [frame.data[:4].hex() for frame in sent(station, 0.5)] == ["43001000"]
