@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,9 +87,9 @@ def run(arguments: argparse.Namespace) -> None:
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with live:
         print(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it", flush=True)
-        if isinstance(node, Core):
-            _lead(node, arguments)
         end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
+        if isinstance(node, Core):
+            _lead(node, arguments, lambda: max(end - live.clock(), 0.0))
         while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
             time.sleep(0.1)
         if failure is not None:
@@ -187,8 +188,11 @@ def _show(node: Node, frame: Frame, now: float) -> None:
     print(f"{now:12.3f}  {frame!s:<20}  {what}", flush=True)
 
 
-def _lead(core: Core, arguments: argparse.Namespace) -> None:
-    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer."""
+def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) -> None:
+    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer.
+
+    The drill ends after the seconds that are `left`, and its goto with it.
+    """
     if arguments.team:
         for name, seconds in core.check_nodes().result().items():
             print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
@@ -199,4 +203,5 @@ def _lead(core: Core, arguments: argparse.Namespace) -> None:
 
         from eurobot_od.robot.check.drill import drill
 
-        asyncio.run(drill(core))
+        with suppress(asyncio.TimeoutError):
+            asyncio.run(asyncio.wait_for(drill(core), left()))

@@ -55,6 +55,7 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     """
     import can
 
+    _silence_logs()
     given = {"interface": interface, "channel": channel, "bitrate": bitrate}
     try:
         config = _configured({key: value for key, value in given.items() if value is not None})
@@ -62,6 +63,15 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
         raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
+
+
+def _silence_logs() -> None:
+    """Have drivers' log lines go where a program has asked for them, and else nowhere: their errors are raised, too."""
+    import logging
+
+    for name in ("can", "can_remote"):
+        if not logging.getLogger(name).handlers:
+            logging.getLogger(name).addHandler(logging.NullHandler())
 
 
 def _configured(given: dict[str, Any]) -> dict[str, Any]:
