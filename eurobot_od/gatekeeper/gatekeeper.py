@@ -226,6 +226,10 @@ class Gatekeeper:
         for deliver in to_messages:
             deliver(message, timestamp)
 
+    def acts_always(self, cob_id: int) -> bool:
+        """Tell whether a COB-ID is that of a message that acts whenever it comes: a stop."""
+        return any(each.always and each.cob_id == cob_id for each in self._protocol.bindings)
+
     # Sending
 
     def send(self, message: Message, now: float) -> None:

@@ -72,9 +72,9 @@ class Live:
     """A gatekeeper, and the node of a station if there is one, running on a bus; a context manager.
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
-    classic base data frame. A bus that fails is opened again by `opener`, if there is one; `gaps` tells how often that
-    was, and for how long. `failure` is why it cannot go on, None while it can. All this is reported, too. The bus is
-    shut down at the end.
+    classic base data frame, `missed` what came while the process stood still and is not acted on. A bus that fails is
+    opened again by `opener`, if there is one; `gaps` tells how often that was, and for how long. `failure` is why it
+    cannot go on, None while it can. All this is reported, too. The bus is shut down at the end.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Live:
     ) -> None:
         self.gatekeeper, self.station, self.clock = gatekeeper, station, clock
         self.name = str(bus.channel_info)
-        self.foreign = 0
+        self.foreign = self.missed = 0
         self._failure: BusError | None = None
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
@@ -96,7 +96,9 @@ class Live:
         fail = self._connection.fail
         self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
         receive = gatekeeper.receive_data if station is None else self._receive
-        self._reader = Reader(self._connection, receive, clock, self._note_foreign)
+        self._reader = Reader(
+            self._connection, receive, clock, self._note_foreign, self._note_missed, gatekeeper.acts_always
+        )
         self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
         self._running = self._ended = self._forked = False
@@ -331,6 +333,12 @@ class Live:
         elif message.is_remote_frame and not message.is_extended_id:
             self.station.requested(message.arbitration_id, self.clock())
             self._answered()
+
+    def _note_missed(self, count: int) -> None:
+        """Report frames that had waited while the process stood still: nobody wants a goto of then."""
+        self.missed += count
+        text = f"{count} frames came while the process stood still, and are not acted on"
+        self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     def _note_error(self, station: Station, message: can.Message) -> None:
         details = int.from_bytes(message.data[1:2], "little")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame
+from eurobot_od.live.backlog import OLD, Backlog
 from eurobot_od.live.buses import Driver, failure
 from eurobot_od.live.connection import Connection, Opener
 
@@ -32,7 +33,8 @@ class Reader:
 
     `receive` takes the COB-ID, the data in the driver's buffer, and when the frame was read, in seconds of `clock`;
     without one the driver's time stamps count, which start anywhere. `foreign` gets None for a frame of which the
-    driver can make no sense.
+    driver can make no sense. `missed` gets how many frames were passed over because they came while the process stood
+    still; those whose COB-ID `lasts` are never.
     """
 
     def __init__(
@@ -41,8 +43,12 @@ class Reader:
         receive: Callable[[int, Data, float], object],
         clock: Callable[[], float] | None,
         foreign: Callable[[can.Message | None], object],
+        missed: Callable[[int], object] | None = None,
+        lasts: Callable[[int], bool] = lambda _: False,
     ) -> None:
         self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
+        self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
+        self._lasts = lasts
 
     def read(self) -> None:
         """Read in this thread until the connection is closed, or lost for good."""
@@ -58,7 +64,7 @@ class Reader:
     def _read(self, bus: can.BusABC) -> None:
         """Read as long as the connection is up; raises whatever the driver raises."""
         connection, recv, receive, clock = self._connection, bus.recv, self._receive, self._clock
-        nonsense = 0
+        nonsense, backlog, now = 0, self._backlog, 0.0
         while connection.up:
             try:
                 message = recv(POLL)
@@ -71,14 +77,17 @@ class Reader:
             nonsense = 0
             if connection.failure is not None:
                 connection.works()
+            now = clock() if clock else 0.0
             if message is None:
+                if backlog is not None:
+                    backlog.is_empty(now)
                 continue
             if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
                 self._foreign(message)
             elif len(message.data) > MOST_BYTES or not 0 <= message.arbitration_id <= HIGHEST_IDENTIFIER:
                 self._foreign(message)  # what an adapter cannot receive, a peer behind a network can send
-            else:
-                receive(message.arbitration_id, message.data, clock() if clock else message.timestamp)
+            elif backlog is None or not backlog.is_old(now, message.timestamp) or self._lasts(message.arbitration_id):
+                receive(message.arbitration_id, message.data, now if clock else message.timestamp)
 
 
 class Watch:
