@@ -48,6 +48,14 @@ Each has a class bit in the identifier, bits of data byte 1 of which one is set 
 """
 
 
+BUS_OFF = 0x040
+"""Class bit of the error frame that says that the controller is bus-off."""
+
+BUS_OFF_HINT = (
+    "the controller has left the bus; SocketCAN restarts it with `ip link set CHANNEL type can restart-ms 100`"
+)
+
+
 class _NoThreads:
     """Takes the place of the lock in a forked child, which has none of the threads that would do what it is told."""
 
@@ -326,6 +334,8 @@ class Live:
     def _note_foreign(self, message: can.Message | None) -> None:
         """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
         self.foreign += 1
+        if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
+            self._note_bus_off()
         if self.station is None or message is None:
             return
         if message.is_error_frame:
@@ -333,6 +343,13 @@ class Live:
         elif message.is_remote_frame and not message.is_extended_id:
             self.station.requested(message.arbitration_id, self.clock())
             self._answered()
+
+    def _note_bus_off(self) -> None:
+        """Report that the controller has left the bus, and let the node stand; its recovery is an error frame, too."""
+        now = self.clock()
+        if self.station is not None:
+            self.station.bus_lost(now)
+        self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
 
     def _note_missed(self, count: int) -> None:
         """Report frames that had waited while the process stood still: nobody wants a goto of then."""

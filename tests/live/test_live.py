@@ -405,6 +405,15 @@ def test_a_driver_that_never_makes_sense_has_failed(channel: str) -> None:
         assert reports.wait_for(What.BUS_FAILED).text.endswith("failed: invalid frame")
 
 
+def test_bus_off_is_told_with_what_helps_and_the_drive_brakes(channel: str) -> None:
+    reports, node = Reports(), Drive(dialects.load("drive"))
+    with virtual(channel) as other, Live.node(virtual(channel), node, report=reports) as live:
+        other.send(can.Message(arbitration_id=0x040, is_error_frame=True, is_extended_id=False, data=bytes(8)))
+        assert "restart-ms" in reports.wait_for(What.BUS_OFF).text
+        assert node.stopped_by == StopDrive()
+        assert live.failure is None
+
+
 # Drivers that do not behave
 
 
