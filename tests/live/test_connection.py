@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import can
 import pytest
 from can.interfaces.virtual import VirtualBus
@@ -30,6 +32,9 @@ class Scene:
             self.told.append,
         )
 
+    def close(self) -> None:
+        self.connection.driver.bus.shutdown()
+
     def _open(self) -> can.BusABC:
         if self.refusals:
             self.refusals -= 1
@@ -44,42 +49,42 @@ def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_only_the_first_who_notices_is_heard() -> None:
-    scene = Scene()
-    for _ in range(3):
-        scene.connection.fail(FAILED)
-    assert scene.told == [(FAILED, True)]
-    assert not scene.connection.up
+    with closing(Scene()) as scene:
+        for _ in range(3):
+            scene.connection.fail(FAILED)
+        assert scene.told == [(FAILED, True)]
+        assert not scene.connection.up
 
 
 def test_a_gap_ends_when_the_bus_was_read_and_not_when_it_was_opened() -> None:
-    scene = Scene(refusals=3)
-    scene.now = 1.0
-    scene.connection.fail(FAILED)
-    assert scene.connection.reopen()
-    scene.connection.fail(FAILED)  # opened, and still down
-    assert scene.connection.reopen()
-    assert scene.connection.failure is FAILED
-    scene.now = 4.5
-    scene.connection.works()
-    scene.connection.works()
-    assert scene.told == [(FAILED, True), "opened", "opened", 3.5]
-    assert (scene.connection.failure, scene.connection.gaps) == (None, Gaps(1, 3.5))
-    scene.now += STEADY
-    scene.connection.fail(FAILED)
-    assert scene.told[-1] == (FAILED, True)
+    with closing(Scene(refusals=3)) as scene:
+        scene.now = 1.0
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.fail(FAILED)  # opened, and still down
+        assert scene.connection.reopen()
+        assert scene.connection.failure is FAILED
+        scene.now = 4.5
+        scene.connection.works()
+        scene.connection.works()
+        assert scene.told == [(FAILED, True), "opened", "opened", 3.5]
+        assert scene.connection.gaps == Gaps(1, 3.5)
+        scene.now += STEADY
+        scene.connection.fail(FAILED)
+        assert scene.told[-1] == (FAILED, True)
 
 
 def test_without_an_opener_it_is_not_opened_again_and_sending_may_go_on() -> None:
-    scene = Scene(opens=False)
-    scene.connection.fail(FAILED)
-    assert scene.told == [(FAILED, False)]
-    assert scene.connection.up
-    assert not scene.connection.reopen()
+    with closing(Scene(opens=False)) as scene:
+        scene.connection.fail(FAILED)
+        assert scene.told == [(FAILED, False)]
+        assert scene.connection.up
+        assert not scene.connection.reopen()
 
 
 def test_what_is_closed_neither_fails_nor_opens() -> None:
-    scene = Scene()
-    scene.connection.close()
-    scene.connection.fail(FAILED)
-    assert not scene.connection.reopen()
-    assert scene.told == []
+    with closing(Scene()) as scene:
+        scene.connection.close()
+        scene.connection.fail(FAILED)
+        assert not scene.connection.reopen()
+        assert scene.told == []
