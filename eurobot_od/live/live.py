@@ -48,7 +48,7 @@ Each has a class bit in the identifier, bits of data byte 1 of which one is set 
 """
 
 
-BUS_OFF = 0x040
+BUS_OFF = 1 << 6
 """Class bit of the error frame that says that the controller is bus-off."""
 
 BUS_OFF_HINT = (
