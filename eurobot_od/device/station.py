@@ -135,14 +135,23 @@ class Station:
 
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
-            self._do(lambda now: self.node.receive(frame, now), now)
+            if self._restarts_at is not None:
+                return
+            try:  # as `_do`, written out: every frame goes through here
+                frames = self.node.receive(frame, now)
+            except (Exception, SystemExit) as error:
+                if self._on_error is None:
+                    raise
+                frames = self._fail(error, now)
+            if frames:
+                self._submit(frames, now)
             if self.node.device.identifiers is not self._identifiers:  # a master has changed them with this frame
                 self._identifiers = self.node.device.identifiers
                 self.gatekeeper.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         mailboxes, device = self.gatekeeper.mailboxes, self.node.device
-        if any(frame.cob_id == device.sdo_answers for frame in frames):
+        if frames and frames[0].cob_id == device.sdo_answers:
             # One transfer at a time: whoever asks anew awaits no more what was answered before. Or else a client that
             # asks for block after block would have answers wait without end.
             mailboxes.withdraw(device.sdo_answers)
