@@ -151,5 +151,12 @@ class WorldError(RemoteError):
     """The world of a simulated robot, in another process, cannot be reached, or does not answer."""
 
 
+# Ours
+
+
+class NodeFailed(EurobotError):
+    """A node that has raised an exception, its own or its hardware's, and was stopped and ended."""
+
+
 class BusError(EurobotError):
     """The CAN bus, its driver or its configuration failed."""

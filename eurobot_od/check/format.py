@@ -64,6 +64,10 @@ class Format:
             "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
             "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {suite.TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
+            "world": Key(
+                shapes.named({"shared": True, "any": False}, "world"),
+                "shared: what one node does, another has to see; with separate nodes on a bus the suite is skipped",
+            ),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
             "setup": Key(steps, "steps before; if one fails, the others are not done"),
             "steps": Key(steps, "the steps", needed=True),

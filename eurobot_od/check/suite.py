@@ -241,7 +241,7 @@ class Suite(NamedTuple):
     """One document: `nodes` are under test, `dialect` is that of the EDS files it is for (None: any).
 
     `timeout` is in seconds; `dictionaries` are the EDS files that it was checked against, by node, and `decoder` tells
-    what frames mean by them.
+    what frames mean by them. `world` tells that the nodes have to be in one world.
     """
 
     file: Path
@@ -253,6 +253,7 @@ class Suite(NamedTuple):
     steps: tuple[Step, ...]
     dialect: str | None = None
     timeout: float = TIMEOUT
+    world: bool = False
     tags: tuple[str, ...] = ()
     setup: tuple[Step, ...] = ()
     teardown: tuple[Step, ...] = ()

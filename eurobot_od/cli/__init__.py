@@ -19,7 +19,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, RemoteError, WorldError
+from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, WorldError
 from eurobot_od.escaping import one_line
 
 COMMANDS = {
@@ -69,7 +69,7 @@ class ExitStatus(IntEnum):
     WRONG_INPUT = 2
     """Of the command line, or of a file."""
     TROUBLE = 3
-    """With the bus, the world of a simulated robot, or the file system."""
+    """With the bus, the file system, what a node drives, or the world of a simulated robot."""
     INTERRUPTED = 130
 
 
@@ -77,6 +77,7 @@ STATUS_OF = {
     WorldError: ExitStatus.TROUBLE,
     RemoteError: ExitStatus.FOUND,
     BusError: ExitStatus.TROUBLE,
+    NodeFailed: ExitStatus.TROUBLE,
     EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }

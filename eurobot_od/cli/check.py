@@ -33,6 +33,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of suites, for editors, and end")
     parser.add_argument("--simulate", action="store_true", help="check simulated nodes, in simulated time")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
+    parser.add_argument(
+        "--shared-world", action="store_true", help="the nodes on the bus share a world, as a robot's do"
+    )
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
     parser.add_argument("--step", action="append", default=[], metavar="TEXT", help="do the steps named like this")
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files: CiA 301")
@@ -192,7 +195,9 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     fits = None in (suite.dialect, arguments.dialect) or (
         dialects.folder(suite.dialect) == dialects.folder(arguments.dialect)
     )
+    apart = suite.world and not arguments.simulate and not arguments.shared_world
     reason = "" if fits else f"skipped: it is for the dialect {suite.dialect}"
+    reason = "skipped: its nodes have to share a world (--shared-world: they do)" if apart else reason
     if not _silent(arguments):
         print(report.heading(suite, reason or how), flush=True)
     if reason:

@@ -6,6 +6,7 @@ import argparse
 import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from eurobot_od.robot import dialects
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.live.connection import Opener
     from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
@@ -69,6 +71,16 @@ def add_log(parser: argparse.ArgumentParser) -> None:
         default=GO_ON,
         help="what to do when the log cannot be written (default: %(default)s); the exit status is 3 in any case",
     )
+
+
+def add_reconnect(parser: argparse.ArgumentParser) -> None:
+    """Add --no-reconnect, for commands that stay on a bus."""
+    parser.add_argument("--no-reconnect", action="store_true", help="end when the bus is lost; else it is opened again")
+
+
+def opener(arguments: argparse.Namespace) -> Opener | None:
+    """Return what opens the bus again when it is lost, None if nothing is to."""
+    return None if arguments.no_reconnect else partial(open_bus, arguments)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:

@@ -38,7 +38,20 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout", type=durations.seconds, default=0.5, metavar="TIME", help="longest wait for an answer (500 ms)"
     )
+    parser.add_argument(
+        "--largest",
+        type=_bytes,
+        default=1 << 20,
+        metavar="BYTES",
+        help="most that is read of an object whose size its node does not say (1048576)",
+    )
     shared.add_bus(parser)
+
+
+def _bytes(text: str) -> int:
+    if not text.isdecimal() or len(text) > 10 or not int(text):
+        raise argparse.ArgumentTypeError(f"{text} is no number of bytes")
+    return int(text)
 
 
 def node_id(arguments: argparse.Namespace) -> int:
@@ -58,7 +71,7 @@ def master(arguments: argparse.Namespace) -> Master:
     """Open the bus; the context closes it. Raises BusError."""
     from eurobot_od.client.master import Master
 
-    return Master(shared.open_bus(arguments), arguments.timeout)
+    return Master(shared.open_bus(arguments), arguments.timeout, unannounced=arguments.largest)
 
 
 @contextmanager

@@ -24,6 +24,7 @@ from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, prede
 from eurobot_od.device.storage import Store, refused
 from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, Clock
+from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -355,6 +356,11 @@ class Device:
         self._beating = True
         return [error_control(self.node_id, self.state)]
 
+    def restart(self, now: float) -> Reaction:
+        """Do what an NMT reset of the node does."""
+        self._now = now
+        return self._reset(NmtCommand.RESET_NODE)
+
     def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
         values = dict(self._stored)
@@ -381,8 +387,7 @@ class Device:
         self._now = now
         frames = []
         if now >= self._next_heartbeat:
-            # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
-            self._plan_heartbeat(self._next_heartbeat)
+            self._plan_heartbeat(caught_up(self._next_heartbeat, now))
             self._beating = True
             frames.append(error_control(self.node_id, self.state))
         own = self._broadcast(now)
@@ -427,6 +432,10 @@ class Device:
     def bus_error(self, code: int, now: float) -> None:
         """Note what the CAN controller reports; `tick` sends the EMCY."""
         self.emergencies.happened(code, now)
+
+    def bus_lost(self) -> None:
+        """Give up the SDO transfer that is under way: its client will."""
+        self._server.forget()
 
     def emergency_frames(self, now: float) -> list[Frame]:
         """Return the EMCY frames that may go now; in STOPPED they wait (CiA 301, 7.3.2.2.4)."""

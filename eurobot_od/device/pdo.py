@@ -13,6 +13,7 @@ from math import inf
 
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
 from eurobot_od.device.sync import COUNTER_OVERFLOW, COUNTERS, PERIOD, PRODUCER, SYNC
+from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
@@ -374,5 +375,5 @@ class Pacing:
         """Return the TPDOs whose event timer wants them sent now."""
         due = [binding for binding, time in self._events.items() if time <= now]
         for binding in due:
-            self.sent(binding, self._events[binding])
+            self.sent(binding, caught_up(self._events[binding], now))
         return due

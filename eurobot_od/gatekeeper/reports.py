@@ -25,7 +25,12 @@ class Event(Enum):
     FRAME_REFUSED = "frame refused"
     FRAME_DROPPED = "frame dropped"
     BUS_FAILED = "bus failed"
+    BUS_OFF = "bus off"
+    BUS_BACK = "bus back"
+    FRAMES_LOST = "frames lost"
+    END_FAILED = "end failed"
     NODE_ALARM = "node alarm"
+    NODE_FAILED = "node failed"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec
@@ -53,7 +53,8 @@ class Robot:
     ```
     What is left out comes from python-can's configuration; without one, it is the in-process bus. However the block is
     left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is closed;
-    NotStanding if it was not. Raises BusError, DictionaryError, UnknownName.
+    NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError, DictionaryError,
+    UnknownName.
     """
 
     def __init__(
@@ -64,7 +65,8 @@ class Robot:
         dialect: str | Path | None = None,
     ) -> None:
         self.core = Core(dialects.load("core", dialect))
-        self.live = runtime.Live.node(runtime.open_bus(interface, channel, bitrate), self.core)
+        opener = partial(runtime.open_bus, interface, channel, bitrate)
+        self.live = runtime.Live.node(opener(), self.core, opener=opener)
 
     def __enter__(self) -> Robot:
         self._leaving = ExitStack()

@@ -249,3 +249,11 @@ steps:
     (tmp_path / "suite.yaml").write_text(text, encoding="ascii")
     words = ["check", str(tmp_path / "suite.yaml"), "--simulate", "--network", str(tmp_path / "network.yaml")]
     assert (cli.main(words), cli.main([*words, "--fault", "sdo-not-answered"])) == (0, 1)
+
+
+def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    done = run(capsys, "check", "flows", "-i", "virtual", "-c", "apart")
+    assert done.status == 0
+    assert "skipped: its nodes have to share a world (--shared-world: they do)" in done.out

@@ -570,6 +570,12 @@ class Core(RobotNode):
         if self.is_commanding:
             self._stop(messages.StopDrive(), Outcome.STOPPED, "the core was taken out of OPERATIONAL")
 
+    def cut_off(self) -> None:
+        """Stop the drive as soon as the bus is back; the next goto begins with a recovery."""
+        self._lost = "the bus was lost"
+        if self._stopped is not None:
+            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+
     # Messages
 
     def _act(self, message: Message) -> None:
