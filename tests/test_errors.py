@@ -19,6 +19,7 @@ from eurobot_od.errors import (
     LocalError,
     MappingError,
     NoAnswer,
+    NodeFailed,
     NodeRefused,
     ProgramError,
     Refused,
@@ -66,6 +67,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (Refused(Cause.STATE, "the safe state is held"), RemoteError, "the safe state is held"),
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
     (ProgramError("drive has no program"), RemoteError, "drive has no program"),
+    (NodeFailed("the wheels are gone"), EurobotError, "the wheels are gone"),
     (WorldError("the world does not answer"), RemoteError, "the world does not answer"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),

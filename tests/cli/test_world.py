@@ -126,7 +126,7 @@ def test_a_core_whose_bus_fails_in_a_match_says_so(served: Scene, tmp_path: Path
         bus = ["-i", "remote", "-c", f"ws://127.0.0.1:{int(server.stdout.readline())}/"]
         for name in ("drive", "navigation"):
             line(stack.enter_context(node(name, *bus)), "Ctrl-C ends it")
-        core = stack.enter_context(node("core", "--strategy", str(file), *world, *bus))
+        core = stack.enter_context(node("core", "--strategy", str(file), "--no-reconnect", *world, *bus))
         line(core, "waits")
         server.kill()
         _, err = core.communicate(timeout=PATIENCE)
