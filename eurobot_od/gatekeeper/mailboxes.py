@@ -146,6 +146,11 @@ class Mailboxes:
         return False
 
     @property
+    def waits(self) -> bool:
+        """Whether any frame waits for a mailbox."""
+        return bool(self._waiting)
+
+    @property
     def next_expiry(self) -> float | None:
         """When the first of the waiting frames will have waited too long, in seconds; None if none waits."""
         return min((each.deadline for each in self._waiting), default=None)

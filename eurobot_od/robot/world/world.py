@@ -30,7 +30,7 @@ from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
 from eurobot_od.robot.world.sight import nearest_ahead
 
-PACE = 0.04
+PACE = 0.1
 """Seconds of a step of the robots on their rounds."""
 
 LOOK_OUT = 120.0
