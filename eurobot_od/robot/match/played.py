@@ -89,7 +89,8 @@ class PlayedMatch:
             texts.append(f"the strategy raised {self.summary.failure.splitlines()[-1]}")
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
         texts += [f"touched {touch.thing} at {touch.time:.1f} s" for touch in self.touches if touch.is_wrong]
-        texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved else []
+        pushed = any(touch.driven_into for touch in self.touches)  # also when it stood, and by what it did not come at
+        texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved and not pushed else []
         return texts + [f"gatekeeper: {report}" for report in (self.summary.reports if self.summary else ())]
 
     def as_data(self) -> dict[str, Any]:
