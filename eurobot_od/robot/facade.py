@@ -53,10 +53,10 @@ class Robot:
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
     `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
-    What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the block is
-    left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is closed;
-    NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError, DictionaryError,
-    UnknownName.
+    What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
+    block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the
+    bus is closed; NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError,
+    DictionaryError, UnknownName.
     """
 
     def __init__(
