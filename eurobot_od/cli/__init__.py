@@ -28,6 +28,7 @@ COMMANDS = {
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
     "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
+    "archive": "put logs into a season: Parquet files of frames, messages and damage",
     "monitor": "watch a bus, or a log, as a live table",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
     "load": "compute how full a bus is, and how late each message can be",

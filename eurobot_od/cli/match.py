@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
 
-MOST_JOBS = 60
-"""More processes than these cannot be waited for on Windows."""
-
 OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "log", "field", "interface", "channel", "bitrate"))
 """Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
 
@@ -40,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
     parser.add_argument("--seed", type=int, help="seed of all chance: same seed, same frames (default: 1)")
     parser.add_argument("--seeds", type=_seeds, metavar="N|FIRST-LAST", help="play each seed, simulated, and compare")
-    parser.add_argument("--jobs", type=_jobs, metavar="N", help="processes for --seeds (default: one a core)")
+    parser.add_argument("--jobs", type=shared.jobs, metavar="N", help="processes for --seeds (default: one a core)")
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="match time (default: the core's, 90)")
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
     parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
@@ -91,13 +88,6 @@ def _seeds(text: str) -> range:
     if not seeds:
         raise argparse.ArgumentTypeError(f"{text} is neither a number of seeds nor FIRST-LAST")
     return seeds
-
-
-def _jobs(text: str) -> int:
-    jobs = int(text) if re.fullmatch("[0-9]{1,9}", text) else 0
-    if not 1 <= jobs <= MOST_JOBS:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from 1 to {MOST_JOBS}")
-    return jobs
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
@@ -196,7 +186,7 @@ def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatu
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
-    jobs, number = arguments.jobs or min(cores(), MOST_JOBS), len(arguments.seeds)
+    jobs, number = arguments.jobs or min(cores(), shared.MOST_JOBS), len(arguments.seeds)
     played = []
     with closing(play_many(options, arguments.seeds, jobs, _strategies(arguments))) as matches:
         lines_tell = arguments.json and sys.stdout.isatty()
