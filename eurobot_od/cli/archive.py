@@ -47,7 +47,7 @@ def _network(arguments: argparse.Namespace) -> Network:
 
     decoder = options.decoder(arguments)
     promised = options.promised(arguments, decoder)
-    answers = {each.name: each.answers for each in promised.messages if each.answers}
+    answers = tuple((each.name, each.answers) for each in promised.messages if each.answers)
     return Network(decoder.outlines, decoder.protocol.catalogue, answers)
 
 

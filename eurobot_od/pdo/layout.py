@@ -85,10 +85,8 @@ class Layout:
         self.widths = {field: len(places) for field, places in self._places.items()}
         self.signed = frozenset(slot.field for slot in self.slots if slot.signed)
         self.raws = {field: _raws(width, field in self.signed) for field, width in self.widths.items()}
-        runs: dict[ByteOrder, dict[str, tuple[Run, ...]]] = {
-            "little": self.runs_in("little"),
-            "big": self.runs_in("big"),
-        }
+        orders: tuple[ByteOrder, ...] = ("little", "big")
+        runs = {order: self.runs_in(order) for order in orders}
         # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
         self.byte_order: ByteOrder = min(runs, key=lambda order: sum(map(len, runs[order].values())))
         self.runs = runs[self.byte_order]

@@ -41,11 +41,11 @@ BEGUN = ".begun"
 
 
 class Network(NamedTuple):
-    """The devices of the logs: their files as read, their messages, and which message `answers` which, by name."""
+    """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
 
     outlines: tuple[Outline, ...]
     catalogue: Catalogue
-    answers: Mapping[str, str] = {}  # noqa: RUF012 (nobody writes into it)
+    answers: tuple[tuple[str, str], ...] = ()
 
     @property
     def hash(self) -> str:
@@ -220,7 +220,7 @@ class _Writing:
         )
         names = tables.table_names(protocol.names())
         self._messages = {
-            each.cob_id: _MessageTable(each, file_of(names[each.name]), network.answers.get(each.name))
+            each.cob_id: _MessageTable(each, file_of(names[each.name]), dict(network.answers).get(each.name))
             for each in protocol.bindings
         }
         self._stack = ExitStack()
@@ -228,8 +228,9 @@ class _Writing:
         self._ends: dict[str, float | None] = {"start": None, "end": None}
 
     def __enter__(self) -> _Writing:
-        for table in (self._frames, self._damage, *self._messages.values()):
-            self._stack.callback(table.close)
+        closes = [self._frames.close, self._damage.close, *(each.close for each in self._messages.values())]
+        for close in closes:
+            self._stack.callback(close)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -246,7 +247,7 @@ class _Writing:
             pl.col("hex").str.pad_end(16, "0").str.decode("hex").bin.reinterpret(dtype=pl.UInt64).alias(WORD),
         ).with_columns(self._place())
         wrong = [batch.foreign, *self._of_messages(frames)]
-        damage = pl.concat([each.select(FOREIGN.names()).cast(dict(FOREIGN)) for each in wrong]).sort("line")
+        damage = pl.concat([each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong]).sort("line")
         self._frames.write(frames.with_columns(pl.col("hex").str.decode("hex").alias("data")))
         self._damage.write(damage.with_columns(self._place()).with_columns(pl.col("kind").cast(pl.Categorical)))
         self._count(batch, len(damage))

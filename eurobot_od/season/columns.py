@@ -99,7 +99,7 @@ class _Field:
 
     def _flags(self) -> list[pl.Expr]:
         whole, outside = self._whole(), self.outside()
-        flags = [] if whole is None else [pl.when(whole).then(pl.lit(UNKNOWN))]
+        flags: list[pl.Expr] = [] if whole is None else [pl.when(whole).then(pl.lit(UNKNOWN))]
         flags += [pl.when(self.raw == raw).then(pl.lit(word)) for raw, word in self._codes().items()]
         return flags if outside is None else [*flags, pl.lit(OUT_OF_RANGE) + outside.cast(pl.String)]
 

@@ -18,7 +18,7 @@ from eurobot_od.season.archive import BEGUN, Network, archive, archive_log
 from eurobot_od.season.tables import table_names
 from tests.season.seasons import table, write_log
 
-NETWORK = Network(dialects.outlines(dialects.DEFAULT), CATALOGUE, {"Goto Confirm": "Goto XY"})
+NETWORK = Network(dialects.outlines(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
 FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E5, b"12345678")), (0.7, Frame(0x00C))]
 
 
