@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import as_completed
 from contextlib import ExitStack
 from functools import partial
@@ -144,25 +144,18 @@ def _put_in_place(begun: Path, season: Path, run: str) -> None:
 
 
 class _Table:
-    """One table of a run, written batch after batch; its file is made when there is a first row."""
+    """One table of a run, written batch after batch; without a row it is there as well, for who asks for it."""
 
     def __init__(self, file: Path, schema: pa.Schema) -> None:
-        self._file, self._schema = file, schema
-        self._writer: pq.ParquetWriter | None = None
+        file.parent.mkdir(parents=True)
+        self._schema = schema
+        self._writer = pq.ParquetWriter(file, schema, compression="zstd", compression_level=1)
+        self.close = self._writer.close
 
     def write(self, rows: pl.DataFrame) -> None:
         """Write rows with the columns of the schema."""
-        if not len(rows):
-            return
-        if self._writer is None:
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = pq.ParquetWriter(self._file, self._schema, compression="zstd", compression_level=1)
-        self._writer.write_table(rows.select(self._schema.names).to_arrow().cast(self._schema))
-
-    def close(self) -> None:
-        """Complete the file."""
-        if self._writer is not None:
-            self._writer.close()
+        if len(rows):
+            self._writer.write_table(rows.select(self._schema.names).to_arrow().cast(self._schema))
 
 
 class _MessageTable:
