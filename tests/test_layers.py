@@ -30,7 +30,7 @@ LAYERS = (
     {"device", "gatekeeper"},
     {"live", "simulation", "faults", "campaign"},
     {"client", "lint", "logs", "export", "load"},
-    {"monitor", "check", "season", "replay", "compare"},
+    {"monitor", "check", "season", "compare"},
     {"robot"},
     {"cli"},
     {"__main__"},

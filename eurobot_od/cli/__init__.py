@@ -30,6 +30,8 @@ COMMANDS = {
     "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
     "archive": "put logs into a season: Parquet files of frames, messages and damage",
     "query": "ask a season by SQL, or by a ready report, with pictures",
+    "compare": "compare two logs: what differs, is missing, is late",
+    "replay": "replay a log onto a bus at its old times",
     "monitor": "watch a bus, or a log, as a live table",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
     "load": "compute how full a bus is, and how late each message can be",

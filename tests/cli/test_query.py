@@ -72,7 +72,7 @@ def test_reports_are_listed_without_a_season(capsys: pytest.CaptureFixture[str])
     ("words", "complaint"),
     [
         (["SELECT 1", "--report", "load"], "a question is SQL or --report, not both"),
-        (["--report", "latencies"], "unknown report 'latencies'; did you mean latency?"),
+        (["--report", "latancy"], "unknown report 'latancy'; did you mean latency?"),
         (["SELECT x FROM y"], "Table with name y does not exist"),
         (["SELECT 'a' AS b", "--plot", "x.svg"], "nothing to draw"),
     ],
