@@ -277,7 +277,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         (["--seeds", "3", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["--seeds", "3", "--seed", "1"], 2, "--seed 1 is for one match, and does not go with --seeds"),
         (["--seeds", "3", "--speed", "real"], 2, "--speed real is for one match, and does not go with --seeds"),
-        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log: write {seed} where each match's seed is to stand"),
         (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
         (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
