@@ -6,13 +6,15 @@ A log that is there already is known by its content; a run that was broken off g
 from __future__ import annotations
 
 import argparse
-import sys
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, extras, options
 
 if TYPE_CHECKING:
+    from eurobot_od.sdo.client import Progress
     from eurobot_od.season.archive import Archived, Network
 
 
@@ -30,16 +32,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Archive all logs; print a line for each."""
     from eurobot_od.campaign.processes import cores
-    from eurobot_od.cli.progress import counted
+    from eurobot_od.cli.progress import bar, counted
+    from eurobot_od.sdo.client import unwatched
 
     with extras.needed("season"):
         from eurobot_od.season.archive import archive
     logs = list(dict.fromkeys(arguments.logs))
     jobs = min(arguments.jobs or cores(), len(logs))
-    done = archive(logs, arguments.output, _network(arguments), arguments.format, jobs)
-    for each in done if sys.stdout.isatty() else counted(done, len(logs), "logs", jobs):
+    with bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched) as draw:
+        told = _adding(draw, logs[0])
+        done = archive(logs, arguments.output, _network(arguments), arguments.format, jobs, told)
+        archived = list(done) if len(logs) == 1 else counted(done, len(logs), "logs", jobs)
+    for each in archived:
         print(_line(each), flush=True)
     return ExitStatus.FINE
+
+
+def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
+    """Return what draws how much of a log is read from the parts that are; one that is packed has no known size."""
+    size = log.stat().st_size if log.suffix != ".gz" and log.is_file() else None
+    read = 0
+
+    def told(part: int) -> None:
+        nonlocal read
+        read += part
+        draw(read, size)
+
+    return told
 
 
 def _network(arguments: argparse.Namespace) -> Network:

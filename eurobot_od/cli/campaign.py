@@ -22,11 +22,17 @@ OPTIONS = ("jobs", "executor", "results", "resume")
 Thing = TypeVar("Thing")
 
 
-def add_campaign(parser: argparse.ArgumentParser, option: str) -> None:
-    """Add --jobs, --executor, --results and --resume, which go with the option that asks for many things."""
+def add_workers(parser: argparse.ArgumentParser, option: str) -> argparse._ArgumentGroup:
+    """Add --jobs and --executor, which go with the option that asks for many things."""
     group = parser.add_argument_group(f"many at once, with {option}")
     group.add_argument("--jobs", type=options.jobs, metavar="N", help="processes (default: one a core)")
     group.add_argument("--executor", metavar="dask://HOST:PORT", help="the workers of a dask scheduler instead")
+    return group
+
+
+def add_campaign(parser: argparse.ArgumentParser, option: str) -> None:
+    """Add the options of `add_workers`, --results and --resume."""
+    group = add_workers(parser, option)
     group.add_argument("--results", type=Path, metavar="FOLDER", help="keep all results there, as Parquet")
     group.add_argument("--resume", action="store_true", help="go on with what is in the folder of the results")
 
@@ -34,7 +40,7 @@ def add_campaign(parser: argparse.ArgumentParser, option: str) -> None:
 def refuse(arguments: argparse.Namespace, option: str) -> None:
     """Refuse the options without the one that they go with; raises LocalError."""
     for name in OPTIONS:
-        if getattr(arguments, name):
+        if getattr(arguments, name, None):
             raise LocalError(f"--{name} goes with {option} only")
 
 

@@ -71,8 +71,16 @@ Told = Callable[[int], object]
 """Called with how many bytes of a log have been read."""
 
 
-def archive(logs: Iterable[Path], season: Path, network: Network, form: str | None, jobs: int) -> Iterator[Archived]:
+def unwatched(_size: int) -> None:
+    """Hear nothing."""
+
+
+def archive(
+    logs: Iterable[Path], season: Path, network: Network, form: str | None, jobs: int, told: Told = unwatched
+) -> Iterator[Archived]:
     """Put logs into a season, `jobs` at once, and yield what became of each as it is done.
+
+    `told` hears how many bytes have been read, if that is done in this process.
 
     Raises UnknownName for a format that is not known, OSError.
     """
@@ -83,16 +91,14 @@ def archive(logs: Iterable[Path], season: Path, network: Network, form: str | No
     (season / BEGUN).mkdir(parents=True, exist_ok=True)
     put = partial(archive_log, season=season, network=network, form=form)
     if min(jobs, len(files)) <= 1:
-        yield from map(put, files)
+        yield from map(partial(put, told=told), files)
         return
     with Processes(min(jobs, len(files))) as processes:
         for done in as_completed([processes.submit(put, file) for file in files]):
             yield done.result()
 
 
-def archive_log(
-    log: Path, season: Path, network: Network, form: str | None = None, told: Told = lambda _: None
-) -> Archived:
+def archive_log(log: Path, season: Path, network: Network, form: str | None = None, told: Told = unwatched) -> Archived:
     """Put one log into a season; `told` hears how many bytes were read. Raises OSError, UnknownName."""
     eds = network.hash
     with log.open("rb") as file:
@@ -143,13 +149,18 @@ def _put_in_place(begun: Path, season: Path, run: str) -> None:
         file.replace(target)
 
 
+UNREPEATED = ("line", "t", "data")
+"""Columns whose values seldom come again: a dictionary of them would be in vain."""
+
+
 class _Table:
     """One table of a run, written batch after batch; without a row it is there as well, for who asks for it."""
 
     def __init__(self, file: Path, schema: pa.Schema) -> None:
         file.parent.mkdir(parents=True)
         self._schema = schema
-        self._writer = pq.ParquetWriter(file, schema, compression="zstd", compression_level=1)
+        repeated = [name for name in schema.names if name not in UNREPEATED]
+        self._writer = pq.ParquetWriter(file, schema, compression="zstd", compression_level=1, use_dictionary=repeated)
         self.close = self._writer.close
 
     def write(self, rows: pl.DataFrame) -> None:
@@ -162,15 +173,16 @@ class _MessageTable:
     """The table of a message: its columns, and where they are written."""
 
     def __init__(self, binding: Binding, file: Path, answers: str | None) -> None:
-        self.binding, self.columns = binding, message_columns(binding, tables.PLACE)
+        columns = message_columns(binding, tables.PLACE)
+        self.checks = defects.MessageChecks(binding)
         self._readable = readable(binding)
-        self._table = _Table(file, _message_schema(binding, self.columns, answers))
+        self._columns = [*tables.PLACE, *(each.expression.alias(each.name) for each in columns)]
+        self._table = _Table(file, _message_schema(binding, columns, answers))
         self.close = self._table.close
 
     def take(self, frames: pl.DataFrame) -> None:
         """Decode and write frames of this message."""
-        rows = frames.filter(self._readable)
-        self._table.write(rows.select(*tables.PLACE, *(each.expression.alias(each.name) for each in self.columns)))
+        self._table.write(frames.filter(self._readable).select(self._columns))
 
 
 EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
@@ -257,7 +269,7 @@ class _Writing:
                 others.append(some)
             else:
                 table.take(some)
-                yield from defects.of_message(some, table.binding)
+                yield from table.checks.defects(some)
         if others:
             yield from defects.of_others(pl.concat(others), self._services)
 

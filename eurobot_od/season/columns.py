@@ -11,7 +11,8 @@ by a power of two is one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial
+from functools import partial, reduce
+from operator import add
 from typing import NamedTuple
 
 import polars as pl
@@ -204,7 +205,7 @@ def _raw(binding: Binding, field: str) -> pl.Expr:
 
 
 def _mapped(layout: Layout, field: str) -> pl.Expr:
-    bits = pl.sum_horizontal(*map(_bits, layout.runs_in("little")[field]))
+    bits = reduce(add, map(_bits, layout.runs_in("little")[field]))
     if field not in layout.signed:
         return bits
     if layout.widths[field] == 64:
@@ -216,7 +217,8 @@ def _mapped(layout: Layout, field: str) -> pl.Expr:
 def _bits(run: Run) -> pl.Expr:
     """Return a run's bits at their place in the value."""
     down = pl.col(WORD) // _unsigned(1 << run.offset) if run.offset else pl.col(WORD)
-    return (down & _unsigned(run.mask)) * _unsigned(1 << run.shift)
+    bits = down & _unsigned(run.mask)
+    return bits * _unsigned(1 << run.shift) if run.shift else bits
 
 
 def _unsigned(number: int) -> pl.Expr:

@@ -6,6 +6,7 @@ Rule of this file: a defect has the kind and the words that `logs.meaning.Decode
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import polars as pl
 
@@ -19,33 +20,48 @@ PLACE = ("line", "t", "channel")
 HEX_DIGITS = {number: f"{number:03X}" for number in range(MAX_COB_ID + 1)}
 
 
-def of_message(frames: pl.DataFrame, binding: Binding) -> Iterator[pl.DataFrame]:
-    """Yield the defects of one message's frames."""
+class Check(NamedTuple):
+    """One thing that may be wrong with a frame: which damage it is, where it is so, and what is said of it."""
+
+    damage: Damage
+    is_so: pl.Expr
+    text: pl.Expr
+
+
+class MessageChecks:
+    """All that may be wrong with the frames of one message."""
+
+    def __init__(self, binding: Binding) -> None:
+        self._checks = [*_of_length(binding), *_of_values(binding)]
+        self._any = [each.is_so.any().alias(str(number)) for number, each in enumerate(self._checks)]
+
+    def defects(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
+        """Yield the defects of the message's frames; nearly always there is none, which one look tells."""
+        for check, found in zip(self._checks, frames.select(self._any).row(0)):
+            if found:
+                yield _defects(frames.filter(check.is_so), check.damage, check.text)
+
+
+def _of_length(binding: Binding) -> Iterator[Check]:
     length = binding.layout.length
     expected = " or ".join(map(str, binding.lengths))
-    start, got = f"{binding.name} (0x{binding.cob_id:03X}): ", pl.col(LENGTH).cast(pl.String)
-    yield _defects(
-        frames.filter(~readable(binding)),
-        Damage.WRONG_LENGTH,
-        pl.concat_str(pl.lit(start), got, pl.lit(f" bytes of data, expected {expected}")),
-    )
-    yield _defects(
-        frames.filter(pl.col(LENGTH) > length),
-        Damage.WRONG_LENGTH,
-        pl.concat_str(pl.lit(start), got, pl.lit(f" bytes of data, expected {length}; read all the same")),
-    )
-    read = frames.filter(readable(binding))
+    start, got = pl.lit(f"{binding.name} (0x{binding.cob_id:03X}): "), pl.col(LENGTH).cast(pl.String)
+    for is_so, end in (
+        (~readable(binding), expected),
+        (pl.col(LENGTH) > length, f"{length}; read all the same"),
+    ):
+        text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {end}"))
+        yield Check(Damage.WRONG_LENGTH, is_so, text)
+
+
+def _of_values(binding: Binding) -> Iterator[Check]:
     for field in binding.limits:
         raw = flagged(binding, field)
         if raw is not None:
-            allowed = binding.kinds[field].allowed(binding.limits[field])
-            wrong = read.with_columns(raw.alias("raw")).filter(pl.col("raw").is_not_null())
-            words = (
-                pl.lit(f"{binding.name}: {field} = "),
-                pl.col("raw").cast(pl.String),
-                pl.lit(f", allowed: {allowed}"),
-            )
-            yield _defects(wrong, Damage.OUT_OF_RANGE, pl.concat_str(*words))
+            start = pl.lit(f"{binding.name}: {field} = ")
+            allowed = pl.lit(f", allowed: {binding.kinds[field].allowed(binding.limits[field])}")
+            text = pl.concat_str(start, raw.cast(pl.String), allowed)
+            yield Check(Damage.OUT_OF_RANGE, readable(binding) & raw.is_not_null(), text)
 
 
 def of_others(frames: pl.DataFrame, services: Mapping[int, CanopenService]) -> Iterator[pl.DataFrame]:
