@@ -51,6 +51,9 @@ class Text(str):
         self.place = place
         return self
 
+    def __reduce__(self) -> tuple[type[Text], tuple[str, Place]]:
+        return Text, (str(self), self.place)  # what a copy, or another process, makes it from
+
 
 class PlacedNumber(int):
     """A whole number, zero or more, and its `place`."""
@@ -62,6 +65,9 @@ class PlacedNumber(int):
         self = super().__new__(cls, value)
         self.place = place
         return self
+
+    def __reduce__(self) -> tuple[type[PlacedNumber], tuple[int, Place]]:
+        return PlacedNumber, (int(self), self.place)  # what a copy, or another process, makes it from
 
 
 Problems = list[Problem]

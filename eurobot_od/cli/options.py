@@ -45,6 +45,18 @@ def bit_rate(text: str) -> int:
     return rate
 
 
+MOST_JOBS = 60
+"""More processes than these cannot be waited for on Windows."""
+
+
+def jobs(text: str) -> int:
+    """Read a number of processes."""
+    number = int(text) if text.isdecimal() and len(text) < 10 else 0
+    if not 1 <= number <= MOST_JOBS:
+        raise argparse.ArgumentTypeError(f"{text} is not a number from 1 to {MOST_JOBS}")
+    return number
+
+
 def address(text: str) -> Address:
     """Read where a world listens: HOST:PORT, an IPv6 address in brackets."""
     from eurobot_od.robot.world.channel import Address
@@ -64,7 +76,12 @@ def open_bus(arguments: argparse.Namespace) -> can.BusABC:
 
 def add_log(parser: argparse.ArgumentParser) -> None:
     """Add the log to write, and what happens when that fails."""
-    parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
+    parser.add_argument(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="write all frames; the suffix says the format; with --seeds {seed} in it is the seed",
+    )
     parser.add_argument(
         "--log-failure",
         choices=(GO_ON, END),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from pathlib import PurePath
 from typing import Any, BinaryIO, cast
@@ -60,6 +61,22 @@ def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Ent
     if beginning.startswith(PACKED):
         return _read_packed(file, form, name, largest)
     return _reader(form or _said_by(beginning, name), name)(file, largest)
+
+
+def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
+    """Return the suffix of the format of a log that can be rewound, and whether it is packed; errors as `read`."""
+    name, beginning = getattr(file, "name", None), _beginning(file)
+    packed = beginning.startswith(PACKED)
+    if packed:
+        import gzip
+        import zlib
+
+        with suppress(EOFError, zlib.error, gzip.BadGzipFile):
+            beginning = _beginning(cast("BinaryIO", gzip.GzipFile(fileobj=file)))
+        file.seek(0)
+    suffix = form or _said_by(beginning, name)
+    _reader(suffix, name)  # complains
+    return suffix, packed
 
 
 def _beginning(file: BinaryIO) -> bytes:

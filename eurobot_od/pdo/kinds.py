@@ -8,7 +8,7 @@ which kind a field has. Widths and limits are the EDS's and come in as arguments
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from enum import IntEnum
+from enum import Enum, IntEnum
 from math import isfinite
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,6 +21,18 @@ class OutOfRange(int):
 
     def __repr__(self) -> str:
         return f"OutOfRange({int(self)})"
+
+
+class ColumnForm(Enum):
+    """What a field's values are in a column of a table; what has no such value is null there, and flagged beside it."""
+
+    NUMBER = "number"
+    BITS = "bits"
+    BOOLEAN = "boolean"
+    WORD = "word"
+    REAL = "real"
+    TEXT = "text"
+    OCTETS = "octets"
 
 
 class KeyedForm(NamedTuple):
@@ -46,6 +58,9 @@ class Kind:
 
     keyed_form: KeyedForm | None = None
     """How people may write the value in YAML as a mapping; `parse` then takes `key:word,key:word`, or `none`."""
+
+    column_form: ClassVar = ColumnForm.NUMBER
+    """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
 
     def __init__(self, unit: str = "") -> None:
         self.unit = unit
@@ -101,6 +116,8 @@ class Kind:
 class Choice(Kind):
     """One of the members of an enum; a reserved number is read as OutOfRange."""
 
+    column_form = ColumnForm.WORD
+
     def __init__(self, enum: type[IntEnum]) -> None:
         super().__init__()
         self.enum = enum
@@ -134,6 +151,8 @@ class Choice(Kind):
 class Boolean(Kind):
     """A BOOLEAN; mapped with more than its one bit, any other number than 0 and 1 is out of range."""
 
+    column_form = ColumnForm.BOOLEAN
+
     WORDS: ClassVar = {"false": False, "true": True, "0": False, "1": True}
 
     def read(self, raw: int, limits: Limits) -> Any:
@@ -160,6 +179,8 @@ class Boolean(Kind):
 
 class Real(Kind):
     """A floating-point number: REAL32 or REAL64. An EDS's limits of one are not looked at."""
+
+    column_form = ColumnForm.REAL
 
     def __init__(self, type_: DataType) -> None:
         super().__init__()
@@ -196,6 +217,8 @@ class Real(Kind):
 class Text(Kind):
     """A VISIBLE_STRING of whole bytes, without the zeros that fill it up; any byte is a character of Latin-1."""
 
+    column_form = ColumnForm.TEXT
+
     def __init__(self, length: int) -> None:
         super().__init__()
         self.length = length
@@ -223,6 +246,8 @@ class Text(Kind):
 
 class Octets(Text):
     """An OCTET_STRING of whole bytes; a person writes two hexadecimal digits for each."""
+
+    column_form = ColumnForm.OCTETS
 
     def read(self, raw: int, limits: Limits) -> Any:
         return raw.to_bytes(self.length, "little")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from eurobot_od.od.values import Limits
-from eurobot_od.pdo.kinds import KeyedForm, Kind, parsed_number, whole_number, words_of
+from eurobot_od.pdo.kinds import ColumnForm, KeyedForm, Kind, parsed_number, whole_number, words_of
 from eurobot_od.robot.values import BARRIER_NAMES, Barriers, GotoFault, Passage, barrier_number
 
 
@@ -101,6 +101,7 @@ class Remaining(Kind):
 class BarrierFlags(Kind):
     """Barrier flags: any 16 bits; a person writes `fire-1:forced,pool-2:normal`, `none` or a number."""
 
+    column_form = ColumnForm.BITS
     keyed_form = KeyedForm("barrier", BARRIER_NAMES, "passage", tuple(map(words_of, Passage)))
 
     def read(self, raw: int, limits: Limits) -> Any:

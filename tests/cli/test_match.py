@@ -290,7 +290,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         (["--seeds", "3", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["--seeds", "3", "--seed", "1"], 2, "--seed 1 is for one match, and does not go with --seeds"),
         (["--seeds", "3", "--speed", "real"], 2, "--speed real is for one match, and does not go with --seeds"),
-        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log: write {seed} where each match's seed is to stand"),
         (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
         (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
@@ -411,3 +411,35 @@ def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixt
     assert "dropped" not in said.out
     assert "failed" not in said.out
     assert count(log) == total(said.out) > 30
+
+
+def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
+    results = ["--results", str(tmp_path / "results"), "--json", "--jobs", "1"]
+    words = ["match", "--duration", "2", *results]
+    first = run(capsys, *words, "--seeds", "2", "--log", str(tmp_path / "{seed}.log"))
+    assert (first.status, first.err) == (0, "")
+    assert sorted(file.name for file in tmp_path.glob("*.log")) == ["1.log", "2.log"]
+    again = run(capsys, *words, "--seeds", "3", "--resume", "--log", str(tmp_path / "again-{seed}.log"))
+    assert again.out.splitlines()[:2] == first.out.splitlines()
+    assert [file.name for file in tmp_path.glob("again-*")] == ["again-3.log"]
+    assert run(capsys, *words, "--seeds", "3").complaint.endswith("holds a campaign already: --resume goes on with it")
+    other = run(capsys, *words, "--seeds", "3", "--resume", "--enemies", "0")
+    assert other.complaint.endswith("holds a campaign with other settings: enemies was '2', and is '0'")
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--results", "x"], "--results goes with --seeds only"),
+        (["--seeds", "2", "--resume"], "--resume needs --results: the folder to go on with"),
+        (["--seeds", "2", "--executor", "x"], "'x' is no executor: dask://HOST:PORT, or --jobs"),
+        (["--seeds", "2", "--executor", "dask://x:1", "--jobs", "2"], "does not go with --executor"),
+    ],
+)
+def test_campaigns_that_cannot_be_are_one_line(
+    words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "match", "--duration", "2", *words)
+    assert (said.status, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert complaint in said.complaint
