@@ -172,7 +172,7 @@ class Dice(random.Random):
     """Chance for a trial: what it is for, a dialect, and for each node a client that makes up SDO requests."""
 
     def __new__(cls, seed: str, _: str) -> Dice:
-        return super().__new__(cls, seed)
+        return super().__new__(cls)
 
     def __init__(self, seed: str, dialect: str) -> None:
         super().__init__(seed)
