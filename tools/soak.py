@@ -81,7 +81,7 @@ FROZEN = 3.0
 """Seconds that a node is frozen."""
 
 SETTLED = 5.0
-"""Seconds after which a process should not grow any more."""
+"""Seconds from its first number on after which a process should not grow any more."""
 
 MARGIN = 1.0
 """Seconds before and after a gap in which its frames may be lost, too: a server's queues, and the printing of lines."""
@@ -149,7 +149,8 @@ class Role:
     def start(self) -> None:
         """Start the process."""
         self.program = Program(*self._command, took=self._take)
-        self.started, self._begin, self._is_new = time.monotonic(), None, True
+        self._begin: Usage | None = None
+        self._up: float | None = None
 
     def kill(self) -> None:
         """End it by SIGKILL; what it has counted is kept."""
@@ -180,9 +181,11 @@ class Role:
             self._saw(int(last))
 
     def _saw(self, number: int) -> None:
-        if self._is_new and self.last is not None and number > self.last + 1:
-            self.before.append(range(self.last + 1, number))
-        self._is_new, self.last = False, number
+        if self._up is None:
+            self._up = time.monotonic()
+            if self.last is not None and number > self.last + 1:
+                self.before.append(range(self.last + 1, number))
+        self.last = number
 
     def _report_missing(self, first: str, last: str) -> None:
         self._saw(int(first) - 1)
@@ -193,7 +196,7 @@ class Role:
 
     def _watch(self, number: str) -> None:
         self._watched.take(bytes.fromhex(number))
-        self.last = self._watched.last
+        self._saw(int.from_bytes(bytes.fromhex(number), "little"))
 
     def _note_overflow(self, frames: str) -> None:
         self._counted_now = max(self._counted_now, int(frames))
@@ -218,7 +221,7 @@ class Role:
 
     def look(self) -> None:
         """Note what it has, if it has settled just now."""
-        if self._begin is None and time.monotonic() - self.started >= SETTLED:
+        if self._begin is None and self._up is not None and time.monotonic() - self._up >= SETTLED:
             with suppress(OSError):
                 self._begin = Usage.of(self.program.popen.pid)
 
@@ -463,7 +466,7 @@ class Soak:
     # The run
 
     def run(self, seconds: float) -> None:
-        """Do one fault after the other, all kinds equally often, for so many seconds, and then wait till all is quiet."""
+        """Do one fault after the other, all kinds equally often, for so many seconds, and wait until all is quiet."""
         with ExitStack() as stack:
             stack.callback(self._end)
             stack.enter_context(self.live)
@@ -545,7 +548,8 @@ def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
         worst = f"{max(noticed, default=0):.1f} s | {max(recovered, default=0):.1f} s"
         yield f"| {kind} | {len(told)} | {len(noticed)} | {len(recovered)} | {worst} |"
     yield ""
-    yield f"| of {len(soak.sent_at)} numbered frames | received | sent while it was not running | bus away | counted as lost | uncounted |"
+    columns = "received | sent while it was not running | bus away | counted as lost | uncounted"
+    yield f"| of {len(soak.sent_at)} numbered frames | {columns} |"
     yield "|---" * 6 + "|"
     for role in soak.everybody:
         yield f"| {role.name} | {' | '.join(map(str, soak.lost(role)))} |"
@@ -554,8 +558,8 @@ def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
     yield "|---" * 5 + "|"
     for role in soak.everybody:
         if role.lives:
-            worst = max(role.lives, key=lambda life: life.end.memory - life.begin.memory)
-            pairs = " | ".join(f"{begin} → {end}" for begin, end in zip(*worst))
+            most = max(role.lives, key=lambda life: life.end.memory - life.begin.memory)
+            pairs = " | ".join(f"{begin} → {end}" for begin, end in zip(most.begin, most.end))
             yield f"| {role.name} | {len(role.lives)} | {pairs} |"
     yield ""
     wrong = soak.complaints()

@@ -1,4 +1,4 @@
-"""One of the robot's nodes for the soak: as `eurobot-od node`, and it counts numbered frames and says which are missing.
+"""One of the robot's nodes for the soak: as `eurobot-od node`, and it says which of the numbered frames are missing.
 
 Its lines are read by `soak.py`: the node's reports, `numbers A..B missing` when they are, and every HALF_A_SECOND the
 number that it has seen last and its counters.
@@ -33,7 +33,7 @@ SPEED = 30
 
 
 class Numbers:
-    """The numbered frames that have come: the `last` number, and `missing` is told the first and last of those between."""
+    """The numbered frames that have come: the `last` number; `missing` is told the first and last of those between."""
 
     def __init__(self, missing: Callable[[int, int], object]) -> None:
         self.last: int | None = None
