@@ -169,15 +169,18 @@ def protocol(dialect: str) -> EurobotProtocol:
 
 
 class Dice(random.Random):
-    """Chance for a trial: what it is for, a dialect, and for each node a client that makes up SDO requests."""
+    """Chance for a trial: what it is for, a `dialect`, and for each node a client that makes up SDO requests."""
 
-    def __new__(cls, seed: str, _: str) -> Dice:
-        return super().__new__(cls)
+    dialect: str
+    clients: dict[str, RandomClient]
 
-    def __init__(self, seed: str, dialect: str) -> None:
-        super().__init__(seed)
-        self.dialect = dialect
-        self.clients = {name: RandomClient(dictionary, self) for name, dictionary in files(dialect).items()}
+    @classmethod
+    def of(cls, seed: str, dialect: str) -> Dice:
+        """Return the chance that follows from a seed."""
+        dice = cls(seed)
+        dice.dialect = dialect
+        dice.clients = {name: RandomClient(dictionary, dice) for name, dictionary in files(dialect).items()}
+        return dice
 
 
 Maker = Callable[[Dice], Frame]
@@ -360,7 +363,7 @@ NOT_COMPARED = {base + node_id for base in (0x080, 0x580) for node_id in (1, 2, 
 
 def attempt(trial: Trial) -> Result:
     """Run a trial, in any process."""
-    dice, party = Dice(f"{trial.seed} {trial.number}", trial.dialect), Party(trial.dialect)
+    dice, party = Dice.of(f"{trial.seed} {trial.number}", trial.dialect), Party(trial.dialect)
     seconds, made = trial.frames * PERIOD, Counter[str]()
     for number in range(trial.frames):
         maker = dice.choice(MEANINGLESS if trial.meaningless else ANY)

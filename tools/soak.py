@@ -400,7 +400,7 @@ class Soak:
     def hostile(self) -> Iterator[Condition]:
         """Send frames that no node may act on."""
         noticed = self.emergency(None)
-        dice = frame_fuzz.Dice(str(self.dice.random()), dialects.DEFAULT)
+        dice = frame_fuzz.Dice.of(str(self.dice.random()), dialects.DEFAULT)
         for _ in range(HOSTILE):
             self.send(*self.dice.choice(frame_fuzz.MEANINGLESS)(dice))
         yield noticed

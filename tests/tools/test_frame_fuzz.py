@@ -57,7 +57,7 @@ def test_nodes_that_do_not_reset_are_found(monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.parametrize("maker", frame_fuzz.ANY, ids=lambda each: each.__name__)
 def test_every_kind_makes_frames_that_a_bus_can_carry(maker: frame_fuzz.Maker) -> None:
-    dice = Dice("1", dialects.DEFAULT)
+    dice = Dice.of("1", dialects.DEFAULT)
     made = [maker(dice) for _ in range(200)]
     assert all(isinstance(each, Frame) and 0 <= each.cob_id <= 0x7FF and len(each.data) <= 8 for each in made)
     assert len(set(made)) > 5
