@@ -3,9 +3,9 @@
 
 The files are the shipped ones (EDS, the protocol table, the network, the suites), logs of a few frames in every format,
 stored parameters, all with bytes or lines changed, doubled, cut off. Each input goes to every command that reads such a
-file, in this process. An exception, an exit status that is none of ours, a line that does not say
-where something is wrong, no line at all, more than LIMIT seconds or GROWTH of memory is a failure. An input follows from its number alone: `--first NUMBER` and a count of 1
-repeat it.
+file, in this process. An exception, an exit status that is none of ours, a line that does not say where something is
+wrong, no line at all, more than LIMIT seconds or GROWTH of memory is a failure. An input follows from its number alone,
+but for the dates in a log: `--first NUMBER` and a count of 1 repeat it.
 """
 
 from __future__ import annotations
@@ -93,7 +93,12 @@ def stored() -> list[bytes]:
         return [store.file.read_bytes()]
 
 
-READING = ("decode FILE", "decode --statistics --json FILE", "monitor --plain --speed max FILE", "field FILE -o OUT.svg")
+READING = (
+    "decode FILE",
+    "decode --statistics --json FILE",
+    "monitor --plain --speed max FILE",
+    "field FILE -o OUT.svg",
+)
 
 KINDS = {
     "EDS": Kind(

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, output
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.escaping import one_line
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             return ExitStatus.FINE
         made = _conformance(arguments) if arguments.conformance else {}
         if arguments.output is not None:
-            arguments.output.write_text("".join(made.values()), encoding="utf-8")
+            output.write(arguments.output, "".join(made.values()))
             return ExitStatus.FINE
         files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
         try:
@@ -235,7 +235,7 @@ def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> No
     else:
         print(report.summary(results))
     if arguments.junit is not None:
-        arguments.junit.write_text(report.junit(results), encoding="utf-8")
+        output.write(arguments.junit, report.junit(results))
 
 
 def _silent(arguments: argparse.Namespace) -> bool:
