@@ -157,6 +157,12 @@ class Role:
         self.program.kill()
         self.counted, self._counted_now = self.counted + self._counted_now, 0
 
+    def interrupt(self) -> None:
+        """End it as Ctrl-C does: the monitor tells all that it has counted only then."""
+        self.program.signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            self.program.wait()
+
     @property
     def is_running(self) -> bool:
         return self.program.popen.poll() is None
@@ -498,6 +504,8 @@ class Soak:
     def _end(self) -> None:
         for role in self.everybody:
             role.note_life()
+        self.monitor.interrupt()
+        for role in self.everybody:
             role.kill()
         self.transport.close()
 
