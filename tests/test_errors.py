@@ -19,6 +19,7 @@ from eurobot_od.errors import (
     LocalError,
     MappingError,
     NoAnswer,
+    NodeFailed,
     NodeRefused,
     ProgramError,
     Refused,
@@ -67,6 +68,8 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
     (ProgramError("drive has no program"), RemoteError, "drive has no program"),
     (WorldError("the world does not answer"), RemoteError, "the world does not answer"),
+    # the node's own
+    (NodeFailed("drive has failed and ended"), EurobotError, "drive has failed and ended"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),
 ]

@@ -103,7 +103,7 @@ READING = (
 KINDS = {
     "EDS": Kind(
         ".eds",
-        partial(shipped, "canopen/*.eds", "firmware2014/*.eds"),
+        partial(shipped, "*/*.eds"),
         ("lint FILE", "show --eds 5=FILE", "diff FILE FILE", "export c --eds 5=FILE", "lint --fix FILE -o OUT.eds"),
     ),
     "protocol table": Kind(".yaml", partial(shipped, "protocol.yaml"), ("make-eds FILE -o OUT",)),
