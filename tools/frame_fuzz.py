@@ -357,7 +357,7 @@ def compared(sent: Sequence[Sent]) -> dict[int, list[tuple[float, str]]]:
     return found
 
 
-NOT_COMPARED = {base + node_id for base in (0x080, 0x580) for node_id in (1, 2, 3)}
+NOT_COMPARED = {base + each.node_id for base in (0x080, 0x580) for each in dialects.outlines()}
 """EMCY and SDO answers: to tell that something odd has come is right."""
 
 

@@ -56,10 +56,13 @@ FINE, WRONG = 0, 1
 
 INTERFACE = "vcan0"
 PROTOCOL = EurobotProtocol.load()
-NODE_IDS = {"core": 1, "drive": 2, "navigation": 3}
+NODE_IDS = {each.name: each.node_id for each in dialects.outlines()}
+EMERGENCY, REQUEST, HEARTBEAT = 0x080, 0x600, 0x700
+"""Where the identifiers of EMCY, SDO requests and heartbeats begin; the node-ID is added."""
+
 GOTO_CONFIRM = PROTOCOL.cob_id(GotoConfirm)
-HEARTBEATS = {0x700 + node_id for node_id in NODE_IDS.values()}
-EMERGENCIES = {0x080 + node_id: name for name, node_id in NODE_IDS.items()}
+HEARTBEATS = {HEARTBEAT + node_id for node_id in NODE_IDS.values()}
+EMERGENCIES = {EMERGENCY + node_id: name for name, node_id in NODE_IDS.items()}
 HEARD = (GOTO_CONFIRM, *HEARTBEATS, *EMERGENCIES)
 """Identifiers that tell whether a fault was noticed and all is well again."""
 
@@ -284,6 +287,13 @@ class SocketCan:
     close = back
 
 
+class Heard(NamedTuple):
+    """When a frame was heard, by the monotonic clock, and its data."""
+
+    time: float
+    data: bytes
+
+
 class Told(NamedTuple):
     """What became of a fault: its kind; seconds until it was noticed and, from its end, recovered; None if not."""
 
@@ -303,9 +313,9 @@ class Soak:
         self.told: list[Told] = []
         self.wrong: list[str] = []
         self.sent_at: list[float] = []
-        self._heard: dict[int, tuple[float, bytes]] = {}
+        self._heard: dict[int, Heard] = {}
         self._emergencies: list[tuple[float, str, bytes]] = []
-        self._stored = [5]
+        self._stored: list[object] = [dialects.load("navigation").default(SETTING)]
         node = (sys.executable, str(Path(__file__).with_name("soak_node.py")))
         monitor = (sys.executable, "-m", "eurobot_od", "monitor", "--plain")
         interface, channel = transport.bus
@@ -322,7 +332,7 @@ class Soak:
 
     def _hear(self, frame: Frame, _: float) -> None:
         now = time.monotonic()
-        self._heard[frame.cob_id] = now, frame.data
+        self._heard[frame.cob_id] = Heard(now, frame.data)
         if frame.cob_id in EMERGENCIES:
             self._emergencies.append((now, EMERGENCIES[frame.cob_id], frame.data))
 
@@ -334,7 +344,7 @@ class Soak:
         wanted = {GOTO_CONFIRM, *HEARTBEATS}
 
         def all_is_well() -> bool:
-            heard = {cob_id for cob_id, (at, data) in self._heard.items() if at > since and data != BOOT_UP}
+            heard = {cob_id for cob_id, (at, data) in list(self._heard.items()) if at > since and data != BOOT_UP}
             return heard >= wanted and all(each.is_running for each in self.everybody)
 
         return all_is_well
@@ -399,8 +409,9 @@ class Soak:
         self.transport.lose()
         yield lambda: all(role.has_said("it is opened again", since) for role in self.everybody)
         self.wait(lambda: False, self.dice.uniform(0.5, 3.0))
+        since = time.monotonic()
         self.transport.back()
-        well, since = self.goes_on(), time.monotonic()
+        well = self.goes_on()
         yield lambda: well() and all(role.has_said("after a gap of", since) for role in self.everybody)
 
     def hostile(self) -> Iterator[Condition]:
@@ -437,17 +448,18 @@ class Soak:
         """Have navigation store a setting, kill it meanwhile, and see that it has the old value or the new one."""
         navigation = self.roles["navigation"]
         navigation.note_life()  # not in the midst of it: it has files open then
-        self._stored.append(self.dice.randrange(1, 1 << 16))
+        value = self.dice.randrange(1, 1 << 16)
+        self._stored.append(value)
         with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
             node = master.node(NODE_IDS["navigation"])
-            node.download(SETTING, self._stored[-1].to_bytes(2, "little"))
+            node.download(SETTING, value.to_bytes(2, "little"))
             request = bytes([0x23, *STORE.to_bytes(2, "little"), 1]) + SAVE.to_bytes(4, "little")
-            master.send(0x600 + NODE_IDS["navigation"], request)
+            master.send(REQUEST + node.node_id, request)
             time.sleep(self.dice.uniform(0.0, 0.03))
             since = time.monotonic()
             navigation.kill()
             navigation.start()
-            yield lambda: self._heard.get(0x703, (0.0, b""))[0] > since
+            yield lambda: self._heard[HEARTBEAT + NODE_IDS["navigation"]].time > since
             master.drain()
             found = int.from_bytes(node.upload(SETTING), "little")
         if found not in self._stored[-2:]:
