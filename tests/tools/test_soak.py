@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -43,22 +42,16 @@ def test_what_has_grown(end: Usage, grown: bool) -> None:
     assert Life(HAS, end).has_grown is grown
 
 
+LINES = ("last 2, overflow 0, missed 0", "numbers 3..5 missing", "last 8, overflow 1, missed 1")
+
+
 @pytest.fixture
 def role() -> Iterator[Role]:
-    """A process that says what a node of the soak does, sees the numbers 0 to 9 but for some, and ends."""
-    with closing(Said("last 2, overflow 0, missed 0", "numbers 3..5 missing", "last 8, overflow 1, missed 1")) as said:
-        yield said.role
-
-
-class Said:
-    """A role whose process prints some lines and ends."""
-
-    def __init__(self, *lines: str) -> None:
-        self.role = Role("node", sys.executable, "-c", f"print({chr(10).join(lines)!r})")
-        self.role.program.wait()
-
-    def close(self) -> None:
-        self.role.kill()
+    """A process that says what a node of the soak does, sees the numbers 0 to 8 but for some, and ends."""
+    role = Role("node", sys.executable, "-c", f"print({chr(10).join(LINES)!r})")
+    role.program.wait()
+    yield role
+    role.kill()
 
 
 def test_what_a_role_lacks_is_read_from_its_lines(role: Role) -> None:
@@ -67,12 +60,22 @@ def test_what_a_role_lacks_is_read_from_its_lines(role: Role) -> None:
     assert role.counted == 2
 
 
-def test_what_was_sent_while_it_did_not_run_is_no_loss(role: Role) -> None:
+AGAIN = """
+import pathlib, sys
+file = pathlib.Path(sys.argv[1])
+print("last 20, overflow 0, missed 0" if file.exists() else "last 8, overflow 1, missed 0")
+file.touch()
+"""
+
+
+def test_what_was_sent_while_it_did_not_run_is_known(tmp_path: Path) -> None:
+    role = Role("node", sys.executable, "-c", AGAIN, str(tmp_path / "was here"))
+    role.program.wait()
     role.kill()
     role.start()
     role.program.wait()
-    assert role.before == []  # it says lower numbers than before: no range
-    assert role.counted == 2
+    role.kill()
+    assert (role.last, role.lost, role.before, role.counted) == (20, [], [range(9, 20)], 1)
 
 
 def test_what_is_told_since_a_time(role: Role) -> None:
