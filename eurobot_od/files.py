@@ -24,10 +24,21 @@ NAME_BYTES = 4
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Put a file in place of another in one step, safe on the disk; raises OSError, and leaves the other then.
+    """Put a file in place of another in one step, safe on the disk.
 
-    A link stays one, to the new file, which has the other's mode.
+    Raises OSError with the file's name, and leaves the other then. A link stays one, to the new file, which has the
+    other's mode. A pipe or a device is only written to: nothing can take its place.
     """
+    try:
+        _put(file, content)
+    except OSError as error:  # its own names the file beside, or none
+        raise OSError(error.errno, error.strerror, str(file)) from error
+
+
+def _put(file: Path, content: bytes) -> None:
+    if file.exists() and not file.is_file():
+        file.write_bytes(content)
+        return
     file = Path(os.path.realpath(file))
     beside = file.with_name(f"{file.name}.{secrets.token_hex(NAME_BYTES)}.new")
     with _folder(file):

@@ -2,40 +2,25 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import socket
-import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 
 import pytest
+from programs import PATIENCE, SERVER, Program, free_port
 
-PATIENCE = 60.0
-"""Seconds after which a test gives up."""
+__all__ = ["PATIENCE", "Process", "bus_server", "free_port", "node", "process", "shared"]
 
 
-class Process:
-    """A running program; its lines, from standard output and error alike, are read as they come."""
+class Process(Program):
+    """A running program whose lines a test waits for; `said` are those that it has seen."""
 
     def __init__(self, *command: str) -> None:
-        environment = os.environ | {"PYTHONUNBUFFERED": "1"}
-        self.popen: subprocess.Popen[str] = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
-        )
         self.said: list[str] = []
         self._lines: SimpleQueue[str] = SimpleQueue()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self) -> None:
-        assert self.popen.stdout is not None
-        for text in self.popen.stdout:
-            self._lines.put(text.rstrip())
+        super().__init__(*command, took=self._lines.put)
 
     def line(self, what: str, patience: float = PATIENCE) -> str:
         """Wait for the next line that says `what`; without one the test fails with what was said."""
@@ -56,21 +41,6 @@ class Process:
             self.said.append(self._lines.get())
         return self.said
 
-    def signal(self, number: signal.Signals) -> None:
-        self.popen.send_signal(number)
-
-    def wait(self) -> int:
-        """Wait for the end, and return the exit status."""
-        status = self.popen.wait(PATIENCE)
-        self._reader.join(PATIENCE)
-        return status
-
-    def kill(self) -> None:
-        self.popen.kill()
-        self.wait()
-        if self.popen.stdout is not None:
-            self.popen.stdout.close()
-
 
 @contextmanager
 def process(*command: str) -> Iterator[Process]:
@@ -88,23 +58,6 @@ def node(*words: str) -> Iterator[Process]:
     with process(sys.executable, "-m", "eurobot_od", "node", *words) as running:
         running.line("Ctrl-C ends it")
         yield running
-
-
-def free_port() -> int:
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        port: int = server.getsockname()[1]
-        return port
-
-
-SERVER = """
-import sys
-from can_remote.server import RemoteServer
-RemoteServer.allow_reuse_address = True
-server = RemoteServer("127.0.0.1", int(sys.argv[1]), interface="virtual", channel="shared")
-print("serving", flush=True)
-server.serve_forever()
-"""
 
 
 @contextmanager

@@ -69,6 +69,8 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (ProgramError("drive has no program"), RemoteError, "drive has no program"),
     (NodeFailed("the wheels are gone"), EurobotError, "the wheels are gone"),
     (WorldError("the world does not answer"), RemoteError, "the world does not answer"),
+    # the node's own
+    (NodeFailed("drive has failed and ended"), EurobotError, "drive has failed and ended"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),
 ]

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, campaign
+from eurobot_od.cli import ExitStatus, campaign, output
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.escaping import one_line
@@ -71,7 +71,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             print(json.dumps(reader.schema(), indent=1))
             return ExitStatus.FINE
         if arguments.output is not None:
-            arguments.output.write_text("".join(_conformance(arguments).values()), encoding="utf-8")
+            output.write(arguments.output, "".join(_conformance(arguments).values()))
             return ExitStatus.FINE
         try:
             suites = _suites(arguments, reader)
@@ -292,7 +292,7 @@ def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> No
     else:
         print(report.summary(results))
     if arguments.junit is not None:
-        arguments.junit.write_text(report.junit(results), encoding="utf-8")
+        output.write(arguments.junit, report.junit(results))
 
 
 def _silent(arguments: argparse.Namespace) -> bool:

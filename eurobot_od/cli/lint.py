@@ -70,6 +70,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
     """Write files as they are meant, without a guess at what they do not say; what is right already stays as it is."""
     from pathlib import Path
 
+    from eurobot_od.files import write_whole
     from eurobot_od.od.repairs import repaired
 
     if output and len(files) > 1:
@@ -79,7 +80,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
         for line, what, _ in repairs:
             print(one_line(f"{file}:{line}: {what}"))
         if repairs or output:
-            Path(output or file).write_bytes(data)
+            write_whole(Path(output or file), data)
     return ExitStatus.FINE
 
 

@@ -114,6 +114,7 @@ class Emergencies:
     def happened(self, code: int, now: float) -> None:
         """Note an error of a moment: it is gone when it has not happened again for a while."""
         self._passing[code] = now + PASSING
+        self._free = max(self._free, now)  # what is due since now has not been missed
         self.quiet = False
         self.raised(code, code)
 

@@ -90,6 +90,17 @@ def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split()) or type(error).__name__
 
 
+def shut_down(bus: can.BusABC) -> None:
+    """Shut a bus down; raises whatever its driver raises, and python-can does not try again when the bus is deleted."""
+    import can
+
+    try:
+        bus.shutdown()
+    except BaseException:
+        can.BusABC.shutdown(bus)
+        raise
+
+
 class Driver:
     """A bus, and what its driver can do: whether it `filters`, and whether its `send` returns `prompt`ly.
 
@@ -113,7 +124,7 @@ class Driver:
     def replace(self, opener: Callable[[], can.BusABC]) -> None:
         """Shut the bus down, which has failed, and open it again; raises BusError."""
         with suppress(Exception):  # of a bus that has failed, what its end has to say is only a consequence
-            self.bus.shutdown()
+            shut_down(self.bus)
         self._adopt(opener())
 
     def send(self, frame: Frame, timeout: float | None = None) -> bool:

@@ -20,7 +20,7 @@ from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
-from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.buses import Driver, failure, shut_down
 from eurobot_od.live.connection import Connection, Gaps, Opener
 from eurobot_od.live.functions import FunctionThread
 from eurobot_od.live.reader import POLL, Reader
@@ -227,7 +227,7 @@ class Live:
             if self.overflow:
                 self._report_overflow()
             try:
-                self.bus.shutdown()
+                shut_down(self.bus)
             except Exception as error:
                 if self._connection.failure is None:  # else it is only a consequence
                     self._failure = failure(self.bus, error)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.errors import BusError
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame
 from eurobot_od.live.backlog import OLD, Backlog
-from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.buses import Driver, failure, shut_down
 from eurobot_od.live.connection import Connection, Opener
 
 if TYPE_CHECKING:
@@ -128,4 +128,4 @@ class Watch:
         self._connection.close()
         self._connection.count_overflow()
         self._thread.join(10 * POLL)
-        self._connection.driver.bus.shutdown()
+        shut_down(self._connection.driver.bus)

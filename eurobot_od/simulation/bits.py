@@ -28,8 +28,8 @@ ARBITRATION_BITS = 1 + 11 + 1
 RUN = {run: (min(run, 0) - 1, max(run, 0) + 1) for run in range(-STUFF_AFTER, STUFF_AFTER + 1)}
 """How long a run of equal bits is after a dominant and after a recessive bit: zeros count down, ones up."""
 
-KNOWN = 1 << 16
-"""How many frames are kept as bits: a bus repeats itself."""
+KNOWN = 1 << 11
+"""How many frames are kept as bits, a kilobyte each: a bus repeats itself, at least within a few seconds."""
 
 
 class Wire(NamedTuple):

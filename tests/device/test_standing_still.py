@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.device.timers import LATE
 from eurobot_od.frame import Frame
@@ -53,4 +54,19 @@ def test_a_node_that_is_late_by_a_moment_makes_up_for_it() -> None:
     node.start(0.0)
     late = 1.0 + LATE
     assert len(run(node, late)) == 2  # the heartbeats of 1 s and 2 s
+    assert alarms == []
+
+
+@pytest.mark.parametrize("errors", [[5.0], [5.0, 500.0]], ids=["the first", "one long after another"])
+def test_an_error_on_the_bus_is_told_and_is_no_standstill(errors: list[float]) -> None:
+    """After each lost bus the node claimed that it had stood still for an infinite time."""
+    node = Drive(dialects.load("drive"))
+    alarms: list[str] = []
+    node.alarm = alarms.append
+    node.start(0.0)
+    for number in range(round(errors[-1]) + 1):
+        run(node, float(number))
+        if number in errors:
+            node.bus_error(ErrorCode.BUS_LOST, float(number))
+            assert [frame.cob_id for frame in run(node, float(number))] == [0x082]
     assert alarms == []

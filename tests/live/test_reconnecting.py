@@ -9,7 +9,7 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.errors import BusError
 from eurobot_od.gatekeeper import Event, Gatekeeper
-from eurobot_od.live import Live
+from eurobot_od.live import Driver, Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -154,3 +154,19 @@ def test_the_end_does_not_wait_for_a_bus_that_stays_away(channel: str) -> None:
         cable.error = UNPLUGGED
         reports.wait_for(Event.BUS_FAILED)
     assert live.gaps.number == 0
+
+
+class StubbornBus(VirtualBus):
+    """A bus whose end fails, as python-can-remote's does when its server has gone."""
+
+    def shutdown(self) -> None:
+        raise OSError(107, "Transport endpoint is not connected")
+
+
+def test_a_lost_bus_that_cannot_be_shut_down_is_not_shut_down_again(channel: str) -> None:
+    """It ended in a traceback, when python-can tried again at a time of its own."""
+    stubborn = StubbornBus(channel)
+    driver = Driver(stubborn)
+    driver.replace(lambda: VirtualBus(channel))
+    stubborn.__del__()
+    driver.bus.shutdown()

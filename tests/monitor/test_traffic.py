@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import pytest
 
 from eurobot_od.frame import Frame
@@ -162,3 +164,15 @@ def test_plain_table(busy: Traffic) -> None:
     assert "550.0 ± 450.0" in request
     assert unknown.endswith("! unknown identifier: 123#")
     assert beat.split() == ["702", "Heartbeat", "drive", "1", "0.0", "drive,", "operational"]
+
+
+def test_frames_that_are_always_new_take_no_memory_for_ever(traffic: Traffic) -> None:
+    """It grew to 110 MB, as the lengths of frames on the wire were remembered with all their bits."""
+    taken = []
+    tracemalloc.start()
+    for number in range(8000):
+        traffic.take(number / 1000, Frame(0x7F0, number.to_bytes(8, "little")))
+        if number % 4000 == 3999:
+            taken.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert taken[1] - taken[0] < 1_000_000

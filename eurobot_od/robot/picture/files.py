@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.files import write_whole
 from eurobot_od.robot.picture.page import page
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import Recording
@@ -37,4 +38,4 @@ def form(file: Path) -> Callable[[Recording, str], bytes]:
 
 def save(recording: Recording, file: Path, title: str) -> None:
     """Draw a match into a file; raises UnknownName for its suffix, LocalError for a PNG without the extra."""
-    file.write_bytes(form(file)(recording, title))
+    write_whole(file, form(file)(recording, title))

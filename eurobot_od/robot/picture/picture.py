@@ -107,7 +107,7 @@ def _path(path: list[PathPoint], end: float) -> Iterator[str]:
     if len(path) > 1:
         yield svg.polyline(_points(path), fill="none", stroke=style.PAPER, stroke_width=24, stroke_linejoin="round")
     for one, two in pairwise(path):
-        colour = style.colour_at(two.time / end)
+        colour = style.colour_at(two.time / end if end else 0.0)
         yield svg.line(*_points((one, two)), stroke=colour, stroke_width=13, stroke_linecap="round")
 
 

@@ -289,3 +289,11 @@ def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_one_far_timestamp_does_not_draw_for_ever() -> None:
     far: list[tuple[float, Message]] = [*EVENTS, (9e10, KalmanPositionResponse(700, 1100, 300, Source.INTERNAL))]
     assert len(picture(record(far), "far")) < 100_000
+
+
+def test_a_path_that_took_no_time_is_drawn() -> None:
+    """A damaged log, all of whose time stamps are 0, ended in a division by zero."""
+    at_once: list[tuple[float, Message]] = [
+        (0.0, KalmanPositionResponse(x, 1100, 300, Source.INTERNAL)) for x in (700, 800, 900)
+    ]
+    assert field_of(drawn(at_once)) is not None

@@ -1,0 +1,614 @@
+#!/usr/bin/env python3
+"""Lets everything go wrong at once, for as long as one likes: three nodes and a monitor in processes of their own.
+
+The bus is SocketCAN's vcan0 where there is one, and a server of python-can-remote on this machine elsewhere. The core
+sends the drive from place to place all the time. Faults come at random times, which follow from the seed. Each has to
+be *noticed* by somebody who says so, and afterwards everything has to be *recovered*: all nodes send heartbeats, and
+another goto is confirmed.
+
+Numbered frames tell what is lost. Each process has to have received every number that was sent, or else: it was not
+running, its bus was away and it said so, or it has counted at least so many frames as lost (the counters are of frames
+of any kind). What is none of that is *uncounted*. What cannot be known: what a process has received in the last half
+second before SIGKILL took its count along, which counts as "not running" here; and what was on its way within the
+operating system when a server ended, which counts as "bus away", as does the second before and after.
+
+Memory, threads and file descriptors are read from /proc, once a process has settled, and at its end.
+
+The exit status is 1 if something was not noticed, not recovered, uncounted, or has grown.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, suppress
+from functools import partial
+from itertools import takewhile
+from pathlib import Path
+from typing import ClassVar, NamedTuple
+
+import can
+import frame_fuzz
+from programs import SERVER, Program, free_port
+from soak_node import NUMBERED, Numbers
+
+from eurobot_od.client.master import Master
+from eurobot_od.device.device import SAVE, STORE
+from eurobot_od.errors import EurobotError
+from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.live import Live, open_bus
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import GotoConfirm
+from eurobot_od.robot.nodes import ROLES
+from eurobot_od.robot.protocol import EurobotProtocol
+
+FINE, WRONG = 0, 1
+
+INTERFACE = "vcan0"
+PROTOCOL = EurobotProtocol.load()
+NODE_IDS = {each.name: each.node_id for each in dialects.outlines()}
+EMERGENCY, REQUEST, HEARTBEAT = 0x080, 0x600, 0x700
+"""Where the identifiers of EMCY, SDO requests and heartbeats begin; the node-ID is added."""
+
+GOTO_CONFIRM = PROTOCOL.cob_id(GotoConfirm)
+HEARTBEATS = {HEARTBEAT + node_id for node_id in NODE_IDS.values()}
+EMERGENCIES = {EMERGENCY + node_id: name for name, node_id in NODE_IDS.items()}
+HEARD = (GOTO_CONFIRM, *HEARTBEATS, *EMERGENCIES)
+"""Identifiers that tell whether a fault was noticed and all is well again."""
+
+NO_ERROR = b"\0\0"
+BOOT_UP = b"\0"
+"""A boot-up message is no heartbeat: nobody watches a node that only boots."""
+
+HEARTBEAT_LOST = b"\x30\x81"
+PATIENCE = 60.0
+"""Seconds within which a fault has to be noticed, and then everything recovered."""
+
+PERIOD = 0.05
+"""Seconds between two numbered frames."""
+
+FLOOD, HOSTILE = 2000, 300
+"""Frames of a flood, and of a burst of hostile ones."""
+
+FROZEN = 3.0
+"""Seconds that a node is frozen."""
+
+SETTLED = 5.0
+"""Seconds from its first number on after which a process should not grow any more."""
+
+MARGIN = 1.0
+"""Seconds before and after a gap in which its frames may be lost, too: a server's queues, and the printing of lines."""
+
+MEMORY_GROWTH = 16_384
+"""KiB that a process may grow: its allocator's whims, and what the monitor's table takes."""
+
+SETTING = (0x2101, 1)
+"""Navigation: Position deviation, UNSIGNED16, which is stored again and again."""
+
+
+ROUTINE = re.compile(r" *\d|last ")
+"""Lines that nobody waits for: a frame in the monitor, a node's counters."""
+
+
+class Usage(NamedTuple):
+    """What a process has of the system: memory in KiB, threads, open file descriptors."""
+
+    memory: int
+    threads: int
+    descriptors: int
+
+    @classmethod
+    def of(cls, pid: int) -> Usage:
+        """Read it; Linux only. Raises OSError if there is no such process."""
+        process = Path("/proc", str(pid))
+        fields = dict(line.split(":", 1) for line in (process / "status").read_text().splitlines())
+        descriptors = sum(1 for _ in (process / "fd").iterdir())
+        return cls(int(fields["VmRSS"].split()[0]), int(fields["Threads"]), descriptors)
+
+
+class Life(NamedTuple):
+    """What a process had when it had settled, and when it ended."""
+
+    begin: Usage
+    end: Usage
+
+    @property
+    def has_grown(self) -> bool:
+        """Whether it holds more threads or descriptors, or much more memory."""
+        more = self.end.memory > self.begin.memory + MEMORY_GROWTH
+        return more or self.end.threads > self.begin.threads or self.end.descriptors > self.begin.descriptors
+
+
+class Role:
+    """A process that may end and be started again; what it has said, which numbers it lacks, and how it has lived.
+
+    `away` are the times, in seconds, between which its bus was gone; `lost` the ranges of numbers that did not come
+    while it ran, `before` those that were sent while it did not.
+    """
+
+    def __init__(self, name: str, *command: str) -> None:
+        self.name, self._command = name, command
+        self.said: list[tuple[float, str]] = []
+        self.away: list[list[float]] = []
+        self.lost: list[range] = []
+        self.before: list[range] = []
+        self.lives: list[Life] = []
+        self.counted = 0
+        self._counted_now = 0
+        self.last: int | None = None
+        self._watched = Numbers(self._miss)
+        self.start()
+
+    def start(self) -> None:
+        """Start the process."""
+        self.program = Program(*self._command, took=self._take)
+        self._begin: Usage | None = None
+        self._up: float | None = None
+
+    def kill(self) -> None:
+        """End it by SIGKILL; what it has counted is kept."""
+        self.program.kill()
+        self.counted, self._counted_now = self.counted + self._counted_now, 0
+
+    def interrupt(self) -> None:
+        """End it as Ctrl-C does: the monitor tells all that it has counted only then."""
+        self.program.signal(signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            self.program.wait()
+
+    @property
+    def is_running(self) -> bool:
+        return self.program.popen.poll() is None
+
+    def has_said(self, what: str, since: float) -> bool:
+        """Tell whether it has printed a line with that since a time."""
+        return any(what in text for _, text in takewhile(lambda line: line[0] >= since, reversed(self.said)))
+
+    # What it prints
+
+    def _take(self, line: str) -> None:
+        for pattern, take in self.LINES:
+            match = pattern.search(line)
+            if match:
+                take(self, *match.groups())
+        if not ROUTINE.match(line):
+            self.said.append((time.monotonic(), line))
+
+    def _count(self, last: str, overflow: str, missed: str) -> None:
+        self._counted_now = int(overflow) + int(missed)
+        if last != "None":
+            self._saw(int(last))
+
+    def _saw(self, number: int) -> None:
+        if self._up is None:
+            self._up = time.monotonic()
+            if self.last is not None and number > self.last + 1:
+                self.before.append(range(self.last + 1, number))
+        self.last = number
+
+    def _report_missing(self, first: str, last: str) -> None:
+        self._saw(int(first) - 1)
+        self._miss(int(first), int(last))
+
+    def _miss(self, first: int, last: int) -> None:
+        self.lost.append(range(first, last + 1))
+
+    def _watch(self, number: str) -> None:
+        self._watched.take(bytes.fromhex(number))
+        self._saw(int.from_bytes(bytes.fromhex(number), "little"))
+
+    def _note_overflow(self, frames: str) -> None:
+        self._counted_now = max(self._counted_now, int(frames))
+
+    def _lose_bus(self) -> None:
+        self.away.append([time.monotonic() - MARGIN, float("inf")])
+
+    def _find_bus(self) -> None:
+        if self.away:
+            self.away[-1][1] = time.monotonic() + MARGIN
+
+    LINES: ClassVar[tuple[tuple[re.Pattern[str], Callable[..., None]], ...]] = (
+        (re.compile(r"^last (\w+), overflow (\d+), missed (\d+)$"), _count),
+        (re.compile(r"^numbers (\d+)\.\.(\d+) missing$"), _report_missing),
+        (re.compile(rf"{NUMBERED:03X}#([0-9A-F]{{8}})"), _watch),
+        (re.compile(r"(\d+) frames have found no room"), _note_overflow),
+        (re.compile(r"it is opened again"), _lose_bus),
+        (re.compile(r"after a gap of"), _find_bus),
+    )
+
+    # What it has of the system
+
+    def look(self) -> None:
+        """Note what it has, if it has settled just now."""
+        if self._begin is None and self._up is not None and time.monotonic() - self._up >= SETTLED:
+            with suppress(OSError):
+                self._begin = Usage.of(self.program.popen.pid)
+
+    def note_life(self) -> None:
+        """Note what it has at its end, if it has lived long enough to have settled."""
+        if self._begin is not None:
+            with suppress(OSError, KeyError):
+                self.lives.append(Life(self._begin, Usage.of(self.program.popen.pid)))
+
+
+class Remote:
+    """A bus of python-can-remote, whose server can be away."""
+
+    kind = "bus server killed and restarted"
+
+    def __init__(self) -> None:
+        self._port = free_port()
+        self.bus = ("remote", f"ws://127.0.0.1:{self._port}/")
+        self.back()
+
+    def lose(self) -> None:
+        """Kill the server."""
+        self._server.kill()
+
+    def back(self) -> None:
+        """Start the server, and wait until it serves."""
+        said: list[str] = []
+        self._server = Program(sys.executable, "-c", SERVER, str(self._port), took=said.append)
+        end = time.monotonic() + PATIENCE
+        while not said and time.monotonic() < end:
+            time.sleep(PERIOD)
+
+    close = lose
+
+
+class SocketCan:
+    """The kernel's bus, whose interface can be down."""
+
+    kind = "interface down and up"
+    bus = ("socketcan", INTERFACE)
+
+    def _set(self, state: str) -> None:
+        program = [shutil.which("ip")] if shutil.which("ip") else ["busybox", "ip"]
+        subprocess.run([*map(str, program), "link", "set", INTERFACE, state], check=True, timeout=PATIENCE)
+
+    def lose(self) -> None:
+        """Set the interface down."""
+        self._set("down")
+
+    def back(self) -> None:
+        """Set it up."""
+        self._set("up")
+
+    close = back
+
+
+class Heard(NamedTuple):
+    """When a frame was heard, by the monotonic clock, and its data."""
+
+    time: float
+    data: bytes
+
+
+class Told(NamedTuple):
+    """What became of a fault: its kind; seconds until it was noticed and, from its end, recovered; None if not."""
+
+    kind: str
+    noticed: float | None
+    recovered: float | None
+
+
+Condition = Callable[[], bool]
+
+
+class Soak:
+    """The processes on their bus, and what was done to them."""
+
+    def __init__(self, transport: Remote | SocketCan, seed: int, folder: Path) -> None:
+        self.transport, self.dice = transport, random.Random(seed)
+        self.told: list[Told] = []
+        self.wrong: list[str] = []
+        self.sent_at: list[float] = []
+        self._heard: dict[int, Heard] = {}
+        self._emergencies: list[tuple[float, str, bytes]] = []
+        self._stored: list[object] = [dialects.load("navigation").default(SETTING)]
+        node = (sys.executable, str(Path(__file__).with_name("soak_node.py")))
+        monitor = (sys.executable, "-m", "eurobot_od", "monitor", "--plain")
+        interface, channel = transport.bus
+        self.roles = {name: Role(name, *node, name, interface, channel, str(folder)) for name in ROLES}
+        self.monitor = Role("monitor", *monitor, "-i", interface, "-c", channel)
+        self.opener = partial(open_bus, interface, channel)
+        gatekeeper = Gatekeeper(PROTOCOL)
+        gatekeeper.add_node(lambda: HEARD, self._hear, "soak")
+        self.live = Live(self.opener(), gatekeeper, opener=self.opener)
+
+    @property
+    def everybody(self) -> tuple[Role, ...]:
+        return (*self.roles.values(), self.monitor)
+
+    def _hear(self, frame: Frame, _: float) -> None:
+        now = time.monotonic()
+        self._heard[frame.cob_id] = Heard(now, frame.data)
+        if frame.cob_id in EMERGENCIES:
+            self._emergencies.append((now, EMERGENCIES[frame.cob_id], frame.data))
+
+    # Conditions
+
+    def goes_on(self) -> Condition:
+        """Return whether from now on all nodes run and send heartbeats, and a goto is confirmed."""
+        since = time.monotonic()
+        wanted = {GOTO_CONFIRM, *HEARTBEATS}
+
+        def all_is_well() -> bool:
+            heard = {cob_id for cob_id, (at, data) in list(self._heard.items()) if at > since and data != BOOT_UP}
+            return heard >= wanted and all(each.is_running for each in self.everybody)
+
+        return all_is_well
+
+    def emergency(self, node: str | None, code: bytes = b"") -> Condition:
+        """Return whether from now on a node, or any, tells an error by EMCY."""
+        since = time.monotonic()
+        return lambda: any(
+            at > since and node in (None, teller) and data[:2] != NO_ERROR and data.startswith(code)
+            for at, teller, data in self._emergencies
+        )
+
+    # What goes on all the time
+
+    def send(self, cob_id: int, data: bytes) -> bool:
+        """Send a frame; False if the bus does not take it."""
+        try:
+            self.live.bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False), timeout=1.0)
+        except Exception:  # whatever the driver raises: it is being opened again
+            return False
+        return True
+
+    def send_number(self) -> None:
+        """Send the next numbered frame."""
+        now, number = time.monotonic(), len(self.sent_at)
+        if self.send(NUMBERED, number.to_bytes(4, "little") + bytes(4)):
+            self.sent_at.append(now)
+
+    def wait(self, condition: Condition, patience: float = PATIENCE) -> bool:
+        """Go on until a condition holds; False if it does not in time."""
+        end = time.monotonic() + patience
+        while not condition() and time.monotonic() < end:
+            self.send_number()
+            for role in self.everybody:
+                role.look()
+            time.sleep(PERIOD)
+        return condition()
+
+    # Faults: each gives when it is noticed; then ends, and gives when everything is recovered
+
+    def kill(self, name: str) -> Iterator[Condition]:
+        """Kill a node, and restart it when the others have noticed."""
+        noticed = self.emergency("drive" if name == "core" else "core", HEARTBEAT_LOST)
+        self.roles[name].note_life()
+        self.roles[name].kill()
+        yield noticed
+        self.roles[name].start()
+        yield self.goes_on()
+
+    def freeze(self, name: str) -> Iterator[Condition]:
+        """Freeze a node for some seconds: the others notice, and it says so when it wakes."""
+        since = time.monotonic()
+        self.roles[name].program.signal(signal.SIGSTOP)
+        self.wait(lambda: False, FROZEN)
+        self.roles[name].program.signal(signal.SIGCONT)
+        yield lambda: self.roles[name].has_said("stood still", since)
+        yield self.goes_on()
+
+    def lose_bus(self) -> Iterator[Condition]:
+        """Take the bus away for some seconds."""
+        since = time.monotonic()
+        self.transport.lose()
+        yield lambda: all(role.has_said("it is opened again", since) for role in self.everybody)
+        self.wait(lambda: False, self.dice.uniform(0.5, 3.0))
+        since = time.monotonic()
+        self.transport.back()
+        well = self.goes_on()
+        yield lambda: well() and all(role.has_said("after a gap of", since) for role in self.everybody)
+
+    def hostile(self) -> Iterator[Condition]:
+        """Send frames that no node may act on."""
+        noticed = self.emergency(None)
+        dice = frame_fuzz.Dice.of(str(self.dice.random()), dialects.DEFAULT)
+        for _ in range(HOSTILE):
+            self.send(*self.dice.choice(frame_fuzz.MEANINGLESS)(dice))
+        yield noticed
+        yield self.goes_on()
+
+    def flood(self) -> Iterator[Condition]:
+        """Send numbered frames as fast as the bus takes them: everybody sees the last one, or one after it."""
+        for _ in range(FLOOD):
+            self.send_number()
+        last = len(self.sent_at)
+        yield lambda: all((role.last or 0) >= last for role in self.everybody)
+        yield self.goes_on()
+
+    def ask(self) -> Iterator[Condition]:
+        """Read every node's identity by segments and by blocks, as a master does, and write what must not be."""
+        with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
+            for node_id in NODE_IDS.values():
+                node = master.node(node_id)
+                if node.upload((0x1008, 0)) != node.upload_block((0x1008, 0)):
+                    self.wrong.append(f"node {node_id}: its name by segments is not that by blocks")
+                with suppress(EurobotError):
+                    node.download((0x1000, 0), bytes(4))
+                    self.wrong.append(f"node {node_id}: its device type was written")
+        yield lambda: True
+        yield self.goes_on()
+
+    def store(self) -> Iterator[Condition]:
+        """Have navigation store a setting, kill it meanwhile, and see that it has the old value or the new one."""
+        navigation = self.roles["navigation"]
+        navigation.note_life()  # not in the midst of it: it has files open then
+        value = self.dice.randrange(1, 1 << 16)
+        self._stored.append(value)
+        with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
+            node = master.node(NODE_IDS["navigation"])
+            node.download(SETTING, value.to_bytes(2, "little"))
+            request = bytes([0x23, *STORE.to_bytes(2, "little"), 1]) + SAVE.to_bytes(4, "little")
+            master.send(REQUEST + node.node_id, request)
+            time.sleep(self.dice.uniform(0.0, 0.03))
+            since = time.monotonic()
+            navigation.kill()
+            navigation.start()
+            yield lambda: self._heard[HEARTBEAT + NODE_IDS["navigation"]].time > since
+            master.drain()
+            found = int.from_bytes(node.upload(SETTING), "little")
+        if found not in self._stored[-2:]:
+            self.wrong.append(f"navigation has {found} stored, neither {self._stored[-2]} nor {self._stored[-1]}")
+        self._stored = [found]
+        yield self.goes_on()
+
+    def faults(self) -> dict[str, Callable[[], Iterator[Condition]]]:
+        """Return all faults by their names in the report."""
+        named: dict[str, Callable[[], Iterator[Condition]]] = {
+            self.transport.kind: self.lose_bus,
+            f"{HOSTILE} hostile frames": self.hostile,
+            f"flood of {FLOOD} frames": self.flood,
+            "SDO transfers, segments and blocks": self.ask,
+            "navigation killed while it stores": self.store,
+        }
+        for name in ROLES:
+            named[f"{name} killed (SIGKILL) and restarted"] = partial(self.kill, name)
+            named[f"{name} frozen for {FROZEN:.0f} s (SIGSTOP)"] = partial(self.freeze, name)
+        return named
+
+    # The run
+
+    def run(self, seconds: float) -> None:
+        """Do one fault after the other, all kinds equally often, for so many seconds, and wait until all is quiet."""
+        with ExitStack() as stack:
+            stack.callback(self._end)
+            stack.enter_context(self.live)
+            begun = time.monotonic()
+            if not self.wait(self.goes_on()):
+                self.wrong.append("the nodes have not started up")
+            deck: list[str] = []
+            while time.monotonic() < begun + seconds and not self.wrong:
+                deck = deck or self.dice.sample(sorted(self.faults()), len(self.faults()))
+                self._inject(deck.pop())
+                self.wait(lambda: False, self.dice.uniform(0.2, 2.0))
+            self.wait(lambda: all(role.last == len(self.sent_at) - 1 for role in self.everybody), SETTLED)
+            quiet = len(self.sent_at) - 1
+            self.wait(lambda: all((role.last or 0) >= quiet for role in self.everybody))
+
+    def _inject(self, kind: str) -> None:
+        began, steps = time.monotonic(), self.faults()[kind]()
+        noticed = recovered = None
+        try:
+            if self.wait(next(steps)):
+                noticed = time.monotonic() - began
+            condition, ended = next(steps), time.monotonic()
+            if self.wait(condition):
+                recovered = time.monotonic() - ended
+        except EurobotError as error:
+            self.wrong.append(f"{kind}: {error}")
+        self.told.append(Told(kind, noticed, recovered))
+
+    def _end(self) -> None:
+        for role in self.everybody:
+            role.note_life()
+        self.monitor.interrupt()
+        for role in self.everybody:
+            role.kill()
+        self.transport.close()
+
+    # What was lost
+
+    def lost(self, role: Role) -> Lost:
+        """Say of which numbers a role knows what became of them."""
+        missing = [number for each in role.lost for number in each if number < len(self.sent_at)]
+        away = [n for n in missing if any(begin <= self.sent_at[n] <= end for begin, end in role.away)]
+        not_running = sum(map(len, role.before))
+        counted = len(missing) - len(away)
+        uncounted = max(counted - role.counted, 0)
+        received = len(self.sent_at) - not_running - len(missing)
+        return Lost(received, not_running, len(away), counted - uncounted, uncounted)
+
+    def complaints(self) -> list[str]:
+        """Say what is wrong."""
+        found = [f"{each.kind}: not noticed" for each in self.told if each.noticed is None]
+        found += [f"{each.kind}: not recovered" for each in self.told if each.recovered is None]
+        found += [f"{role.name}: {lost} frames uncounted" for role in self.everybody if (lost := self.lost(role)[-1])]
+        found += [f"{role.name}: has grown" for role in self.everybody if any(life.has_grown for life in role.lives)]
+        return [*self.wrong, *found]
+
+
+class Lost(NamedTuple):
+    """What became of the numbered frames for one process."""
+
+    received: int
+    not_running: int
+    bus_away: int
+    counted: int
+    uncounted: int
+
+
+# The report
+
+
+def report(soak: Soak, command: str, seconds: float) -> Iterator[str]:
+    """Write what happened as Markdown."""
+    yield f"`{command}` on {soak.transport.bus[0]}, Python {platform.python_version()}, {seconds / 60:.1f} minutes:"
+    yield ""
+    yield "| fault | injected | noticed | recovered | noticed after, at most | recovered after, at most |"
+    yield "|---" * 6 + "|"
+    for kind in sorted({each.kind for each in soak.told}):
+        told = [each for each in soak.told if each.kind == kind]
+        noticed = [each.noticed for each in told if each.noticed is not None]
+        recovered = [each.recovered for each in told if each.recovered is not None]
+        worst = f"{max(noticed, default=0):.1f} s | {max(recovered, default=0):.1f} s"
+        yield f"| {kind} | {len(told)} | {len(noticed)} | {len(recovered)} | {worst} |"
+    yield ""
+    columns = "received | sent while it was not running | bus away | counted as lost | uncounted"
+    yield f"| of {len(soak.sent_at)} numbered frames | {columns} |"
+    yield "|---" * 6 + "|"
+    for role in soak.everybody:
+        yield f"| {role.name} | {' | '.join(map(str, soak.lost(role)))} |"
+    yield ""
+    yield "| process | lives | memory, KiB | threads | file descriptors |"
+    yield "|---" * 5 + "|"
+    for role in soak.everybody:
+        if role.lives:
+            most = max(role.lives, key=lambda life: life.end.memory - life.begin.memory)
+            pairs = " | ".join(f"{begin} → {end}" for begin, end in zip(most.begin, most.end))
+            yield f"| {role.name} | {len(role.lives)} | {pairs} |"
+    yield ""
+    wrong = soak.complaints()
+    yield from (f"- {each}" for each in wrong)
+    yield f"{len(soak.told)} faults, {len(wrong)} wrong"
+
+
+def parser() -> argparse.ArgumentParser:
+    """Describe the command line."""
+    command = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    command.add_argument("--minutes", type=float, default=10.0, metavar="N", help="how long (default: %(default)s)")
+    command.add_argument("--seed", type=int, default=1, help="which faults, and when (default: %(default)s)")
+    command.add_argument("--remote", action="store_true", help="python-can-remote even where there is a vcan0")
+    return command
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run it and print the report."""
+    options = parser().parse_args(arguments)
+    remote = options.remote or not Path("/sys/class/net", INTERFACE).exists()
+    with tempfile.TemporaryDirectory() as folder:
+        soak = Soak(Remote() if remote else SocketCan(), options.seed, Path(folder))
+        started = time.monotonic()
+        soak.run(60 * options.minutes)
+        seconds = time.monotonic() - started
+    command = f"python3 tools/soak.py --minutes {options.minutes:g} --seed {options.seed}"
+    print("\n".join(report(soak, command, seconds)))
+    return WRONG if soak.complaints() else FINE
+
+
+if __name__ == "__main__":
+    sys.exit(main())
