@@ -31,6 +31,7 @@ LAYERS = (
     {"live", "simulation", "faults"},
     {"client", "lint", "logs", "export", "load"},
     {"monitor", "check"},
+    {"web"},
     {"robot"},
     {"cli"},
     {"__main__"},

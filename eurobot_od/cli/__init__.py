@@ -29,6 +29,7 @@ COMMANDS = {
     "faults": "list the faults that simulated nodes can be given",
     "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
     "monitor": "watch a bus, or a log, as a live table",
+    "serve": "show a bus, or logs, in a browser",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
     "load": "compute how full a bus is, and how late each message can be",
     "lint": "check EDS and DCF files, one by one or as a network",
