@@ -36,7 +36,7 @@ def _message(binding: Binding) -> dict[str, Any]:
 def _field(binding: Binding, field: str) -> dict[str, Any]:
     kind, limits = binding.kinds[field], binding.limits.get(field)
     data: dict[str, Any] = {"name": field, "unit": kind.unit, "words": dict(kind.named_values())}
-    data["allowed"] = kind.allowed(limits) if limits else ""
+    data |= {"allowed": kind.allowed(limits)} if limits else {"unmapped": True}
     if limits and kind.numbers(limits):
         data |= {"low": kind.numbers(limits).start, "high": kind.numbers(limits).stop - 1}
     if field in binding.defaults:

@@ -32,7 +32,7 @@ from eurobot_od.web.session import Session
 Arguments = Mapping[str, Any]
 """What a request says besides its name."""
 
-COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
+COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
 
 
 class Requests:
@@ -62,9 +62,9 @@ class Requests:
             return json.dumps({"re": number, "error": str(error)})
 
     async def _run(self, said: Arguments) -> Any:
-        name = said.get("do")
+        name = str(said.get("do"))
         if name not in REQUESTS:
-            raise UnknownName("request", str(name)[:40], REQUESTS)
+            raise UnknownName("request", name[:40], REQUESTS)
         function, way, acts = REQUESTS[name]
         if acts and not self.control:
             raise LocalError("this page is read-only: start the server with --control")
@@ -196,9 +196,9 @@ class Requests:
         """Begin to record."""
         self.session.record(self.folder)
 
-    def stop_recording(self, _: Arguments) -> str:
-        """End the recording, and return the name of its file."""
-        return self.session.stop_recording().name
+    def stop_recording(self, _: Arguments) -> None:
+        """End the recording."""
+        self.session.stop_recording()
 
 
 class Way(Enum):
@@ -217,7 +217,7 @@ class Request(NamedTuple):
     acts: bool = False
 
 
-REQUESTS: Mapping[Any, Request] = {
+REQUESTS: Mapping[str, Request] = {
     "record": Request(Requests.record, Way.AT_ONCE),
     "stop recording": Request(Requests.stop_recording, Way.AT_ONCE),
     "objects": Request(Requests.list_objects),
@@ -246,7 +246,8 @@ def _plain(value: Value) -> Any:
 def _described(thing: NamedObject) -> dict[str, Any]:
     variable = thing.variable
     assert variable is not None  # of a dictionary's own objects
-    limits = objects.integer_range(variable) if thing.type and thing.type.is_integer else None
+    is_limited = thing.type is not None and thing.type.is_integer and (variable.min, variable.max) != (None, None)
+    limits = objects.integer_range(variable) if is_limited else None
     return {
         "object": label(thing.address),
         "name": thing.name,

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from aiohttp import WSMsgType, web
 
@@ -95,7 +96,7 @@ class _Server:
         application.on_shutdown.append(self._say_goodbye)
         return application
 
-    def tasks(self) -> list[Awaitable[None]]:
+    def tasks(self) -> list[Coroutine[Any, Any, None]]:
         """Return what goes on all the time."""
         return [] if self._requests is None else [_watch(self._requests.session), self._requests.poll()]
 

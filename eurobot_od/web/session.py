@@ -151,6 +151,7 @@ class Session:
         self._recording.stop()
         if self._source is not None:
             self._source.close()
+        self.tap.shutdown()
 
     # What is shown
 
@@ -189,9 +190,9 @@ class Session:
         """Begin to write every frame to a log in a folder; raises LocalError if that is done already."""
         self._recording.start(folder)
 
-    def stop_recording(self) -> Path:
-        """End the recording and return its file; raises LocalError if there is none."""
-        return self._recording.stop()
+    def stop_recording(self) -> None:
+        """End the recording, if there is one under way."""
+        self._recording.stop()
 
 
 class Recording:
@@ -218,13 +219,10 @@ class Recording:
             if self._frames >= MOST_RECORDED:
                 self.stop()
 
-    def stop(self) -> Path:
-        """End the log and return its file."""
+    def stop(self) -> None:
+        """End the log, if there is one under way."""
         self._open.close()
         self._write = None
-        if self._file is None:
-            raise LocalError("nothing was recorded")
-        return self._file
 
     def state(self) -> dict[str, Any]:
         """Return what the page shows of it."""

@@ -29,7 +29,7 @@ class Tap(can.BusABC):
     """
 
     def __init__(self) -> None:
-        super().__init__(channel=None)
+        super().__init__(channel="tap")
         self.channel_info = "bus"
         self.driver: Driver | None = None
         self.trouble = ""

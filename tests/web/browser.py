@@ -28,7 +28,8 @@ PROGRAM = next(filter(None, map(shutil.which, NAMES)), None)
 
 OPTIONS = (
     "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars",
-    "--disable-background-timer-throttling", "--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows",
+    "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
+    "--disable-backgrounding-occluded-windows",
     "--enable-precise-memory-info", "--remote-debugging-port=0",
 )  # fmt: skip
 
@@ -69,6 +70,11 @@ class Page:
         self.call("Page.navigate", url=address)
         self.wait("document.body && document.body.dataset.time !== undefined")
 
+    def close(self) -> None:
+        """Close the window."""
+        self.call("Page.close")
+        self._loop.run_until_complete(self._socket.close())
+
     def run(self, expression: str) -> Any:
         """Return what an expression gives in the page; a promise is waited for."""
         found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
@@ -107,7 +113,9 @@ class Page:
 
     def size(self, width: int, height: int = 900, dark: bool = False) -> None:
         """Make the window so large, and the person who sits before it one who likes it dark."""
-        self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500)
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500
+        )
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=scheme)
 

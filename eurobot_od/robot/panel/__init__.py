@@ -24,6 +24,7 @@ from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import RING, ground
 from eurobot_od.robot.picture.recording import (
     OURS,
+    PathPoint,
     RecordedGoto,
     RecordedStop,
     Recorder,
@@ -113,7 +114,7 @@ class FieldPanel(Panel):
             f"goto {goto.number}",
             "goto",
             start + goto.sent,
-            f"goto {goto.number}: {describe(message)}: {goto.ending}",
+            f"goto {goto.number} to {message.x}, {message.y} mm, {message.angle} deg, {message.speed} %: {goto.ending}",
             end=None if goto.ended is None else start + goto.ended,
             mark=str(goto.number),
             wrong=goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED),
@@ -130,11 +131,16 @@ class FieldPanel(Panel):
     def _route(self, goto: RecordedGoto) -> list[Point]:
         """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
         if goto.number not in self._routes:
-            here, there = at(self._recorder.recording.path, goto.sent), Point(goto.message.x, goto.message.y)
-            planned = here and goto.message.route is Route.PLANNED
-            way = planned and find_route(Point(here.x, here.y), there, goto.message.barriers, CLEARANCES)
-            self._routes[goto.number] = [Point(here.x, here.y), *(way or (there,))] if here else [there]
+            self._routes[goto.number] = _way(at(self._recorder.recording.path, goto.sent), goto.message)
         return self._routes[goto.number]
+
+
+def _way(start: PathPoint | None, goto: GotoXY) -> list[Point]:
+    here, there = start and Point(start.x, start.y), Point(goto.x, goto.y)
+    if here is None:
+        return [there]
+    planned = goto.route is Route.PLANNED and find_route(here, there, goto.barriers, CLEARANCES)
+    return [here, *(planned or (there,))]
 
 
 def _robots() -> Iterator[dict[str, Any]]:
@@ -177,12 +183,12 @@ def _score(number: int, score: ScoredTask, start: float) -> Event:
     return Event(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
 
 
-def true_path(truth: Truth, start: float) -> dict[str, Any] | None:
-    """Return where our robot truly was as a row of the page, None if nobody knows."""
+def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:
+    """Return where our robot truly was as a row of the page; nothing if nobody knows."""
     path = [(time - start, pose) for time, pose in truth.path if time >= start]
     if not path:
-        return None
-    return {
+        return []
+    row: dict[str, Any] = {
         "id": None,
         "name": "True position",
         "group": "world",
@@ -192,7 +198,6 @@ def true_path(truth: Truth, start: float) -> dict[str, Any] | None:
         "texts": [],
         "wrong": {},
         "bits": 0,
-        "fields": [
-            {"name": name, "unit": unit, "words": {}} for name, unit in (("x", "mm"), ("y", "mm"), ("angle", "deg"))
-        ],
+        "fields": [{"name": name, "unit": unit, "words": {}} for name, unit in POSE_UNITS.items()],
     }
+    return [row]

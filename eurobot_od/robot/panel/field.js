@@ -5,6 +5,7 @@
 
 panel("field", (setup, source) => {
   const TRAIL = 20, LONGEST_GAP = 2;        // s of the path that is drawn; s between sightings that still belong together
+  const small = matchMedia("(max-width: 760px)"), magnified = () => small.matches ? "scale(1.8)" : "";
   const across = y => setup.height - y;
   const ground = new DOMParser().parseFromString(
     `<svg xmlns="http://www.w3.org/2000/svg">${setup.ground}</svg>`, "image/svg+xml").documentElement.firstElementChild;
@@ -12,7 +13,7 @@ panel("field", (setup, source) => {
   const rings = layer("rings"), trails = layer("trails"), routes = layer("routes"), marks = layer("marks"), bodies = layer("bodies");
   const aim = s("g", {class: "aim", visibility: "hidden"}, s("circle", {r: 40}), s("path", {d: "M-60 0H60M0-60V60"}));
   const drawing = s("svg", {
-    class: "field", viewBox: `-90 -20 ${setup.width + 110} ${setup.height + 90}`, role: "img", "aria-label": "playing field",
+    class: "field", viewBox: `-90 -30 ${setup.width + 150} ${setup.height + 100}`, role: "img", "aria-label": "playing field",
     onclick: event => point(event),
   }, ground, rings, trails, routes, marks, bodies, aim);
 
@@ -28,7 +29,7 @@ panel("field", (setup, source) => {
   });
   const list = h("p", {class: "where", role: "status", "aria-live": "off"});
   const legend = h("p", {class: "legend hint"}, "Line: heading. Dashed path: the way to the goto. Discs: gotos, filled if reached. "
-    + "Signs: stops. Rings: barriers that the goto avoids, dashed if there is no other way.");
+    + "Signs: stops. Rings: barriers of the goto, solid: never crossed, dashed: avoided if there is a way round.");
 
   // The goto by hand
 
@@ -38,11 +39,22 @@ panel("field", (setup, source) => {
   const form = h("form", {class: "goto", hidden: true, "aria-label": "Goto XY", onsubmit: event => {
     event.preventDefault();
     const fields = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value]));
-    quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`));
+    quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(follow));
   }},
   labelled("x", "x mm", "", {min: 0, max: setup.width}), labelled("y", "y mm", "", {min: 0, max: setup.height}),
   labelled("angle", "angle deg", 0, {}), labelled("speed", "speed %", setup.speed, {min: 0, max: 100}),
   h("button", {class: "main"}, "Go"), h("span", {class: "hint"}, "click the field for a place"));
+  const ASKED = 300, LONGEST = 60000;       // ms: how often the drive is asked, as the core would, and for how long
+  let following = 0;
+  function follow() {                       // a goto that is sent from here is no core's: nobody else asks how it ends
+    clearInterval(following);
+    const end = performance.now() + LONGEST;
+    following = setInterval(() => {
+      const last = source.sortedEvents().filter(each => each.kind === "goto").at(-1);
+      if (!last || last.end !== null || performance.now() > end) clearInterval(following);
+      else connection.ask({do: "send", message: "Goto State Request", fields: {}}).catch(() => clearInterval(following));
+    }, ASKED);
+  }
   function aimed() {
     const set = inputs.x.value !== "" && inputs.y.value !== "";
     aim.setAttribute("visibility", set ? "visible" : "hidden");
@@ -105,7 +117,7 @@ panel("field", (setup, source) => {
     robot.front.setAttribute("x2", radius);
     robot.front.setAttribute("transform", `rotate(${-(place.angle || 0)})`);
     if (robot.radius) robot.trail.setAttribute("points", trailOf(row, time, place));
-    return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm${place.angle === null ? "" : `, ${((place.angle % 360 + 360) % 360).toFixed(0)}°`}`;
+    return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm${place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`}`;
   }
   function trailOf(row, time, place) {
     const points = [], x = row.columns[row.field("x")], y = row.columns[row.field("y")];
@@ -120,7 +132,7 @@ panel("field", (setup, source) => {
 
   function discOf(event) {
     const reached = event.data.outcome === "arrived";
-    return s("g", {class: `goto ${reached ? "reached" : ""}`, transform: `translate(${event.data.x} ${across(event.data.y) + 68})`},
+    return s("g", {class: `goto ${reached ? "reached" : ""}`, transform: `translate(${event.data.x} ${across(event.data.y) + 68})${magnified()}`},
       s("title", {}, event.text), s("circle", {r: 30}), s("text", {y: 12}, event.mark));
   }
   function targetOf(event) {
@@ -130,7 +142,7 @@ panel("field", (setup, source) => {
   }
   function signOf(event) {
     const {x, y} = event.data.place;
-    return s("g", {class: event.kind, transform: `translate(${x} ${across(y) - 78})`}, s("title", {}, event.text),
+    return s("g", {class: event.kind, transform: `translate(${x} ${across(y) - 78})${magnified()}`}, s("title", {}, event.text),
       s("polygon", {points: "-14,-35 14,-35 35,-14 35,14 14,35 -14,35 -35,14 -35,-14"}), s("text", {y: 12}, event.mark));
   }
   function ringOf([number, passage]) {

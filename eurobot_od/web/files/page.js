@@ -341,7 +341,7 @@ class MessageLine {
     this.element.classList.toggle("is-wrong", Boolean(now.defects));
     this.element.classList.toggle("old", now.age > Math.max(3 * (now.period || 0), 1));
     this.chips.forEach((chip, place) => {
-      show(chip, now.values !== null);
+      show(chip, now.values !== null && !this.row.fields[place].unmapped);
       if (now.values) say(this.values[place], written(this.row.fields[place], now.values[place]));
     });
     say(this.text, now.values ? "" : now.text);
@@ -630,7 +630,7 @@ if (live) views.push({name: "objects", title: "Objects", make() {
     const element = h("tr", {},
       h("td", {class: "id"}, object.object), h("th", {scope: "row"}, object.name), h("td", {}, object.type),
       h("td", {}, object.access), h("td", {class: "limits"}, limits), h("td", {class: "read-cell"}, value),
-      h("td", {class: "buttons"}, h("button", {onclick: () => quietly(read()), "aria-label": `read ${object.name}`}, "Read"),
+      h("td", {class: "acts"}, h("button", {onclick: () => quietly(read()), "aria-label": `read ${object.name}`}, "Read"),
         h("button", {onclick: () => quietly(plot()), "aria-label": `plot ${object.name}`}, "Plot"), form));
     return {element, form, words: plain(`${object.object} ${object.name}`), writable: object.access.includes("w")};
   }
@@ -667,7 +667,7 @@ if (live) views.push({name: "send", title: "Send", control: true, make() {
   }
   function build() {
     const message = source.messages.get(chosen.value);
-    inputs = message ? message.fields.filter(field => field.allowed).map(field => ({field, input: inputOf(field)})) : [];
+    inputs = message ? message.fields.filter(field => !field.unmapped).map(field => ({field, input: inputOf(field)})) : [];
     fields.replaceChildren(...inputs.map(({field, input}) => h("label", {},
       `${field.name}${field.unit ? ` in ${field.unit}` : ""}`, input, h("small", {id: `allowed-${field.name}`}, field.allowed))));
   }
@@ -692,14 +692,15 @@ if (live) views.push({name: "send", title: "Send", control: true, make() {
 // Events
 
 views.push({name: "events", title: "Events", make: () => perSource(source => {
-  const list = h("ol", {class: "events"});
+  const list = h("ol", {class: "events"}), nothing = h("p", {class: "hint"}, "Nothing has happened yet.");
   let told = "";
-  return {element: list, show(time) {
+  return {element: h("div", {}, nothing, list), show(time) {
     const events = source.sortedEvents().filter(each => !live || each.time <= time).slice(-500);
     const last = upTo(events.map(each => each.time), time) - 1;
     const state = `${events.length} ${last} ${live ? sources[0].events.size && events.at(-1)?.text : ""}`;
     if (state === told) return;
     told = state;
+    show(nothing, !events.length);
     list.replaceChildren(...events.map((each, place) => h("li", {
       class: `${each.wrong ? "is-wrong" : ""} ${place === last ? "current" : ""}`},
     h("button", {disabled: live, onclick: () => { clock.pause(); clock.seek(each.time); }},
@@ -741,8 +742,8 @@ function timeline() {
     ...SPEEDS.map(each => h("option", {value: each}, `${each} ×`)));
   const shown = h("output", {id: "shown"});
   const element = h("div", {class: "player"}, h("div", {class: "lanes"}, ...lanes), slider,
-    h("div", {class: "buttons"}, h("button", {onclick: () => stepEvent(-1), "aria-label": "event before", title: "event before: ,"}, "⏮"),
-      play, h("button", {onclick: () => stepEvent(1), "aria-label": "next event", title: "next event: ."}, "⏭"), speed, shown));
+    h("div", {class: "buttons"}, h("button", {onclick: () => stepEvent(-1), "aria-label": "event before", title: "event before: ,"}, "‹ Event"),
+      play, h("button", {onclick: () => stepEvent(1), "aria-label": "next event", title: "next event: ."}, "Event ›"), speed, shown));
   return {element, show(time) {
     if (document.activeElement !== slider || clock.running || Math.abs(slider.value - time) > 1e-6) slider.value = time;
     say(play, clock.running ? "Pause" : "Play");
@@ -754,7 +755,8 @@ function timeline() {
 // The whole
 
 function statusLine() {
-  const text = h("span"), load = h("span"), skipped = h("span", {class: "hint"}), link = h("a", {hidden: true});
+  const text = h("span"), load = h("span"), link = h("a", {hidden: true});
+  const skipped = h("span", {class: "hint", title: "this browser was too slow for them; the bus was read all the same"});
   const dot = h("span", {class: "dot"});
   const freeze = h("button", {id: "freeze", "aria-pressed": "false", title: "hold what is shown: f", onclick: () => toggleFreeze()}, "Freeze");
   const record = h("button", {id: "record", onclick: () => quietly(connection.state?.recording.on
@@ -773,7 +775,7 @@ function statusLine() {
     freeze.setAttribute("aria-pressed", String(clock.frozen !== null));
     if (!state) return;
     say(load, `load ${(100 * state.load).toFixed(1)} %, ${state.rate.toFixed(0)} frames/s, ${state.frames} frames`);
-    say(skipped, state.skipped ? `${state.skipped} snapshots skipped: this browser is slow` : "");
+    say(skipped, state.skipped ? `${state.skipped} snapshots skipped` : "");
     say(record, state.recording.on ? `Stop recording (${state.recording.frames})` : "Record");
     record.classList.toggle("recording", state.recording.on);
     show(link, !state.recording.on && state.recording.file !== "");
@@ -844,6 +846,7 @@ function start() {
       if (tables) drawn = performance.now();
       if (controlled !== connection.control) { controlled = connection.control; layout(); }
       show(stop, connection.control);
+      document.body.classList.toggle("control", connection.control);
       all.forEach((view, place) => { if (!sections[place].hidden && (tables || view.panel)) made[place].show(time); });
       if (line) line.show(time);
       if (tables) status.show(time);
