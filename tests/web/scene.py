@@ -52,13 +52,13 @@ class Served:
 
 
 @contextmanager
-def serving(text: str, access: Access = LOCAL, requests: Requests | None = None) -> Iterator[str]:
+def serving(text: str, access: Access = LOCAL, requests: Requests | None = None, port: int = 0) -> Iterator[str]:
     """Serve a page in a thread; gives its address."""
     loop, stop, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     addresses: list[str] = []
 
     async def run() -> None:
-        async with served(text, access, 0, requests) as address:
+        async with served(text, access, port, requests) as address:
             addresses.append(address)
             ready.set()
             await stop.wait()
@@ -82,13 +82,14 @@ def live_page(
     access: Access = LOCAL,
     network: Decoder | None = None,
     panels: tuple[type[Panel], ...] = (FieldPanel,),
+    port: int = 0,
 ) -> Iterator[Served]:
     """Serve the page of an in-process bus."""
     known = network or decoder()
     session = Session(partial(open_bus, "virtual", channel), known, 500_000, panels)
     text = page(channel, [{"name": channel, "bitrate": 500_000, **described(known)}], panels, live=True)
     try:
-        with serving(text, access, Requests(session, folder, control, stop_message(panels))) as address:
+        with serving(text, access, Requests(session, folder, control, stop_message(panels)), port) as address:
             yield Served(address, session)
     finally:
         session.close()
