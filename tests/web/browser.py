@@ -19,7 +19,7 @@ import aiohttp
 
 Result = TypeVar("Result")
 
-PATIENCE = 20.0
+PATIENCE = 10.0
 """Seconds after which a page that does not do what it is to do fails the test."""
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
@@ -85,7 +85,7 @@ class Page:
         """Wait until an expression is true in the page."""
         end = time.monotonic() + patience
         while time.monotonic() < end:
-            found = self.run(expression)
+            found = self.run(f"(found => found instanceof Node || found)({expression})")
             if found:
                 return found
             self.run("new Promise(done => setTimeout(done, 20))")
