@@ -10,14 +10,12 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Coroutine, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import aiohttp
-
-Result = TypeVar("Result")
 
 PATIENCE = 10.0
 """Seconds after which a page that does not do what it is to do fails the test."""
@@ -149,12 +147,12 @@ def running() -> Iterator[Browser]:
         command = [PROGRAM, *OPTIONS, f"--user-data-dir={folder}", "about:blank"]
         with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
             loop = asyncio.new_event_loop()
+            http = loop.run_until_complete(_client())
             try:
                 port = _port(Path(folder) / "DevToolsActivePort", process.poll)
-                http = run_in(loop, _client())
                 yield Browser(loop, http, f"http://127.0.0.1:{port}")
-                run_in(loop, http.close())
             finally:
+                loop.run_until_complete(http.close())
                 process.terminate()
                 process.wait()
                 loop.close()
@@ -162,10 +160,6 @@ def running() -> Iterator[Browser]:
 
 async def _client() -> aiohttp.ClientSession:
     return aiohttp.ClientSession()
-
-
-def run_in(loop: asyncio.AbstractEventLoop, coroutine: Coroutine[Any, Any, Result]) -> Result:
-    return loop.run_until_complete(coroutine)
 
 
 def _port(file: Path, ended: Callable[[], int | None]) -> int:

@@ -4,23 +4,34 @@ from __future__ import annotations
 
 import json
 import math
+import socket
+import subprocess
+import sys
+import time
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import can
 import pytest
-from can_remote.server import RemoteServer
 
 from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.live import Driver, open_bus
 from eurobot_od.logs.formats import read
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od.outline import Outline
 from eurobot_od.robot.messages import StartConfigurationSet
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
+from eurobot_od.web.content import described
+from eurobot_od.web.page import page
+from eurobot_od.web.requests import Requests
+from eurobot_od.web.session import Session
 from tests.conftest import EDS, with_entry
 from tests.web.browser import Browser, Page
 from tests.web.scene import Served, channel, live_page, robot, serving
@@ -289,45 +300,45 @@ def test_a_second_browser_sees_the_same(scene: Scene, browser: Browser) -> None:
 # What goes away and comes back
 
 
+@contextmanager
+def bus_server(port: int) -> Iterator[subprocess.Popen[bytes]]:
+    """Serve a bus in a process of its own, and kill it in the end."""
+    words = ["--interface=virtual", "--channel=served", "--host=127.0.0.1", f"--port={port}"]
+    with subprocess.Popen([sys.executable, "-m", "can_remote", *words], stderr=subprocess.DEVNULL) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def connected(port: int) -> can.BusABC:
+    """Connect to a server that is about to start."""
+    for _ in range(100):
+        with suppress(BusError):
+            return open_bus("remote", f"ws://127.0.0.1:{port}/")
+        time.sleep(0.1)
+    raise AssertionError("no bus server")
+
+
+@pytest.mark.filterwarnings("ignore:Exception ignored in. <function BusABC.__del__")  # a remote bus without server
 def test_the_bus_server_is_killed_and_back(tmp_path: Path, window: Page) -> None:
-    """Counts what comes after the bus is back, with nothing done on the page."""
-    import threading
-    from functools import partial
-
-    from eurobot_od.robot.protocol import decoder
-    from eurobot_od.web.content import described
-    from eurobot_od.web.page import page
-    from eurobot_od.web.requests import Requests
-    from eurobot_od.web.session import Session
-
-    def start(port: int) -> RemoteServer:
-        server = RemoteServer("127.0.0.1", port, interface="virtual", channel=name)
-        threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
-        return server
-
-    def kill(server: RemoteServer) -> None:
-        server.shutdown()
-        server.server_close()
-
-    name, network = channel(), decoder()
-    server = start(0)
-    port = server.server_port
-    session = Session(partial(open_bus, "remote", f"ws://127.0.0.1:{port}/"), network, 500_000)
-    text = page(name, [{"name": name, "bitrate": 500_000, **described(network)}], live=True)
-    with serving(text, requests=Requests(session, tmp_path)) as address:
-        window.open(address)
-        window.wait("connection.up && !connection.state.trouble")
-        kill(server)
-        window.wait("connection.state.trouble.includes('failed')")
-        window.wait("document.querySelector('.status.is-wrong')")
-        server = start(port)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    network = decoder()
+    text = page("bus", [{"name": "bus", "bitrate": 500_000, **described(network)}], live=True)
+    with ExitStack() as stack:
+        with bus_server(port):
+            connected(port).shutdown()
+            session = Session(partial(open_bus, "remote", f"ws://127.0.0.1:{port}/"), network, 500_000)
+            stack.callback(session.close)
+            window.open(stack.enter_context(serving(text, requests=Requests(session, tmp_path))))
+            window.wait("connection.up && !connection.state.trouble")
+        window.wait("connection.state.trouble.includes('failed') && document.querySelector('.status.is-wrong')")
+        stack.enter_context(bus_server(port))
         window.wait("!connection.state.trouble && !document.querySelector('.status.is-wrong')")
-        with open_bus("virtual", name) as bus:
-            window.run("new Promise(done => setTimeout(done, 100))")
+        with connected(port) as bus:
             Driver(bus).send(Frame(0x702, b"\x05"))
             window.wait("sources[0].rows.has(0x702)")
-    session.close()
-    kill(server)
 
 
 def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: Page) -> None:
