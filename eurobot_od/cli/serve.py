@@ -53,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Serve until Ctrl-C."""
     try:
-        from eurobot_od.web import server as _  # noqa: F401
+        import aiohttp  # noqa: F401
     except ImportError:
         raise LocalError("serving a page needs the extra `web`: pip install 'eurobot-od[web]'") from None
     if len(arguments.logs) > MOST_LOGS:

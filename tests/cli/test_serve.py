@@ -44,7 +44,6 @@ def test_what_is_refused(
 
 def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aiohttp", None)
-    monkeypatch.delitem(sys.modules, "eurobot_od.web.server", raising=False)
     said = run(capsys, "serve")
     assert said.complaint == "eurobot-od: serving a page needs the extra `web`: pip install 'eurobot-od[web]'"
 

@@ -6,9 +6,10 @@ import asyncio
 import http.client
 import json
 import logging
+import resource
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from email.message import Message
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -137,6 +138,19 @@ def test_every_answer_says_that_no_other_page_may_have_it(local: Served) -> None
         assert headers["X-Content-Type-Options"] == "nosniff"
         assert headers["Referrer-Policy"] == "no-referrer"
         assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+def test_a_body_of_100_megabytes_is_not_kept(local: Served) -> None:
+    address = urlsplit(local.address)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    head = f"POST / HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {MUCH}\r\n\r\n"
+    with socket.create_connection((address.hostname or "", address.port or 0), LONG) as connection:
+        connection.sendall(head.encode())
+        with suppress(OSError):  # the server hangs up
+            for _ in range(100):
+                connection.sendall(bytes(MUCH // 100))
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MUCH // 1000 / 4  # in KiB
+    assert ask(local).status == 200
 
 
 # Browsers

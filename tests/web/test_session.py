@@ -99,7 +99,7 @@ def test_a_recording_ends_by_itself_when_it_is_long(
 
 def test_a_bus_that_fails_is_told_and_opened_again() -> None:
     name, now = channel(), [0.0]
-    opened = []
+    opened: list[Any] = []
 
     def opening() -> Any:
         if len(opened) == 1:

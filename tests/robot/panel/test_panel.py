@@ -42,7 +42,7 @@ def test_a_goto_is_told_when_it_is_sent_and_when_it_ends() -> None:
 
 def test_the_way_goes_round_what_is_not_to_be_crossed() -> None:
     (straight,) = events((0.0, HERE), (1.0, GotoXY(1800, 200, 0, 50)))
-    (round_about,) = events((0.0, HERE), (1.0, GotoXY(1600, 0 + 200, 0, 50, Barriers.of({7: Passage.FORCED}))))
+    (round_about,) = events((0.0, HERE), (1.0, GotoXY(1600, 200, 0, 50, Barriers.of({7: Passage.FORCED}))))
     assert straight.data["route"] == [Point(200, 1800), Point(1800, 200)]
     assert len(round_about.data["route"]) > 2
 
