@@ -17,9 +17,16 @@ MOST = 16
 """Objects polled at once, for all browsers together."""
 
 
+WANTED = 15.0
+"""Seconds for which an object is read after somebody asked for it; a page that still plots it asks again before."""
+
+
 @dataclass
 class PolledObject:
-    """An object of a node, its last value and when that was read; `turn` is the session's, for what has changed."""
+    """An object of a node, its last value and when that was read, and until when.
+
+    `turn` is the session's, for what has changed.
+    """
 
     node_id: int
     thing: NamedObject
@@ -27,6 +34,7 @@ class PolledObject:
     value: Any = None
     trouble: str = ""
     turn: int = -1
+    wanted_until: float = 0.0
 
     def shown(self) -> dict[str, Any]:
         """Return it as data."""

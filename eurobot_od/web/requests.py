@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable, Mapping
 from enum import Enum
 from functools import partial
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -78,8 +79,10 @@ class Requests:
             return await asyncio.to_thread(question)
 
     async def poll(self) -> None:
-        """Read the polled objects again and again."""
+        """Read the polled objects again and again, as long as somebody wants them."""
         while True:
+            now = self.session.now
+            self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
             for each in self.session.polled.values():
                 await self._ask(partial(self._read_polled, each))
                 each.turn = self.session.turn + 1
@@ -138,18 +141,15 @@ class Requests:
         return [f"0x{each.code:04X} {error_words(each.code, errors)}" for each in history(self._node(said)).entries]
 
     def watch(self, said: Arguments) -> str:
-        """Read an object from now on, for plots; returns its key in snapshots."""
+        """Read an object for a while from now on, for plots; returns its key in snapshots."""
         node, thing = self._object(said)
         key = f"{_text(said, 'node')} {label(thing.address)}"
         if key not in self.session.polled and len(self.session.polled) >= polled.MOST:
             raise LocalError(f"{polled.MOST} objects are read again and again already: leave another one out first")
-        self.session.polled = {**self.session.polled, key: PolledObject(node.node_id, thing)}
+        each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
+        each.wanted_until = self.session.now + polled.WANTED
+        self.session.polled = {**self.session.polled, key: each}
         return key
-
-    def unwatch(self, said: Arguments) -> None:
-        """Do not read an object any more."""
-        key = _text(said, "key")
-        self.session.polled = {name: each for name, each in self.session.polled.items() if name != key}
 
     # What acts on the bus
 
@@ -224,7 +224,6 @@ REQUESTS: Mapping[str, Request] = {
     "read": Request(Requests.read),
     "history": Request(Requests.history),
     "watch": Request(Requests.watch),
-    "unwatch": Request(Requests.unwatch),
     "send": Request(Requests.send, Way.SENDS, acts=True),
     "nmt": Request(Requests.nmt, Way.SENDS, acts=True),
     "stop": Request(Requests.stop, Way.SENDS, acts=True),
@@ -240,6 +239,9 @@ def _text(said: Arguments, name: str) -> str:
 
 
 def _plain(value: Value) -> Any:
+    """Return a value for JSON, which has neither bytes nor infinity."""
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)
     return value.hex(" ").upper() if isinstance(value, bytes) else value
 
 

@@ -9,6 +9,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,9 @@ HEADERS = {
 }
 """No other page may show, embed or read this one."""
 
+EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
+"""What a server that listens at all addresses is called here."""
+
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
@@ -61,6 +65,8 @@ async def served(page: str, access: Access, port: int, requests: Requests | None
     runner = web.AppRunner(server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
     await runner.setup()
     tasks = [asyncio.create_task(each) for each in server.tasks()]
+    for task in tasks:
+        task.add_done_callback(partial(_end_with, asyncio.current_task()))
     try:
         site = web.TCPSite(runner, access.host, port)
         try:
@@ -71,12 +77,22 @@ async def served(page: str, access: Access, port: int, requests: Requests | None
     finally:
         for task in tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        ended = await asyncio.gather(*tasks, return_exceptions=True)
         await runner.cleanup()
+        for failure in ended:
+            if isinstance(failure, Exception):
+                raise failure
+
+
+def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:
+    """End the server with a task that failed: a page that stands still would look like a bus that is silent."""
+    if server is not None and not task.cancelled() and task.exception():
+        server.cancel()
 
 
 def _address(listening: tuple[str, int], access: Access) -> str:
     host, port = listening[:2]
+    host = EVERYWHERE.get(host, host)
     named = f"[{host}]" if ":" in host else host
     return f"http://{named}:{port}/" + (f"?{TOKEN}={access.token}" if access.token else "")
 
@@ -152,7 +168,7 @@ class _Browser:
 
     def __init__(self, socket: web.WebSocketResponse, requests: Requests) -> None:
         self._socket, self._requests, self._session = socket, requests, requests.session
-        self._turn = self._confirmed = -1
+        self._turn = -1
         self._skipped = 0
         self._owed: list[int] = []
         self._pending: set[asyncio.Task[None]] = set()
@@ -186,8 +202,6 @@ class _Browser:
         async for message in self._socket:
             if message.type is WSMsgType.TEXT:
                 self._hear(message.data)
-        for task in self._pending:
-            task.cancel()
 
     def _hear(self, text: str) -> None:
         if text.isdecimal():

@@ -196,10 +196,10 @@ class Session:
 
 
 class Recording:
-    """Writes frames to a log while somebody wants that."""
+    """Writes frames to a log while somebody wants that; a new one takes the place of the one before."""
 
     def __init__(self) -> None:
-        self._frames = 0
+        self._frames, self._trouble = 0, ""
         self._file: Path | None = None
         self._write: Callable[[float, Frame], None] | None = None
         self._open = ExitStack()
@@ -208,25 +208,34 @@ class Recording:
         """Begin a new log in a folder."""
         if self._write is not None:
             raise LocalError("a recording is under way")
-        self._file, self._frames = folder / time.strftime("bus-%Y%m%d-%H%M%S.log"), 0
+        if self._file is not None:
+            self._file.unlink(missing_ok=True)
+        self._file, self._frames, self._trouble = folder / time.strftime("bus-%Y%m%d-%H%M%S.log"), 0, ""
         self._write = self._open.enter_context(recording(self._file))
 
     def write(self, now: float, frame: Frame) -> None:
         """Write a frame, if anybody wants it."""
-        if self._write is not None:
+        if self._write is None:
+            return
+        try:
             self._write(now, frame)
             self._frames += 1
             if self._frames >= MOST_RECORDED:
                 self.stop()
+        except OSError as error:  # a full disk ends the recording and nothing else
+            self._trouble = f"the recording has ended: {error}"
+            with suppress(OSError):  # of the same disk
+                self.stop()
 
     def stop(self) -> None:
         """End the log, if there is one under way."""
-        self._open.close()
         self._write = None
+        self._open.close()
 
     def state(self) -> dict[str, Any]:
         """Return what the page shows of it."""
-        return {"on": self._write is not None, "frames": self._frames, "file": self._file.name if self._file else ""}
+        name = self._file.name if self._file else ""
+        return {"on": self._write is not None, "frames": self._frames, "file": name, "trouble": self._trouble}
 
 
 def _row_data(row: TrafficRow) -> dict[str, Any]:

@@ -38,6 +38,7 @@ class Page:
     def __init__(self, loop: asyncio.AbstractEventLoop, socket: aiohttp.ClientWebSocketResponse) -> None:
         self._loop, self._socket, self._numbers = loop, socket, itertools.count(1)
         self.complaints: list[str] = []
+        self.may_lose_its_server = False
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
 
@@ -61,7 +62,9 @@ class Page:
             details = said["params"]["exceptionDetails"]
             self.complaints.append(str(details.get("exception", details).get("description", details)))
         if said.get("method") == "Log.entryAdded" and said["params"]["entry"]["level"] == "error":
-            self.complaints.append(said["params"]["entry"]["text"])
+            text = said["params"]["entry"]["text"]
+            if not (self.may_lose_its_server and "ERR_CONNECTION_REFUSED" in text):
+                self.complaints.append(text)
 
     def open(self, address: str) -> None:
         """Load a page and wait until it has drawn itself."""

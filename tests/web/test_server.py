@@ -29,16 +29,16 @@ MUCH = 100_000_000
 """Bytes of a body that nobody asked for."""
 
 
-@pytest.fixture
-def local(tmp_path: Path) -> Iterator[Served]:
-    with live_page(channel(), tmp_path) as served:
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with live_page(channel(), tmp_path_factory.mktemp("recordings")) as served:
         yield served
 
 
-@pytest.fixture
-def guarded(tmp_path: Path) -> Iterator[Served]:
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """A page as it is served to other machines."""
-    with live_page(channel(), tmp_path, access=Access("127.0.0.1", TOKEN)) as served:
+    with live_page(channel(), tmp_path_factory.mktemp("recordings"), access=Access("127.0.0.1", TOKEN)) as served:
         yield served
 
 
@@ -203,7 +203,7 @@ async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str
         ('{"id": 1, "do": "nmt", "command": "explode", "node": "all"}', "unknown NMT command 'explode'"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
         ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "soon"}', "allowed: an integer"),
-        ('{"id": 1, "do": "unwatch", "key": 7}', "key is missing, or no text"),
+        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or no text"),
     ],
 )
 def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -95,6 +96,25 @@ def test_a_recording_ends_by_itself_when_it_is_long(
     state = snapshot(session)["recording"]
     assert (state["on"], state["frames"]) == (False, 2)
     assert len((tmp_path / state["file"]).read_text().splitlines()) == 2
+
+
+def test_a_full_disk_ends_a_recording_and_nothing_else(
+    bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    @contextmanager
+    def full(_: Path) -> Iterator[Callable[[float, Frame], None]]:
+        with Path("/dev/full").open("w", buffering=1) as disk:
+            yield lambda _time, frame: print(frame, file=disk)
+
+    session, send = bus
+    monkeypatch.setattr(module, "recording", full)
+    session.record(tmp_path)
+    send(BEAT)
+    send(BEAT)
+    found = snapshot(session)
+    assert found["frames"] == 2
+    assert not found["recording"]["on"]
+    assert "No space left on device" in found["recording"]["trouble"]
 
 
 def test_a_bus_that_fails_is_told_and_opened_again() -> None:

@@ -171,8 +171,8 @@ class FieldSeries {
   }
 }
 class ObjectSeries {
-  constructor(source, key) {
-    Object.assign(this, {source, key, unit: ""});
+  constructor(source, key, watched) {
+    Object.assign(this, {source, key, watched, unit: ""});
     this.id = JSON.stringify([source.number, null, key]);
     this.name = key;
   }
@@ -188,7 +188,6 @@ class ObjectSeries {
 }
 function seriesOf(id) {
   const [number, row, name] = JSON.parse(id), source = sources[number];
-  if (row === null) return new ObjectSeries(source, name);
   const found = source.row(row);
   return found && found.field(name) >= 0 ? new FieldSeries(found, name) : null;
 }
@@ -421,7 +420,6 @@ class Plot {
     this.legend.replaceChildren(...this.series.map((each, place) => h("span", {class: `line line-${place % 8}`}, each.name, " ",
       this.labels[place], h("button", {"aria-label": `take ${each.name} out of the plot`, onclick: () => {
         this.series.splice(place, 1);
-        if (each instanceof ObjectSeries) quietly(request({do: "unwatch", key: each.key}));
         this.build();
       }}, "×"))));
     if (!this.series.length || !this.canvas.clientWidth) return;
@@ -490,6 +488,8 @@ class Plot {
   }
 }
 
+const WATCHED = 5000;                       // ms after which the server is told that an object is still plotted
+
 const plots = {
   all: [], chosen: null, zoomed: null, window: 30, list: h("div", {class: "plots"}),
   range() {
@@ -516,13 +516,13 @@ const plots = {
     return plot;
   },
   remove(plot) {
-    for (const each of plot.series) if (each instanceof ObjectSeries) quietly(request({do: "unwatch", key: each.key}));
     if (plot.chart) plot.chart.destroy();
     plot.element.remove();
     this.all = this.all.filter(each => each !== plot);
     if (!this.all.length) this.create(); else this.choose(this.all.at(-1));
   },
   add(series) { this.chosen.add(series); stale = true; },
+  watched() { return this.all.flatMap(plot => plot.series).filter(each => each instanceof ObjectSeries); },
 };
 
 views.push({name: "plots", title: "Plots", make() {
@@ -623,7 +623,7 @@ if (live) views.push({name: "objects", title: "Objects", make() {
     };
     const plot = async () => {
       const key = await request({do: "watch", ...named}, answer => `${answer} is in the plot`);
-      plots.add(new ObjectSeries(source, key));
+      plots.add(new ObjectSeries(source, key, named));
     };
     const form = h("span", {class: "write", hidden: true}, input, h("button", {onclick: write}, "Write"));
     const limits = object.low === null ? "" : `${object.low}..${object.high}`;
@@ -763,6 +763,7 @@ function statusLine() {
     ? request({do: "stop recording"}, "recorded") : request({do: "record"}, "recording"))}, "Record");
   const element = h("div", {class: "status", role: "status", "aria-live": "off"}, dot, text, load, skipped, live ? freeze : null,
     live ? record : null, link);
+  let troubled = "";
   return {element, show(time) {
     if (!live) {
       say(text, sources.map(each => each.leftOut ? `${each.leftOut} frames left out` : "").filter(Boolean).join(", "));
@@ -774,6 +775,8 @@ function statusLine() {
     say(text, trouble || `${time.toFixed(1)} s`);
     freeze.setAttribute("aria-pressed", String(clock.frozen !== null));
     if (!state) return;
+    if (state.recording.trouble && state.recording.trouble !== troubled) toast(state.recording.trouble, true);
+    troubled = state.recording.trouble;
     say(load, `load ${(100 * state.load).toFixed(1)} %, ${state.rate.toFixed(0)} frames/s, ${state.frames} frames`);
     say(skipped, state.skipped ? `${state.skipped} snapshots skipped` : "");
     say(record, state.recording.on ? `Stop recording (${state.recording.frames})` : "Record");
@@ -854,7 +857,10 @@ function start() {
     }
     requestAnimationFrame(frame);
   }
-  if (live) connection.open();
+  if (live) {
+    connection.open();
+    setInterval(() => plots.watched().forEach(each => quietly(connection.ask({do: "watch", ...each.watched}))), WATCHED);
+  }
   requestAnimationFrame(frame);
 }
 const stopNow = () => request({do: "stop"}, answer => `stop sent: ${answer}`);
