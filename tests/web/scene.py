@@ -16,6 +16,7 @@ from eurobot_od.live import Live, open_bus
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.robot import dialects
 from eurobot_od.robot.assembly import assemble
+from eurobot_od.robot.match.settings import stores
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.panel import FieldPanel
@@ -36,6 +37,10 @@ LONG = 20.0
 NUMBERS = count(1)
 
 LOCAL = Access()
+
+
+SETTINGS = (("core.Position polling.Start delay", "0"), ("core.Position polling.Polling period", "200"))
+"""So that a test need not wait for places."""
 
 
 def channel() -> str:
@@ -98,7 +103,10 @@ def live_page(
 @contextmanager
 def robot(channel: str) -> Iterator[tuple[Core, World]]:
     """Run our robot's three nodes on a bus, configured for a match it plays alone; gives the core and the world."""
-    nodes: list[Node] = [kind(dialects.load(kind.__name__.lower())) for kind in (Core, Drive, Navigation)]
+    files = {each.name: each for each in dialects.load_all()}
+    kept = stores(SETTINGS, files)
+    kinds: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
+    nodes = [kind(files[name], store=kept[name]) for name, kind in kinds.items()]
     world = assemble(nodes, MatchOptions(enemies=0, confederates=0), time.perf_counter)
     with ExitStack() as stack:
         for node in reversed(nodes):
