@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     match = SeenMatch(list(meanings()), described)
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
-    if not match.recording.path and not match.recording.gotos:
+    recording = match.recording
+    if not recording.path and not recording.gotos:
         raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
     save(match, arguments.output, arguments.title or Path(arguments.logs[0]).stem)

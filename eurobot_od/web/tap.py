@@ -1,11 +1,13 @@
 """A second bus on one adapter: for a master that asks nodes while somebody else reads every frame.
 
-Rule of this file: one thread at a time sends, as few drivers allow two; what the master has no use for is not kept.
+Rule of this file: one thread at a time sends, as few drivers allow two. What waits for the master is bounded: it takes
+frames only while it asks for something, and other masters may be on the bus all day.
 """
 
 from __future__ import annotations
 
-from queue import Empty, SimpleQueue
+from contextlib import suppress
+from queue import Empty, Full, Queue, SimpleQueue
 from threading import Lock
 
 import can
@@ -13,10 +15,13 @@ import can
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.live import Driver
-from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS, SDO_RESPONSE_BASE
+from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 
-WANTED = {base + node for base in (SDO_RESPONSE_BASE, ERROR_CONTROL_BASE) for node in NODE_IDS}
-"""COB-IDs that a master listens to: SDO answers and heartbeats."""
+WANTED = {SDO_RESPONSE_BASE + node for node in NODE_IDS}
+"""COB-IDs that the master listens to: SDO answers."""
+
+MOST_WAITING = 1000
+"""Frames that wait for the master; the oldest make room."""
 
 PATIENCE = 0.5
 """Seconds that the driver has to take a frame."""
@@ -34,13 +39,19 @@ class Tap(can.BusABC):
         self.driver: Driver | None = None
         self.trouble = ""
         self._lock = Lock()
-        self._came: SimpleQueue[can.Message] = SimpleQueue()
+        self._came: Queue[can.Message] = Queue(MOST_WAITING)
         self._sent: SimpleQueue[Frame] = SimpleQueue()
 
     def give(self, frame: Frame) -> None:
         """Let the master have a frame if it wants it."""
-        if frame.cob_id in WANTED:
-            self._came.put(can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False))
+        if frame.cob_id not in WANTED:
+            return
+        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        with suppress(Full):  # only this thread puts something in
+            if self._came.full():
+                with suppress(Empty):
+                    self._came.get_nowait()
+            self._came.put_nowait(message)
 
     def send_frame(self, frame: Frame) -> None:
         """Send a frame; raises BusError if the driver does not take it."""
