@@ -31,6 +31,7 @@ LAYERS = (
     {"live", "simulation", "faults", "campaign"},
     {"client", "lint", "logs", "export", "load"},
     {"monitor", "check", "season", "compare"},
+    {"web"},
     {"robot"},
     {"cli"},
     {"__main__"},

@@ -36,6 +36,7 @@ COMMANDS = {
     "compare": "compare two logs: what differs, is missing, is late",
     "replay": "replay a log onto a bus at its old times",
     "monitor": "watch a bus, or a log, as a live table",
+    "serve": "show a bus, or logs, in a browser",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
     "load": "compute how full a bus is, and how late each message can be",
     "lint": "check EDS and DCF files, one by one or as a network",

@@ -14,13 +14,14 @@ from eurobot_od.cli.logs import add_log, entries
 from eurobot_od.errors import RemoteError
 
 if TYPE_CHECKING:
-    from eurobot_od.pdo.message import Message
+    from eurobot_od.logs.meaning import Meaning
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     add_log(parser)
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="picture: .svg, .html or .png")
+    words = "picture: .svg or .png; .html: a page that plays the match"
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help=words)
     parser.add_argument("--title", help="heading of the picture; left out: the log's name")
     options.add_dialect(parser)
 
@@ -29,22 +30,22 @@ def run(arguments: argparse.Namespace) -> None:
     """Draw the match; say what was wrong in the log."""
     from eurobot_od.logs.entries import REMEMBERED
     from eurobot_od.logs.statistics import DamageCounts
-    from eurobot_od.robot.picture.files import form, save
-    from eurobot_od.robot.picture.recording import record
+    from eurobot_od.robot.picture.files import SeenMatch, form, save
     from eurobot_od.robot.protocol import decoder
 
     form(arguments.output)  # complains of a suffix before the logs are read
-    decode, damage = lru_cache(REMEMBERED)(decoder(arguments.dialect)), DamageCounts()
+    described, damage = decoder(arguments.dialect), DamageCounts()
+    decode = lru_cache(REMEMBERED)(described)
 
-    def messages() -> Iterator[tuple[float, Message]]:
+    def meanings() -> Iterator[tuple[float, Meaning]]:
         for log, (line, time, _, raw) in entries(arguments.logs, arguments):
             meaning = decode(raw)
             damage.add(log, line, meaning.defects)
-            if meaning.message is not None:
-                yield time, meaning.message
+            yield time, meaning
 
-    recording = record(messages())
+    match = SeenMatch(list(meanings()), described)
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
+    recording = match.recording
     if not recording.path and not recording.gotos:
         raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
-    save(recording, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
+    save(match, arguments.output, arguments.title or Path(arguments.logs[0]).stem)

@@ -9,19 +9,18 @@ import argparse
 import time
 from collections.abc import Sequence
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
-from eurobot_od.errors import BusError, FieldError, LocalError, RemoteError, UnknownName
+from eurobot_od.errors import BusError, LocalError, RemoteError
 from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
     import can
 
     from eurobot_od.frame import Frame
-    from eurobot_od.pdo.binding import Binding
     from eurobot_od.pdo.message import Message
     from eurobot_od.pdo.protocol import Protocol
 
@@ -70,6 +69,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:
     """Return the frame to send, of a message or in candump's notation, and what it means; raises as `parse`."""
     from eurobot_od.frame import Frame
+    from eurobot_od.pdo.written import parse
 
     if FRAME_MARK not in text:
         message = parse(protocol.binding(text), fields)
@@ -85,32 +85,6 @@ def expectation(protocol: Protocol, text: str) -> Frame:
     from eurobot_od.frame import Frame
 
     return Frame.parse(text) if FRAME_MARK in text else Frame(protocol.binding(text).cob_id)
-
-
-def parse(binding: Binding, fields: Sequence[str]) -> Message:
-    """Return the message of `name=value` words; raises UnknownName, FieldError, LocalError."""
-    values: dict[str, Any] = {}
-    for field, value in (_value(binding, text) for text in fields):
-        if field in values:
-            raise LocalError(f"{binding.name}: {field} given twice")
-        values[field] = value
-    missing = [field for field in binding.kinds if field not in values and field not in binding.defaults]
-    if missing:
-        raise LocalError(f"{binding.name}: {', '.join(missing)} missing")
-    return binding.message(**values)
-
-
-def _value(binding: Binding, text: str) -> tuple[str, Any]:
-    field, given, value = text.partition("=")
-    if field not in binding.kinds:
-        raise UnknownName(f"field of {binding.name}", field, binding.kinds)
-    kind = binding.kinds[field]
-    try:
-        return field, kind.parse(value)
-    except (ValueError, KeyError):
-        limits = binding.limits.get(field)
-        allowed = kind.allowed(limits) if limits else "nothing, as the loaded EDS does not map it"
-        raise FieldError(binding.name, field, value if given else text, allowed) from None
 
 
 def meaning(protocol: Protocol, frame: Frame) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from eurobot_od.frame import Frame
 from eurobot_od.robot.field import Point
 from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.picture.files import save
+from eurobot_od.robot.picture.files import SeenMatch, save
 from eurobot_od.robot.picture.recording import Recording, ScoredTask, TouchMark, Truth, record_frames
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.world import World
@@ -22,7 +22,9 @@ def recorded(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world
 
 def draw(file: Path, frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> None:
     """Draw a match into a file; raises OSError, UnknownName for its suffix, LocalError for a PNG without the extra."""
-    save(recorded(frames, options, world), file, f"Match, seed {options.seed}")
+    decode = decoder(options.dialect)
+    seen = [(time, decode(frame)) for time, frame in frames]
+    save(SeenMatch(seen, decode, truth_of(world)), file, f"Match, seed {options.seed}")
 
 
 def truth_of(world: World) -> Truth:

@@ -1,41 +1,69 @@
-"""The picture of a match as a file: SVG, HTML or PNG by its suffix."""
+"""A match as a file to look at: SVG or PNG, the picture; HTML, the page that plays it; by the file's suffix."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.files import write_whole
-from eurobot_od.robot.picture.page import page
+from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.robot.picture.picture import PAGE, picture
-from eurobot_od.robot.picture.recording import Recording
+from eurobot_od.robot.picture.recording import NOTHING, Recording, Truth, record
 
 
-def _png(recording: Recording, title: str) -> bytes:
+class SeenMatch(NamedTuple):
+    """What was on the bus, with times in s, what its frames mean by `decoder`, and what is known besides."""
+
+    frames: Sequence[tuple[float, Meaning]]
+    decoder: Decoder
+    truth: Truth = NOTHING
+
+    @property
+    def recording(self) -> Recording:
+        """What the messages tell."""
+        messages = ((time, each.message) for time, each in self.frames if each.message is not None)
+        return record(messages, self.truth)
+
+
+def _png(match: SeenMatch, title: str) -> bytes:
     try:
         import resvg_py
     except ImportError:
         raise LocalError("a PNG needs the extra `png`: pip install 'eurobot-od[png]'") from None
     # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
-    return bytes(resvg_py.svg_to_bytes(svg_string=picture(recording, title), width=PAGE[0]))
+    return bytes(resvg_py.svg_to_bytes(svg_string=picture(match.recording, title), width=PAGE[0]))
 
 
-PICTURE_FORMATS: Mapping[str, Callable[[Recording, str], bytes]] = {
-    ".svg": lambda recording, title: picture(recording, title).encode(),
-    ".html": lambda recording, title: page(recording, title).encode(),
+def _html(match: SeenMatch, title: str) -> bytes:
+    from eurobot_od.live import BITRATE
+    from eurobot_od.robot.panel import FieldPanel, true_path, truth_events
+    from eurobot_od.web.columns import Columns
+    from eurobot_od.web.page import page
+
+    columns = Columns(title, match.decoder, BITRATE, [FieldPanel])
+    for time, meaning in match.frames:
+        columns.take(time, meaning)
+    columns.add(truth_events(match.truth, columns.start or 0.0))
+    return page(title, [columns.data(true_path(match.truth, columns.start or 0.0))], [FieldPanel]).encode()
+
+
+PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
+    ".svg": lambda match, title: picture(match.recording, title).encode(),
+    ".html": _html,
     ".png": _png,
 }
 
 
-def form(file: Path) -> Callable[[Recording, str], bytes]:
-    """Return what makes the picture for a file's suffix; raises UnknownName for a suffix of no format."""
+def form(file: Path) -> Callable[[SeenMatch, str], bytes]:
+    """Return what makes the file of a match for its suffix; raises UnknownName for a suffix of no format."""
     try:
         return PICTURE_FORMATS[file.suffix.lower()]
     except KeyError:
         raise UnknownName("picture format", file.suffix or file.name, PICTURE_FORMATS) from None
 
 
-def save(recording: Recording, file: Path, title: str) -> None:
+def save(match: SeenMatch, file: Path, title: str) -> None:
     """Draw a match into a file; raises UnknownName for its suffix, LocalError for a PNG without the extra."""
-    write_whole(file, form(file)(recording, title))
+    write_whole(file, form(file)(match, title))

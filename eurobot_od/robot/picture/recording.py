@@ -130,7 +130,7 @@ class Recording:
 
 def record(events: Iterable[tuple[float, Message]], truth: Truth = NOTHING) -> Recording:
     """Work out a match from its messages and their times in s, and what is known besides, by the same clock."""
-    recorder = _Recorder()
+    recorder = Recorder()
     for time, message in events:
         recorder.take(time, message)
     start, recording = recorder.start or 0.0, recorder.recording
@@ -148,8 +148,8 @@ def record_frames(frames: Iterable[tuple[float, Frame]], decoder: Decoder, truth
     return record(((time, message) for time, message in meanings if message is not None), truth)
 
 
-class _Recorder:
-    """Takes in one message after the other."""
+class Recorder:
+    """Takes in one message after the other: `recording` is the match so far, `start` the first message's time in s."""
 
     def __init__(self) -> None:
         self.recording = Recording()
@@ -205,15 +205,15 @@ class _Recorder:
             self._running = None
 
 
-HANDLERS: Mapping[type[Message], Callable[[_Recorder, float, Any], None]] = {
-    messages.StartConfigurationSet: _Recorder.configure,
-    messages.KalmanPositionResponse: _Recorder.see,
-    messages.Enemy1PositionResponse: _Recorder.see,
-    messages.Enemy2PositionResponse: _Recorder.see,
-    messages.ConfederatePositionResponse: _Recorder.see,
-    messages.GotoXY: _Recorder.goto,
-    messages.GotoStateResponse: _Recorder.state,
-    **dict.fromkeys(get_args(messages.StopMessage), _Recorder.stop),
+HANDLERS: Mapping[type[Message], Callable[[Recorder, float, Any], None]] = {
+    messages.StartConfigurationSet: Recorder.configure,
+    messages.KalmanPositionResponse: Recorder.see,
+    messages.Enemy1PositionResponse: Recorder.see,
+    messages.Enemy2PositionResponse: Recorder.see,
+    messages.ConfederatePositionResponse: Recorder.see,
+    messages.GotoXY: Recorder.goto,
+    messages.GotoStateResponse: Recorder.state,
+    **dict.fromkeys(get_args(messages.StopMessage), Recorder.stop),
 }
 
 

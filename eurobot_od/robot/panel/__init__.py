@@ -1,0 +1,203 @@
+"""The robot on the page: the playing field with everybody on it, and the match as events.
+
+What the messages say of the match is worked out by `picture.recording`, as for the static picture; `field.js` draws it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from eurobot_od.pdo.kinds import words_of
+from eurobot_od.pdo.message import Message, describe
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, Point
+from eurobot_od.robot.messages import (
+    GotoXY,
+    KalmanPositionResponse,
+    NaviPositionResponse,
+    StartConfigurationSet,
+)
+from eurobot_od.robot.nodes.route import Clearances, find_route
+from eurobot_od.robot.picture import style
+from eurobot_od.robot.picture.ground import RING, ground
+from eurobot_od.robot.picture.recording import (
+    OURS,
+    PathPoint,
+    RecordedGoto,
+    RecordedStop,
+    Recorder,
+    ScoredTask,
+    TouchMark,
+    Truth,
+    at,
+)
+from eurobot_od.robot.values import Outcome, Route
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS
+from eurobot_od.web.panel import Event, Panel
+
+HERE = Path(__file__).parent
+
+SPEED = 50
+"""Per cent of the drive's maximum that a goto of the page has, unless somebody says another."""
+
+CLEARANCES = Clearances.of(ROBOT_RADIUS, 0.0)
+"""For the way that is drawn to a goto's place: the drive keeps a margin besides, by how well it knows where it is."""
+
+
+POSE_UNITS = {"x": "mm", "y": "mm", "angle": "deg"}
+
+KEPT = 1000
+"""Sightings of each robot that are kept: the page has its own, here they tell where a goto began."""
+
+
+class FieldPanel(Panel):
+    """The playing field of one source."""
+
+    name: ClassVar[str] = "field"
+    title: ClassVar[str] = "Field"
+    script: ClassVar[Path] = HERE / "field.js"
+    style: ClassVar[Path] = HERE / "field.css"
+    stop: ClassVar[str] = "Stop Drive"
+
+    def __init__(self) -> None:
+        self._recorder = Recorder()
+        self._told: dict[str, Event] = {}
+        self._routes: dict[int, list[Point]] = {}
+        self._stops = 0
+
+    @staticmethod
+    def fits(protocol: Protocol) -> bool:
+        """Tell whether a network has what there is to see on the field."""
+        return {KalmanPositionResponse, GotoXY} <= {each.type for each in protocol.bindings}
+
+    @classmethod
+    def setup(cls) -> Mapping[str, Any]:
+        return {
+            "width": WIDTH,
+            "height": HEIGHT,
+            "ground": ground(None, {}),
+            "ring": RING,
+            "speed": SPEED,
+            "barriers": {each.number: (each.name, each.x, each.y, RADII[each.kind]) for each in BARRIERS},
+            "robots": list(_robots()),
+            "teams": {words_of(team): colour for team, colour in style.TEAM.items()},
+            "start": StartConfigurationSet.__name__,
+            "ink": style.INK,
+        }
+
+    def take(self, time: float, message: Message) -> Iterable[Event]:
+        recording = self._recorder.recording
+        before = max(len(recording.gotos) - 1, 0)
+        self._recorder.take(time, message)
+        for path in recording.paths.values():
+            if len(path) > 2 * KEPT:
+                del path[:KEPT]
+        if isinstance(message, StartConfigurationSet):
+            yield Event(f"start {time}", "start", time, f"Start Configuration Set: {describe(message)}")
+        start = self._recorder.start or 0.0
+        yield from self._new(self._goto(start, each) for each in recording.gotos[before:])
+        yield from self._new(_stop(start, each) for each in recording.stops[self._stops :])
+        self._stops = len(recording.stops)
+
+    def _new(self, events: Iterable[Event]) -> Iterator[Event]:
+        """Give the events that are not as they were told before."""
+        for event in events:
+            if self._told.get(event.key) != event:
+                self._told[event.key] = event
+                yield event
+
+    def _goto(self, start: float, goto: RecordedGoto) -> Event:
+        message = goto.message
+        return Event(
+            f"goto {goto.number}",
+            "goto",
+            start + goto.sent,
+            f"goto {goto.number} to {message.x}, {message.y} mm, {message.angle} deg, {message.speed} %: {goto.ending}",
+            end=None if goto.ended is None else start + goto.ended,
+            mark=str(goto.number),
+            wrong=goto.outcome not in (None, Outcome.ARRIVED, Outcome.REPLACED),
+            data={
+                "x": message.x,
+                "y": message.y,
+                "angle": message.angle,
+                "barriers": {number: int(passage) for number, passage in message.barriers.set_barriers()},
+                "route": self._route(goto),
+                "outcome": goto.ending,
+            },
+        )
+
+    def _route(self, goto: RecordedGoto) -> list[Point]:
+        """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
+        if goto.number not in self._routes:
+            self._routes[goto.number] = _way(at(self._recorder.recording.path, goto.sent), goto.message)
+        return self._routes[goto.number]
+
+
+def _way(start: PathPoint | None, goto: GotoXY) -> list[Point]:
+    here, there = start and Point(start.x, start.y), Point(goto.x, goto.y)
+    if here is None:
+        return [there]
+    planned = goto.route is Route.PLANNED and find_route(here, there, goto.barriers, CLEARANCES)
+    return [here, *(planned or (there,))]
+
+
+def _robots() -> Iterator[dict[str, Any]]:
+    ours: dict[str, Any] = {"radius": ROBOT_RADIUS, "dashes": None, "diameter": None}
+    yield ours | {"name": OURS, "message": KalmanPositionResponse.__name__, "colour": None}
+    yield ours | {"name": "raw position", "message": NaviPositionResponse.__name__, "colour": None, "radius": 0}
+    for whom, (name, colour, dashes) in style.OTHERS.items():
+        diameter = f"{name.replace(' ', '_')}_diameter"
+        known = diameter if diameter in StartConfigurationSet._fields else None
+        yield ours | {"name": name, "message": whom.__name__, "colour": colour, "dashes": dashes, "diameter": known}
+
+
+def _stop(start: float, stop: RecordedStop) -> Event:
+    place = stop.place and {"x": stop.place.x, "y": stop.place.y}
+    text = f"{stop.letter}: {stop.name}: {stop.reason}"
+    return Event(
+        f"stop {stop.letter}", "stop", start + stop.time, text, mark=stop.letter, wrong=True, data={"place": place}
+    )
+
+
+# What the world of a simulated match knows besides
+
+
+def truth_events(truth: Truth, start: float) -> Iterator[Event]:
+    """Give touches and points as events, `start` being when the page's time begins."""
+    for number, touch in enumerate(truth.touches):
+        yield _touch(number, touch, start)
+    for number, score in enumerate(truth.scores):
+        yield _score(number, score, start)
+
+
+def _touch(number: int, touch: TouchMark, start: float) -> Event:
+    place = {"x": touch.place.x, "y": touch.place.y}
+    time = touch.time - start
+    return Event(f"touch {number}", "touch", time, touch.words, mark="✶", wrong=touch.at_fault, data={"place": place})
+
+
+def _score(number: int, score: ScoredTask, start: float) -> Event:
+    text = f"{score.robot}: {score.task} +{score.points}"
+    return Event(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
+
+
+def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:
+    """Return where our robot truly was as a row of the page; nothing if nobody knows."""
+    path = [(time - start, pose) for time, pose in truth.path if time >= start]
+    if not path:
+        return []
+    row: dict[str, Any] = {
+        "id": None,
+        "name": "True position",
+        "group": "world",
+        "nodes": [OURS],
+        "times": [round(time, 4) for time, _ in path],
+        "values": [[round(each[field], 1) for _, each in path] for field in range(3)],
+        "texts": [],
+        "wrong": {},
+        "bits": 0,
+        "fields": [{"name": name, "unit": unit, "words": {}} for name, unit in POSE_UNITS.items()],
+    }
+    return [row]

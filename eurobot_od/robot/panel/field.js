@@ -1,0 +1,176 @@
+"use strict";
+// The playing field: who is where at the clock's time, the goto under way with the way to it, gotos and stops before it.
+//
+// Rule of this file: y grows upwards on the field and downwards on the drawing; `across` is the only place that knows.
+
+panel("field", (setup, source) => {
+  const TRAIL = 20, LONGEST_GAP = 2;        // s of the path that is drawn; s between sightings that still belong together
+  const small = matchMedia("(max-width: 760px)"), magnified = () => small.matches ? "scale(1.8)" : "";
+  const across = y => setup.height - y;
+  const ground = new DOMParser().parseFromString(
+    `<svg xmlns="http://www.w3.org/2000/svg">${setup.ground}</svg>`, "image/svg+xml").documentElement.firstElementChild;
+  const layer = name => s("g", {class: name});
+  const rings = layer("rings"), trails = layer("trails"), routes = layer("routes"), marks = layer("marks"), bodies = layer("bodies");
+  const aim = s("g", {class: "aim", visibility: "hidden"}, s("circle", {r: 40}), s("path", {d: "M-60 0H60M0-60V60"}));
+  const drawing = s("svg", {
+    class: "field", viewBox: `-90 -30 ${setup.width + 150} ${setup.height + 100}`, role: "img", "aria-label": "playing field",
+    onclick: event => point(event),
+  }, ground, rings, trails, routes, marks, bodies, aim);
+
+  const robots = setup.robots.map(robot => {
+    const body = s("circle", {r: robot.radius || 40, "stroke-dasharray": robot.dashes});
+    const front = s("line", {x2: robot.radius || 40});
+    const name = s("text", {y: -(robot.radius || 40) - 20}, robot.name);
+    const group = s("g", {class: robot.radius ? "robot" : "robot raw", visibility: "hidden"}, body, front, name);
+    const trail = s("polyline", {class: "trail", points: ""});
+    bodies.append(group);
+    if (robot.radius) trails.append(trail);
+    return {...robot, group, body, front, trail, label: name};
+  });
+  const list = h("p", {class: "where", role: "status", "aria-live": "off"});
+  const legend = h("p", {class: "legend hint"}, "Line: heading. Dashed path: the way to the goto. Discs: gotos, filled if reached. "
+    + "Signs: stops. Rings: barriers of the goto, solid: never crossed, dashed: avoided if there is a way round.");
+
+  // The goto by hand
+
+  const inputs = {};
+  const labelled = (name, words, value, more) => h("label", {}, words,
+    inputs[name] = h("input", {type: "number", value, required: true, oninput: aimed, ...more}));
+  const form = h("form", {class: "goto", hidden: true, "aria-label": "Goto XY", onsubmit: event => {
+    event.preventDefault();
+    const fields = Object.fromEntries(Object.entries(inputs).map(([name, input]) => [name, input.value]));
+    quietly(request({do: "send", message: "Goto XY", fields}, `goto ${fields.x}, ${fields.y} sent`).then(follow));
+  }},
+  labelled("x", "x mm", "", {min: 0, max: setup.width}), labelled("y", "y mm", "", {min: 0, max: setup.height}),
+  labelled("angle", "angle deg", 0, {}), labelled("speed", "speed %", setup.speed, {min: 0, max: 100}),
+  h("button", {class: "main"}, "Go"), h("span", {class: "hint"}, "click the field for a place"));
+  const ASKED = 300, LONGEST = 60000;       // ms: how often the drive is asked, as the core would, and for how long
+  let following = 0;
+  function follow() {                       // a goto that is sent from here is no core's: nobody else asks how it ends
+    clearInterval(following);
+    const end = performance.now() + LONGEST;
+    following = setInterval(() => {
+      const last = source.sortedEvents().filter(each => each.kind === "goto").at(-1);
+      if (!last || last.end !== null || performance.now() > end) clearInterval(following);
+      else connection.ask({do: "send", message: "Goto State Request", fields: {}}).catch(() => clearInterval(following));
+    }, ASKED);
+  }
+  function aimed() {
+    const set = inputs.x.value !== "" && inputs.y.value !== "";
+    aim.setAttribute("visibility", set ? "visible" : "hidden");
+    if (set) aim.setAttribute("transform", `translate(${inputs.x.value} ${across(Number(inputs.y.value))})`);
+  }
+  function point(event) {
+    if (!connection.control) return;
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(drawing.getScreenCTM().inverse());
+    const within = (value, most) => String(Math.round(Math.min(Math.max(value, 0), most)));
+    inputs.x.value = within(place.x, setup.width);
+    inputs.y.value = within(across(place.y), setup.height);
+    aimed();
+  }
+
+  // Who is where
+
+  function turn(from, to) { return ((to - from) % 360 + 540) % 360 - 180; }
+  function sighting(row, count) {
+    const at = name => row.columns[row.field(name)][count - 1];
+    return {time: row.times[count - 1], x: at("x"), y: at("y"), angle: at("angle")};
+  }
+  function between(one, two, time) {
+    if (!two || two.x === null || one.x === null || two.time - one.time > LONGEST_GAP) return one;
+    const share = Math.min((time - one.time) / (two.time - one.time), 1);
+    const angle = one.angle === null || two.angle === null ? one.angle : one.angle + share * turn(one.angle, two.angle);
+    return {time, x: one.x + share * (two.x - one.x), y: one.y + share * (two.y - one.y), angle};
+  }
+  function placeOf(row, time) {             // null if it was not seen yet, or is not known
+    let shown = time;
+    if (live && row.times.length > 1) {     // moved smoothly, the bus' last interval later
+      shown -= Math.min(row.times.at(-1) - row.times.at(-2), LONGEST_GAP / 2);
+    }
+    const count = upTo(row.times, shown);
+    if (!count) return row.times.length && live ? sighting(row, 1) : null;
+    const one = sighting(row, count), two = count < row.times.length ? sighting(row, count + 1) : null;
+    const place = between(one, two, shown);
+    return place.x === null || place.y === null ? null : place;
+  }
+  function radiusOf(robot, time) {
+    const start = robot.diameter && source.row(setup.start), diameter = start ? start.value(robot.diameter, time) : 0;
+    return diameter ? diameter * 5 : robot.radius;   // cm of the diameter are 5 mm of the radius each
+  }
+  function colourOf(robot, time) {
+    const start = robot.colour ? null : source.row(setup.start);
+    return robot.colour || setup.teams[start && start.value("team_colour", time)] || "var(--ink)";
+  }
+  const rowOf = robot => source.row(robot.message);
+
+  function showRobot(robot, time) {
+    const row = rowOf(robot), place = row && placeOf(row, time);
+    robot.group.setAttribute("visibility", place ? "visible" : "hidden");
+    if (!place) { robot.trail.setAttribute("points", ""); return null; }
+    const radius = robot.radius ? radiusOf(robot, time) : 40, colour = colourOf(robot, time);
+    robot.group.setAttribute("transform", `translate(${place.x} ${across(place.y)})`);
+    robot.group.style.color = colour;
+    robot.trail.style.color = colour;
+    robot.body.setAttribute("r", radius);
+    robot.label.setAttribute("y", -radius - 20);
+    robot.front.setAttribute("visibility", place.angle === null ? "hidden" : "inherit");
+    robot.front.setAttribute("x2", radius);
+    robot.front.setAttribute("transform", `rotate(${-(place.angle || 0)})`);
+    if (robot.radius) robot.trail.setAttribute("points", trailOf(row, time, place));
+    return `${robot.name} ${place.x.toFixed(0)}, ${place.y.toFixed(0)} mm${place.angle === null ? "" : `, ${Math.round(place.angle + 360) % 360}°`}`;
+  }
+  function trailOf(row, time, place) {
+    const points = [], x = row.columns[row.field("x")], y = row.columns[row.field("y")];
+    for (let each = upTo(row.times, time - TRAIL); each < upTo(row.times, place.time); each++) {
+      if (x[each] !== null) points.push(`${x[each]},${across(y[each])}`);
+    }
+    points.push(`${place.x},${across(place.y)}`);
+    return points.join(" ");
+  }
+
+  // Gotos, stops, touches
+
+  function discOf(event) {
+    const reached = event.data.outcome === "arrived";
+    return s("g", {class: `goto ${reached ? "reached" : ""}`, transform: `translate(${event.data.x} ${across(event.data.y) + 68})${magnified()}`},
+      s("title", {}, event.text), s("circle", {r: 30}), s("text", {y: 12}, event.mark));
+  }
+  function targetOf(event) {
+    return s("g", {class: "target", transform: `translate(${event.data.x} ${across(event.data.y)})`},
+      s("circle", {r: 26}), s("circle", {r: 8, class: "dot"}),
+      s("path", {d: "M68 0L30-20V20Z", transform: `rotate(${-event.data.angle})`}));
+  }
+  function signOf(event) {
+    const {x, y} = event.data.place;
+    return s("g", {class: event.kind, transform: `translate(${x} ${across(y) - 78})${magnified()}`}, s("title", {}, event.text),
+      s("polygon", {points: "-14,-35 14,-35 35,-14 35,14 14,35 -14,35 -35,14 -35,-14"}), s("text", {y: 12}, event.mark));
+  }
+  function ringOf([number, passage]) {
+    const [name, x, y, radius] = setup.barriers[number];
+    return s("circle", {class: passage > 1 ? "forced" : "normal", cx: x, cy: across(y), r: radius + setup.ring}, s("title", {}, name));
+  }
+  let told = null;
+  function showEvents(time) {
+    const past = source.sortedEvents().filter(each => each.time <= time);
+    const gotos = past.filter(each => each.kind === "goto"), last = gotos.at(-1);
+    const under = last && (last.end === null || last.end > time) ? last : null;
+    const shown = past.filter(each => time - each.time < 3 * TRAIL).slice(-40);
+    const state = shown.map(each => each.key + each.end).join() + (under ? under.key : "");
+    if (state === told) return;
+    told = state;
+    rings.replaceChildren(...(under ? Object.entries(under.data.barriers).map(ringOf) : []));
+    const way = under && under.data.route;
+    routes.replaceChildren(...(way ? [s("polyline", {points: way.map(([x, y]) => `${x},${across(y)}`).join(" ")}), targetOf(under)] : []));
+    marks.replaceChildren(
+      ...gotos.filter(each => shown.includes(each)).map(each => discOf(each.end !== null && each.end > time ? {...each, data: {...each.data, outcome: ""}} : each)),
+      ...shown.filter(each => each.data.place && each.kind !== "goto").map(signOf));
+  }
+  return {
+    element: h("div", {class: "field-panel"}, drawing, list, form, legend),
+    show(time) {
+      say(list, robots.map(robot => showRobot(robot, time)).filter(Boolean).join(" · ") || "nobody was seen yet");
+      showEvents(time);
+      show(form, connection.control);
+    },
+  };
+});

@@ -1,0 +1,60 @@
+"""The page as one HTML file: nothing is loaded from elsewhere, and nothing runs in it but the scripts written here.
+
+Rule of this file: what comes from files and buses gets into the page as JSON only, in which no `<` is left; a content
+security policy names the scripts and styles by their hashes.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from eurobot_od.web.content import panels_described
+from eurobot_od.web.panel import Panel
+
+FILES = Path(__file__).with_name("files")
+STYLES = ("uplot.css", "page.css")
+SCRIPTS = ("uplot.js", "page.js")
+
+PART = re.compile(r"\{\{(\w+)\}\}")
+"""A place of `page.html` that is filled in."""
+
+
+def page(
+    title: str, sources: Sequence[Mapping[str, Any]], panels: Sequence[type[Panel]] = (), **settings: object
+) -> str:
+    """Return the page that shows some sources; `settings` are for its script."""
+    styles = [_read(each) for each in (*(FILES / name for name in STYLES), *(panel.style for panel in panels))]
+    scripts = [_read(each) for each in (*(FILES / name for name in SCRIPTS), *(panel.script for panel in panels))]
+    content = {"title": title, "sources": sources, "panels": panels_described(panels), **settings}
+    parts = {
+        "policy": _policy(styles, scripts),
+        "title": escape(title),
+        "icon": base64.b64encode((FILES / "icon.svg").read_bytes()).decode(),
+        "styles": "\n".join(f"<style>{each}</style>" for each in styles),
+        "scripts": "\n".join(f"<script>{each}</script>" for each in scripts),
+        "content": json.dumps(content, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c"),
+    }
+    return PART.sub(lambda found: parts[found[1]], _read(FILES / "page.html"))
+
+
+def _read(file: Path) -> str:
+    return file.read_text(encoding="utf-8")
+
+
+def _policy(styles: Iterable[str], scripts: Iterable[str]) -> str:
+    return (
+        f"default-src 'none'; script-src {_hashes(scripts)}; style-src {_hashes(styles)}; img-src data: blob:; "
+        "connect-src 'self'; base-uri 'none'; form-action 'none'"
+    )
+
+
+def _hashes(texts: Iterable[str]) -> str:
+    digests = (base64.b64encode(hashlib.sha256(each.encode()).digest()).decode() for each in texts)
+    return " ".join(f"'sha256-{each}'" for each in digests)

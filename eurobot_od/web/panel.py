@@ -1,0 +1,61 @@
+"""What a page shows besides frames: events on the time line, and panels that only some networks have."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+from eurobot_od.logs.meaning import Meaning
+from eurobot_od.pdo.message import Message
+
+
+class Event(NamedTuple):
+    """Something that happened at a `time` in s, until `end` if it lasts; one with the same `key` takes its place.
+
+    `kind` is what kind of thing it is, `text` says it, `mark` is a short sign of it, `wrong` whether it is to be seen
+    as trouble. `data` is for the script of the panel that made it.
+    """
+
+    key: str
+    kind: str
+    time: float
+    text: str
+    end: float | None = None
+    mark: str = ""
+    wrong: bool = False
+    data: Mapping[str, Any] = {}
+
+
+class Panel:
+    """A view of the page for networks that have certain messages; one object follows one source.
+
+    `script` and `style` are written into the page: the script calls `panel(name, make)`, see `files/page.js`. `stop` is
+    the message that the button Stop sends, `` if that is left to NMT.
+    """
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    script: ClassVar[Path]
+    style: ClassVar[Path]
+    stop: ClassVar[str] = ""
+
+    @classmethod
+    def setup(cls) -> Mapping[str, Any]:
+        """Return what the script needs to know."""
+        return {}
+
+    def take(self, time: float, message: Message) -> Iterable[Event]:
+        """Take in a message and return the events that are new or have changed."""
+        raise NotImplementedError
+
+
+def service_events(number: int, time: float, meaning: Meaning) -> Iterator[Event]:
+    """Give the event that a frame of CANopen's own services is, if it is one; `number` tells frames apart."""
+    is_event = meaning.name in ("NMT", "EMCY") or meaning.text.endswith(", boot-up")
+    if is_event and meaning.message is None and not meaning.defects:
+        kind = meaning.name if meaning.name in ("NMT", "EMCY") else "boot-up"
+        cleared = meaning.text.partition(", ")[2].startswith("0x0000")
+        node = meaning.nodes[0] if len(meaning.nodes) == 1 else ""
+        wrong = kind == "EMCY" and not cleared
+        yield Event(f"{kind} {number}", kind, time, meaning.text, wrong=wrong, data={"node": node})

@@ -1,0 +1,262 @@
+"""What the page may ask for: each request a row of a table, checked as the command line checks it.
+
+Rule of this file: whatever comes from a browser is answered, and never raises. What acts on the bus is done only if the
+server was started with control.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Mapping
+from enum import Enum
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from eurobot_od.client import objects
+from eurobot_od.client.history import history
+from eurobot_od.client.master import Master, RemoteNode
+from eurobot_od.client.objects import NamedObject
+from eurobot_od.device.emergency import error_words
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
+from eurobot_od.errors import EurobotError, LocalError, UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
+from eurobot_od.pdo.written import parse
+from eurobot_od.web import polled
+from eurobot_od.web.polled import PolledObject
+from eurobot_od.web.session import Session
+
+Arguments = Mapping[str, Any]
+"""What a request says besides its name."""
+
+COMMANDS = {COMMAND_NAMES[command]: command for command in NmtCommand}
+
+
+class Requests:
+    """Answers what browsers ask of a session; `control` says whether they may act on the bus.
+
+    `stop` is the message of the button Stop, `` for NMT stop of all nodes; recordings are written in `folder`.
+    """
+
+    def __init__(self, session: Session, folder: Path, control: bool = False, stop: str = "") -> None:
+        self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
+        self.master = Master(session.tap)
+        self._one_at_a_time = asyncio.Lock()
+        self._dictionaries: dict[int, Dictionary | None] = {}
+
+    async def answer(self, text: str) -> str:
+        """Answer a request, both as JSON."""
+        number: Any = None
+        try:
+            said = json.loads(text)
+            if not isinstance(said, dict):
+                raise LocalError("a request is a JSON object")
+            number = said.get("id")
+            return json.dumps({"re": number, "ok": await self._run(said)})
+        except (ValueError, RecursionError):
+            return json.dumps({"re": number, "error": "a request is JSON"})
+        except (EurobotError, OSError) as error:
+            return json.dumps({"re": number, "error": str(error)})
+
+    async def _run(self, said: Arguments) -> Any:
+        name = str(said.get("do"))
+        if name not in REQUESTS:
+            raise UnknownName("request", name[:40], REQUESTS)
+        function, way, acts = REQUESTS[name]
+        if acts and not self.control:
+            raise LocalError("this page is read-only: start the server with --control")
+        if way is Way.AT_ONCE:
+            return function(self, said)
+        return await (self._ask if way is Way.ASKS else asyncio.to_thread)(partial(function, self, said))
+
+    async def _ask(self, question: Callable[[], Any]) -> Any:
+        """Do what talks to nodes, one transfer after the other; a stop never waits for that."""
+        async with self._one_at_a_time:
+            return await asyncio.to_thread(question)
+
+    async def poll(self) -> None:
+        """Read the polled objects again and again, as long as somebody wants them."""
+        while True:
+            now = self.session.now
+            self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
+            for each in self.session.polled.values():
+                await self._ask(partial(self._read_polled, each))
+                each.turn = self.session.turn + 1
+            await asyncio.sleep(polled.PERIOD)
+
+    def _read_polled(self, each: PolledObject) -> None:
+        try:
+            data = self.master.node(each.node_id).upload(each.thing.address, each.thing.name)
+            each.value, each.trouble = _plain(objects.decode(each.thing, data)), ""
+        except EurobotError as error:
+            each.value, each.trouble = None, str(error)
+        each.time = self.session.now
+
+    # What requests name
+
+    def _node(self, said: Arguments) -> RemoteNode:
+        return self.master.node(self._node_id(_text(said, "node")))
+
+    def _node_id(self, name: str) -> int:
+        named = {each.name: each.node_id for each in self.session.decoder.outlines}
+        number = int(name.removeprefix("node ")) if name.removeprefix("node ").isdecimal() else None
+        if number in NODE_IDS:
+            return int(name.removeprefix("node "))
+        if name not in named:
+            raise UnknownName("node", name, named)
+        return named[name]
+
+    def _dictionary(self, node_id: int) -> Dictionary | None:
+        if node_id not in self._dictionaries:
+            found = (each for each in self.session.decoder.outlines if each.node_id == node_id)
+            self._dictionaries[node_id] = next(
+                (Dictionary(each.file, each.device, each.node_id, each.name) for each in found), None
+            )
+        return self._dictionaries[node_id]
+
+    def _object(self, said: Arguments) -> tuple[RemoteNode, NamedObject]:
+        node = self._node(said)
+        return node, objects.find_one(_text(said, "object"), self._dictionary(node.node_id))
+
+    # Questions
+
+    def list_objects(self, said: Arguments) -> list[dict[str, Any]]:
+        """List the objects of a node's file."""
+        dictionary = self._dictionary(self._node(said).node_id)
+        return [_described(each) for each in objects.all_objects(dictionary)] if dictionary else []
+
+    def read(self, said: Arguments) -> dict[str, Any]:
+        """Read an object of a node."""
+        node, thing = self._object(said)
+        data = node.upload(thing.address, thing.name)
+        return {"value": _plain(objects.decode(thing, data)), "text": objects.shown(thing, data)}
+
+    def history(self, said: Arguments) -> list[str]:
+        """Read the errors that a node remembers, newest first."""
+        errors = self.session.decoder.protocol.catalogue.errors
+        return [f"0x{each.code:04X} {error_words(each.code, errors)}" for each in history(self._node(said)).entries]
+
+    def watch(self, said: Arguments) -> str:
+        """Read an object for a while from now on, for plots; returns its key in snapshots."""
+        node, thing = self._object(said)
+        key = f"{_text(said, 'node')} {label(thing.address)}"
+        if key not in self.session.polled and len(self.session.polled) >= polled.MOST:
+            raise LocalError(f"{polled.MOST} objects are read again and again already: leave another one out first")
+        each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
+        each.wanted_until = self.session.now + polled.WANTED
+        self.session.polled = {**self.session.polled, key: each}
+        return key
+
+    # What acts on the bus
+
+    def send(self, said: Arguments) -> str:
+        """Send a message, its fields as a person writes them."""
+        fields = said.get("fields", {})
+        if not isinstance(fields, dict) or not all(isinstance(each, str) for each in fields.values()):
+            raise LocalError("fields are texts by name")
+        protocol = self.session.decoder.protocol
+        message = parse(protocol.binding(_text(said, "message")), [f"{name}={value}" for name, value in fields.items()])
+        return self._send(protocol.encode(message))
+
+    def _send(self, frame: Frame) -> str:
+        self.session.tap.send_frame(frame)
+        return str(frame)
+
+    def nmt(self, said: Arguments) -> str:
+        """Send an NMT command to a node, or to all."""
+        command, node = _text(said, "command"), _text(said, "node")
+        if command not in COMMANDS:
+            raise UnknownName("NMT command", command, COMMANDS)
+        return self._send_nmt(COMMANDS[command], ALL_NODES if node == "all" else self._node_id(node))
+
+    def _send_nmt(self, command: NmtCommand, node_id: int) -> str:
+        return self._send(Frame(NMT_COB_ID, bytes([command, node_id])))
+
+    def stop(self, _: Arguments) -> str:
+        """Stop what can be stopped."""
+        if self.stop_message:
+            return self.send({"message": self.stop_message})
+        return self._send_nmt(NmtCommand.STOP, ALL_NODES)
+
+    def write(self, said: Arguments) -> None:
+        """Write an object of a node; what its file does not allow is not sent."""
+        node, thing = self._object(said)
+        value = objects.parse(thing, _text(said, "value"))
+        if thing.type is None:
+            raise LocalError(f"{label(thing.address)} is in no EDS, so that its length is not known")
+        node.download(thing.address, objects.encode(thing, value), thing.name)
+
+    # Recording
+
+    def record(self, _: Arguments) -> None:
+        """Begin to record."""
+        self.session.record(self.folder)
+
+    def stop_recording(self, _: Arguments) -> None:
+        """End the recording."""
+        self.session.stop_recording()
+
+
+class Way(Enum):
+    """How a request is done."""
+
+    AT_ONCE = "in the session's own thread"
+    SENDS = "beside all others: it waits for the driver at most"
+    ASKS = "after all others that ask: a node has to answer"
+
+
+class Request(NamedTuple):
+    """What is done for a request, how, and whether it acts on the bus, which takes control."""
+
+    function: Callable[[Requests, Arguments], Any]
+    way: Way = Way.ASKS
+    acts: bool = False
+
+
+REQUESTS: Mapping[str, Request] = {
+    "record": Request(Requests.record, Way.AT_ONCE),
+    "stop recording": Request(Requests.stop_recording, Way.AT_ONCE),
+    "objects": Request(Requests.list_objects),
+    "read": Request(Requests.read),
+    "history": Request(Requests.history),
+    "watch": Request(Requests.watch),
+    "send": Request(Requests.send, Way.SENDS, acts=True),
+    "nmt": Request(Requests.nmt, Way.SENDS, acts=True),
+    "stop": Request(Requests.stop, Way.SENDS, acts=True),
+    "write": Request(Requests.write, acts=True),
+}
+
+
+def _text(said: Arguments, name: str) -> str:
+    value = said.get(name)
+    if not isinstance(value, str):
+        raise LocalError(f"{name} is missing, or no text")
+    return value
+
+
+def _plain(value: Value) -> Any:
+    """Return a value for JSON, which has neither bytes nor infinity."""
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)
+    return value.hex(" ").upper() if isinstance(value, bytes) else value
+
+
+def _described(thing: NamedObject) -> dict[str, Any]:
+    variable = thing.variable
+    assert variable is not None  # of a dictionary's own objects
+    is_limited = thing.type is not None and thing.type.is_integer and (variable.min, variable.max) != (None, None)
+    limits = objects.integer_range(variable) if is_limited else None
+    return {
+        "object": label(thing.address),
+        "name": thing.name,
+        "type": thing.type.name if thing.type else "",
+        "access": variable.access_type,
+        "low": limits and limits.low,
+        "high": limits and limits.high,
+        "default": "" if variable.default is None else objects.written(thing, variable.default),
+        "long": thing.type == DOMAIN,
+    }

@@ -1,0 +1,228 @@
+"""The server: the page at `/`, what is new at `/live`, a finished recording at `/recording/NAME`; and nothing else.
+
+Rule of this file: a browser is given what it has room for. Nothing here waits for one but its own task.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from contextlib import asynccontextmanager, suppress
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from aiohttp import WSMsgType, web
+
+from eurobot_od.errors import LocalError
+from eurobot_od.web.access import TOKEN, Access
+from eurobot_od.web.requests import Requests
+from eurobot_od.web.session import Session
+
+PERIOD = 0.05
+"""Seconds from one snapshot to the next, and between two looks at the bus."""
+
+MOST_OWED = 2
+"""Snapshots that a browser may not have confirmed yet when the next one is due; with more it is left out."""
+
+MOST_PENDING = 32
+"""Requests of one browser that may be under way."""
+
+MOST_BROWSERS = 40
+
+LONGEST_REQUEST = 1 << 16
+"""Bytes of the longest request of a page, and of the longest body of an HTTP request, which nobody reads."""
+
+SILENCE = 20.0
+"""Seconds after which a browser that answers no ping is gone."""
+
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'none'",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+"""No other page may show, embed or read this one."""
+
+EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
+"""What a server that listens at all addresses is called here."""
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+@asynccontextmanager
+async def served(page: str, access: Access, port: int, requests: Requests | None = None) -> AsyncIterator[str]:
+    """Serve a page, and the bus that it shows if it shows one; gives its address.
+
+    `port` 0 is any that is free. Raises LocalError if it cannot be had.
+    """
+    logging.getLogger("aiohttp").addHandler(logging.NullHandler())  # what it would print may have a token in it
+    server = _Server(page, access, requests)
+    runner = web.AppRunner(server.application(), access_log=None, handle_signals=False, shutdown_timeout=1.0)
+    await runner.setup()
+    tasks = [asyncio.create_task(each) for each in server.tasks()]
+    for task in tasks:
+        task.add_done_callback(partial(_end_with, asyncio.current_task()))
+    try:
+        site = web.TCPSite(runner, access.host, port)
+        try:
+            await site.start()
+        except OSError as error:
+            raise LocalError(f"cannot listen at {access.host}:{port}: {error.strerror}") from error
+        yield _address(runner.addresses[0], access)
+    finally:
+        for task in tasks:
+            task.cancel()
+        ended = await asyncio.gather(*tasks, return_exceptions=True)
+        await runner.cleanup()
+        for failure in ended:
+            if isinstance(failure, Exception):
+                raise failure
+
+
+def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:
+    """End the server with a task that failed: a page that stands still would look like a bus that is silent."""
+    if server is not None and not task.cancelled() and task.exception():
+        server.cancel()
+
+
+def _address(listening: tuple[str, int], access: Access) -> str:
+    host, port = listening[:2]
+    host = EVERYWHERE.get(host, host)
+    named = f"[{host}]" if ":" in host else host
+    return f"http://{named}:{port}/" + (f"?{TOKEN}={access.token}" if access.token else "")
+
+
+class _Server:
+    def __init__(self, page: str, access: Access, requests: Requests | None) -> None:
+        self._page, self._access, self._requests = page, access, requests
+        self._browsers: set[web.WebSocketResponse] = set()
+
+    def application(self) -> web.Application:
+        application = web.Application(middlewares=[self._guard], client_max_size=LONGEST_REQUEST)
+        application.router.add_get("/", self._show)
+        if self._requests is not None:
+            application.router.add_get("/live", self._live)
+            application.router.add_get("/recording/{name}", self._recording)
+        application.on_response_prepare.append(_add_headers)
+        application.on_shutdown.append(self._say_goodbye)
+        return application
+
+    def tasks(self) -> list[Coroutine[Any, Any, None]]:
+        """Return what goes on all the time."""
+        return [] if self._requests is None else [_watch(self._requests.session), self._requests.poll()]
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        shown = request.query.get(TOKEN) or request.cookies.get(TOKEN, "")
+        refusal = self._access.refusal(request.headers, shown, upgrade=request.path == "/live")
+        if refusal is not None:
+            return web.Response(status=refusal.status, text=f"{refusal.why}\n")
+        return await handler(request)
+
+    async def _show(self, request: web.Request) -> web.StreamResponse:
+        if TOKEN not in request.query:
+            return web.Response(text=self._page, content_type="text/html")
+        # kept by the browser where no script gets at it, and out of its address line and history
+        response = web.Response(status=303, headers={"Location": "/"})
+        response.set_cookie(TOKEN, self._access.token, httponly=True, samesite="Strict")
+        return response
+
+    async def _recording(self, request: web.Request) -> web.StreamResponse:
+        assert self._requests is not None
+        known = {each.name: each for each in self._requests.folder.iterdir()}
+        file: Path | None = known.get(request.match_info["name"])
+        if file is None:
+            raise web.HTTPNotFound
+        return web.FileResponse(file, headers={"Content-Disposition": f'attachment; filename="{file.name}"'})
+
+    # A browser that watches
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        assert self._requests is not None
+        if len(self._browsers) >= MOST_BROWSERS:
+            raise web.HTTPServiceUnavailable(text=f"{MOST_BROWSERS} browsers watch already\n")
+        socket = web.WebSocketResponse(heartbeat=SILENCE, max_msg_size=LONGEST_REQUEST, compress=False)
+        await socket.prepare(request)
+        browser = _Browser(socket, self._requests)
+        self._browsers.add(socket)
+        feeding = asyncio.create_task(browser.feed())
+        try:
+            await browser.listen()
+        finally:
+            self._browsers.discard(socket)
+            feeding.cancel()
+            await asyncio.gather(feeding, return_exceptions=True)
+        return socket
+
+    async def _say_goodbye(self, _: web.Application) -> None:
+        await asyncio.gather(*(each.close() for each in set(self._browsers)), return_exceptions=True)
+
+
+class _Browser:
+    """One browser: what it was sent, what it owes, what it has asked for."""
+
+    def __init__(self, socket: web.WebSocketResponse, requests: Requests) -> None:
+        self._socket, self._requests, self._session = socket, requests, requests.session
+        self._turn = -1
+        self._skipped = 0
+        self._owed: list[int] = []
+        self._pending: set[asyncio.Task[None]] = set()
+
+    async def feed(self) -> None:
+        """Send snapshots for as long as the browser is there."""
+        loop = asyncio.get_running_loop()
+        due = loop.time()
+        with suppress(ConnectionError):
+            while not self._socket.closed:
+                await self._send_snapshot()
+                due += PERIOD
+                late = int((loop.time() - due) / PERIOD)
+                if late > 0:  # the connection was full for so long
+                    self._skipped += late
+                    due += late * PERIOD
+                await asyncio.sleep(due - loop.time())
+
+    async def _send_snapshot(self) -> None:
+        if len(self._owed) > MOST_OWED:
+            self._skipped += 1
+        elif self._session.turn > self._turn:
+            since, self._turn = self._turn, self._session.turn
+            self._owed.append(self._turn)
+            await self._socket.send_str(
+                self._session.snapshot(since, skipped=self._skipped, control=self._requests.control)
+            )
+
+    async def listen(self) -> None:
+        """Take in confirmations and requests until the browser leaves."""
+        async for message in self._socket:
+            if message.type is WSMsgType.TEXT:
+                self._hear(message.data)
+
+    def _hear(self, text: str) -> None:
+        if text.isdecimal():
+            self._owed = [each for each in self._owed if each > int(text[:12])]
+        elif len(self._pending) < MOST_PENDING:
+            task = asyncio.create_task(self._answer(text))
+            self._pending.add(task)
+            task.add_done_callback(self._pending.discard)
+
+    async def _answer(self, text: str) -> None:
+        answer = await self._requests.answer(text)
+        with suppress(ConnectionError):
+            await self._socket.send_str(answer)
+
+
+async def _watch(session: Session) -> None:
+    """Take frames off the bus, whoever looks."""
+    while True:
+        session.poll()
+        await asyncio.sleep(PERIOD)
+
+
+async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
+    response.headers.update(HEADERS)

@@ -1,0 +1,267 @@
+"""The live bus as the page shows it: takes in every frame, and says what has changed since any moment.
+
+Rule of this file: one thread calls everything here but the methods of `tap`; `poll` never waits. A bus that fails is
+opened again; the page says so meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.errors import BusError, LocalError
+from eurobot_od.frame import Frame
+from eurobot_od.live import Driver
+from eurobot_od.logs.entries import Damage, Raw
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.logs.recorder import recording
+from eurobot_od.monitor.sources import BusSource
+from eurobot_od.monitor.traffic import NodeHealth, Traffic, TrafficRow
+from eurobot_od.web.content import defects, event_data, values
+from eurobot_od.web.panel import Event, Panel, service_events
+from eurobot_od.web.polled import PolledObject
+from eurobot_od.web.tap import Tap
+
+if TYPE_CHECKING:
+    import can
+
+REOPEN = 1.0
+"""Seconds between two tries to open a bus that has failed."""
+
+MOST_EVENTS = 2000
+"""Events that are kept; the oldest make room."""
+
+MOST_RECORDED = 10_000_000
+"""Frames of a recording, about half a gigabyte; it ends there by itself."""
+
+
+class Session:
+    """A bus that is watched. `open_bus` opens it, for the first time here: raises BusError.
+
+    `now` counts the seconds since then. `trouble` is what is wrong with the bus, `` while all is well.
+    """
+
+    def __init__(
+        self,
+        open_bus: Callable[[], can.BusABC],
+        decoder: Decoder,
+        bitrate: int,
+        panels: Sequence[type[Panel]] = (),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.decoder, self.bitrate, self.tap = decoder, bitrate, Tap()
+        self.polled: dict[str, PolledObject] = {}
+        self.trouble = ""
+        self.turn = 0
+        self._open_bus, self._clock, self._panels = open_bus, clock, [panel() for panel in panels]
+        self._traffic = Traffic(decoder, bitrate)
+        self._changed: dict[int | Damage, int] = {}
+        self._written: dict[int | Damage, tuple[int, str]] = {}
+        self._events: dict[str, tuple[int, Event]] = {}
+        self._recording = Recording()
+        self._load = (0.0, 0.0)
+        self._started, self._origin = clock(), 0.0
+        self._retry = 0.0
+        self._source: BusSource | None = None
+        self._open()
+
+    @property
+    def now(self) -> float:
+        """The present in s since the start."""
+        return self._clock() - self._started
+
+    @property
+    def frames(self) -> int:
+        """How many frames were taken in."""
+        return self._traffic.frames
+
+    # The bus
+
+    def _open(self) -> None:
+        bus = self._open_bus()
+        self._source, self._fresh = BusSource(bus), True
+        self.tap.driver = Driver(bus)
+
+    def poll(self) -> None:
+        """Take in what has come since the last time."""
+        self.turn += 1
+        if self._source is None:
+            self._open_again()
+        else:
+            try:
+                for frame_time, raw in self._source.poll():
+                    self._take(self._since_start(frame_time), raw)
+            except BusError as error:
+                self._lose(error)
+        for frame in self.tap.sent():
+            self._take(self.now, frame)
+        self._load = self._traffic.load(self.now)
+
+    def _since_start(self, frame_time: float) -> float:
+        """Return the time of a frame, by the driver's clock, as seconds since the start."""
+        if self._fresh:  # a driver's clock may begin anywhere, and anew with each opening
+            self._fresh, self._origin = False, frame_time - self.now
+        return frame_time - self._origin
+
+    def _lose(self, error: BusError) -> None:
+        self.trouble = self.tap.trouble = str(error)
+        self.tap.driver = None
+        self._retry = self.now + REOPEN
+        source, self._source = self._source, None
+        if source is not None:
+            with suppress(Exception):  # drivers raise what they like when the adapter is gone already
+                source.close()
+
+    def _open_again(self) -> None:
+        if self.now < self._retry:
+            return
+        self._retry = self.now + REOPEN
+        try:
+            self._open()
+        except BusError as error:
+            self.trouble = self.tap.trouble = str(error)
+        else:
+            self.trouble = self.tap.trouble = ""
+
+    def _take(self, now: float, raw: Raw) -> None:
+        meaning = self._traffic.take(now, raw)
+        self._changed[raw[0]] = self.turn
+        if isinstance(raw, Frame):
+            self.tap.give(raw)
+            self._recording.write(now, raw)
+        for event in service_events(self._traffic.frames, now, meaning):
+            self._enter(event)
+        if meaning.message is not None:
+            for panel in self._panels:
+                for event in panel.take(now, meaning.message):
+                    self._enter(event)
+
+    def _enter(self, event: Event) -> None:
+        self._events.pop(event.key, None)  # what has changed is the newest
+        self._events[event.key] = self.turn, event
+        if len(self._events) > MOST_EVENTS:
+            del self._events[next(iter(self._events))]
+
+    def close(self) -> None:
+        """Let the bus go, end a recording."""
+        self._recording.stop()
+        if self._source is not None:
+            self._source.close()
+        self.tap.shutdown()
+
+    # What is shown
+
+    def snapshot(self, since: int, **more: object) -> str:
+        """Write as JSON what has changed after a `turn`, -1 for all of it."""
+        load, rate = self._load
+        now = self.now
+        head = {
+            "turn": self.turn,
+            "time": round(now, 4),
+            "load": round(load, 4),
+            "rate": round(rate, 1),
+            "frames": self.frames,
+            "trouble": self.trouble,
+            "recording": self._recording.state(),
+            "nodes": [_health(name, node, now) for name, node in self._traffic.nodes.items()],
+            "events": [event_data(event) for turn, event in self._events.values() if turn > since],
+            "objects": {key: each.shown() for key, each in self.polled.items() if each.turn > since},
+            **more,
+        }
+        rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
+        return f'{json.dumps(head)[:-1]}, "rows": [{rows}]}}'
+
+    def _row(self, key: int | Damage) -> str:
+        """Write a row; for all browsers once."""
+        row = self._traffic.rows[key]
+        count, text = self._written.get(key, (0, ""))
+        if count != row.count:
+            text = json.dumps(_row_data(row))
+            self._written[key] = row.count, text
+        return text
+
+    # Recording
+
+    def record(self, folder: Path) -> None:
+        """Begin to write every frame to a log in a folder; raises LocalError if that is done already."""
+        self._recording.start(folder)
+
+    def stop_recording(self) -> None:
+        """End the recording, if there is one under way."""
+        self._recording.stop()
+
+
+class Recording:
+    """Writes frames to a log while somebody wants that; a new one takes the place of the one before."""
+
+    def __init__(self) -> None:
+        self._frames, self._trouble = 0, ""
+        self._file: Path | None = None
+        self._write: Callable[[float, Frame], None] | None = None
+        self._open = ExitStack()
+
+    def start(self, folder: Path) -> None:
+        """Begin a new log in a folder."""
+        if self._write is not None:
+            raise LocalError("a recording is under way")
+        if self._file is not None:
+            self._file.unlink(missing_ok=True)
+        self._file, self._frames, self._trouble = folder / time.strftime("bus-%Y%m%d-%H%M%S.log"), 0, ""
+        self._write = self._open.enter_context(recording(self._file))
+
+    def write(self, now: float, frame: Frame) -> None:
+        """Write a frame, if anybody wants it."""
+        if self._write is None:
+            return
+        try:
+            self._write(now, frame)
+            self._frames += 1
+            if self._frames >= MOST_RECORDED:
+                self.stop()
+        except OSError as error:  # a full disk ends the recording and nothing else
+            self._trouble = f"the recording has ended: {error}"
+            with suppress(OSError):  # of the same disk
+                self.stop()
+
+    def stop(self) -> None:
+        """End the log, if there is one under way."""
+        self._write = None
+        self._open.close()
+
+    def state(self) -> dict[str, Any]:
+        """Return what the page shows of it."""
+        name = self._file.name if self._file else ""
+        return {"on": self._write is not None, "frames": self._frames, "file": name, "trouble": self._trouble}
+
+
+def _row_data(row: TrafficRow) -> dict[str, Any]:
+    found, period = values(row.meaning), row.period
+    return {
+        "id": row.identifier,
+        "name": row.name,
+        "group": row.meaning.group,
+        "nodes": row.meaning.nodes,
+        "count": row.count,
+        "wrong": row.wrong,
+        "period": period and round(period.mean, 6),
+        "jitter": period and round(period.jitter, 6),
+        "time": round(row.last, 5),
+        "values": found,
+        "text": row.meaning.text if found is None else "",
+        "defects": defects(row.meaning),
+    }
+
+
+def _health(name: str, node: NodeHealth, now: float) -> dict[str, Any]:
+    heard = node.pulse.heard
+    return {
+        "name": name,
+        "state": node.state,
+        "age": None if heard is None else round(now - heard, 2),
+        "lost": node.pulse.lost(now),
+        "emergency": node.emergency,
+    }

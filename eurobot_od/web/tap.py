@@ -1,0 +1,78 @@
+"""A second bus on one adapter: for a master that asks nodes while somebody else reads every frame.
+
+Rule of this file: one thread at a time sends, as few drivers allow two. What waits for the master is bounded: it takes
+frames only while it asks for something, and other masters may be on the bus all day.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from queue import Empty, Full, Queue, SimpleQueue
+from threading import Lock
+
+import can
+
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.live import Driver
+from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
+
+WANTED = {SDO_RESPONSE_BASE + node for node in NODE_IDS}
+"""COB-IDs that the master listens to: SDO answers."""
+
+MOST_WAITING = 1000
+"""Frames that wait for the master; the oldest make room."""
+
+PATIENCE = 0.5
+"""Seconds that the driver has to take a frame."""
+
+
+class Tap(can.BusABC):
+    """What a master may treat as a bus: it sends by the `driver` of another, and receives what it is given.
+
+    Without a driver, as while the bus is down, sending raises BusError with `trouble`.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(channel="tap")
+        self.channel_info = "bus"
+        self.driver: Driver | None = None
+        self.trouble = ""
+        self._lock = Lock()
+        self._came: Queue[can.Message] = Queue(MOST_WAITING)
+        self._sent: SimpleQueue[Frame] = SimpleQueue()
+
+    def give(self, frame: Frame) -> None:
+        """Let the master have a frame if it wants it."""
+        if frame.cob_id not in WANTED:
+            return
+        message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        with suppress(Full):  # only this thread puts something in
+            if self._came.full():
+                with suppress(Empty):
+                    self._came.get_nowait()
+            self._came.put_nowait(message)
+
+    def send_frame(self, frame: Frame) -> None:
+        """Send a frame; raises BusError if the driver does not take it."""
+        with self._lock:
+            if self.driver is None:
+                raise BusError(self.trouble or "the bus is not open")
+            if not self.driver.send(frame, PATIENCE):
+                raise BusError("the bus did not take the frame: is anybody there to acknowledge it?")
+        self._sent.put(frame)
+
+    def sent(self) -> list[Frame]:
+        """Return what was sent since the last call: a bus does not tell its own sender."""
+        return [self._sent.get() for _ in range(self._sent.qsize())]
+
+    # what python-can asks of a bus
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        self.send_frame(Frame(msg.arbitration_id, bytes(msg.data)))
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        try:
+            return self._came.get(timeout=timeout), False
+        except Empty:
+            return None, False

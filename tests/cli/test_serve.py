@@ -1,0 +1,71 @@
+"""The command serve: what it refuses, what it prints, how it ends."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from tests.cli.console import run
+from tests.cli.processes import PATIENCE, command, line
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    file = tmp_path / "friday.log"
+    file.write_text("(1.0) can0 00C#\n(2.5) can0 123#\n")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "complaint"),
+    [
+        (["a.log", "b.log", "c.log"], 2, "3 logs do not go side by side: name one or two"),
+        (["a.log", "--control"], 2, "--control is for a bus: in a log there is nothing to be changed"),
+        (["nothing.log"], 3, "nothing.log: No such file or directory"),
+        (["x.txt", "--format", "log"], 3, "x.txt: No such file or directory"),
+        (["--listen", "8014"], 2, "8014 is not HOST:PORT, such as 127.0.0.1:2014"),
+        (["--listen", "127.0.0.1:99999"], 2, "127.0.0.1:99999 is not HOST:PORT"),
+        (["-i", "nothing"], 3, "cannot open the nothing bus"),
+        (["--eds", "no.eds"], 2, "no.eds"),
+    ],
+)
+def test_what_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    words: list[str], status: int, complaint: str,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    said = run(capsys, "serve", *words)
+    assert (said.status, complaint in said.complaint) == (status, True), said
+
+
+def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "aiohttp", None)
+    said = run(capsys, "serve")
+    assert said.complaint == "eurobot-od: serving a page needs the extra `web`: pip install 'eurobot-od[web]'"
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals) -> None:
+    with command("serve", str(log), "--listen", "127.0.0.1:0") as process:
+        address = line(process, "http://127.0.0.1:").split()[0]
+        with urlopen(address, timeout=PATIENCE) as answer:
+            assert "<title>friday</title>" in answer.read().decode()
+        process.send_signal(end)
+        _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0
+    assert "1 x unknown identifier" in err
+    assert "Traceback" not in err
+
+
+def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
+    with command("serve", str(log), "--listen", "0.0.0.0:0") as process:
+        address = line(process, "http://").split()[0]
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=PATIENCE)
+    _, _, token = address.partition("/?token=")
+    assert len(token) >= 32
+    assert token not in out + err

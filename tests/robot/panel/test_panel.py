@@ -1,0 +1,95 @@
+"""The match as events of the page."""
+
+from __future__ import annotations
+
+import json
+
+from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot.field import Point, Pose
+from eurobot_od.robot.messages import (
+    EmergencyStop,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    StartConfigurationSet,
+)
+from eurobot_od.robot.panel import KEPT, FieldPanel, true_path, truth_events
+from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth
+from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.web.panel import Event
+
+HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)
+GOTO = GotoXY(1000, 500, 90, 80, Barriers.of({7: Passage.FORCED}))
+
+
+def events(*messages: tuple[float, Message]) -> list[Event]:
+    panel = FieldPanel()
+    return [event for time, message in messages for event in panel.take(time, message)]
+
+
+def test_a_goto_is_told_when_it_is_sent_and_when_it_ends() -> None:
+    sent, ended = events(
+        (2.0, HERE), (3.0, GOTO), (3.1, GOTO), (6.0, GotoStateResponse(500)), (7.0, GotoStateResponse(0))
+    )
+    assert (sent.key, sent.time, sent.end, sent.text) == (
+        "goto 1", 3.0, None, "goto 1 to 1000, 500 mm, 90 deg, 80 %: under way",
+    )  # fmt: skip
+    assert (ended.key, ended.end, ended.wrong) == ("goto 1", 7.0, False)
+    assert ended.data["barriers"] == {7: 2}
+
+
+def test_the_way_goes_round_what_is_not_to_be_crossed() -> None:
+    (straight,) = events((0.0, HERE), (1.0, GotoXY(1800, 200, 0, 50)))
+    (round_about,) = events((0.0, HERE), (1.0, GotoXY(1600, 200, 0, 50, Barriers.of({7: Passage.FORCED}))))
+    assert straight.data["route"] == [Point(200, 1800), Point(1800, 200)]
+    assert len(round_about.data["route"]) > 2
+
+
+def test_without_a_place_the_way_is_the_goal() -> None:
+    (goto,) = events((0.0, GOTO))
+    assert goto.data["route"] == [Point(1000, 500)]
+
+
+def test_a_stop_ends_the_goto_and_stands_where_the_robot_was() -> None:
+    _, ended, stop = events((0.0, HERE), (1.0, GOTO), (2.0, EmergencyStop(Obstacle.ENEMY)))
+    assert (ended.end, ended.wrong) == (2.0, True)
+    assert (stop.text, stop.data["place"]) == ("A: Emergency Stop: enemy", {"x": 200, "y": 1800})
+
+
+def test_a_start_configuration_is_an_event() -> None:
+    (event,) = events((1.5, StartConfigurationSet(TeamColour.RED, 0, 0, 0, 0)))
+    assert event.text.startswith("Start Configuration Set: team_colour=red")
+
+
+def test_a_long_bus_does_not_fill_the_memory() -> None:
+    panel = FieldPanel()
+    for time in range(3 * KEPT):
+        assert list(panel.take(float(time), HERE)) == []
+    assert len(panel._recorder.recording.path) <= 2 * KEPT
+
+
+def test_it_fits_networks_with_a_place_and_a_goto() -> None:
+    assert FieldPanel.fits(EurobotProtocol.load())
+    assert not FieldPanel.fits(Protocol([]))
+
+
+def test_what_its_script_needs_is_data() -> None:
+    setup = json.loads(json.dumps(FieldPanel.setup()))
+    assert [each["name"] for each in setup["robots"]] == [OURS, "raw position", "enemy 1", "enemy 2", "confederate"]
+    assert setup["barriers"]["7"] == ["pool 1", 900, 900, 150]
+
+
+def test_what_the_world_knows_besides() -> None:
+    truth = Truth(
+        [(9.0, Pose(1, 2, 3)), (11.0, Pose(200, 1800, 0))],
+        [TouchMark(12.0, Point(620, 1400), "ours touched fire 1", True)],
+        [ScoredTask(14.0, OURS, "frescos", 6)],
+    )
+    touch, points = truth_events(truth, 10.0)
+    assert (touch.time, touch.data["place"], touch.wrong) == (2.0, {"x": 620, "y": 1400}, True)
+    assert (points.time, points.text) == (4.0, "ours: frescos +6")
+    (row,) = true_path(truth, 10.0)
+    assert (row["times"], row["values"]) == ([1.0], [[200], [1800], [0]])
+    assert true_path(Truth(), 0.0) == []

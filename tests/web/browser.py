@@ -1,0 +1,174 @@
+"""A headless Chromium that tests drive by its DevTools protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import itertools
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+
+PATIENCE = 10.0
+"""Seconds after which a page that does not do what it is to do fails the test."""
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+PROGRAM = next(filter(None, map(shutil.which, NAMES)), None)
+"""The browser, None on a machine that has none."""
+
+OPTIONS = (
+    "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars",
+    "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
+    "--disable-backgrounding-occluded-windows",
+    "--enable-precise-memory-info", "--remote-debugging-port=0",
+)  # fmt: skip
+
+
+class Page:
+    """One page of the browser."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self._loop, self._socket, self._numbers = loop, socket, itertools.count(1)
+        self.complaints: list[str] = []
+        self.may_lose_its_server = False
+        for domain in ("Page", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """Call a method of the protocol and return its result."""
+        return self._loop.run_until_complete(self._call(method, parameters))
+
+    async def _call(self, method: str, parameters: dict[str, Any]) -> Any:
+        number = next(self._numbers)
+        await self._socket.send_json({"id": number, "method": method, "params": parameters})
+        while True:
+            said = await self._socket.receive_json(timeout=PATIENCE)
+            if said.get("id") == number:
+                assert "error" not in said, (method, said["error"])
+                return said["result"]
+            self._note(said)
+
+    def _note(self, said: dict[str, Any]) -> None:
+        """Keep what the page throws, and what the browser refuses it."""
+        if said.get("method") == "Runtime.exceptionThrown":
+            details = said["params"]["exceptionDetails"]
+            self.complaints.append(str(details.get("exception", details).get("description", details)))
+        if said.get("method") == "Log.entryAdded" and said["params"]["entry"]["level"] == "error":
+            text = said["params"]["entry"]["text"]
+            if not (self.may_lose_its_server and "ERR_CONNECTION_REFUSED" in text):
+                self.complaints.append(text)
+
+    def open(self, address: str) -> None:
+        """Load a page and wait until it has drawn itself."""
+        self.call("Page.navigate", url=address)
+        self.wait("document.body && document.body.dataset.time !== undefined")
+
+    def close(self) -> None:
+        """Close the window."""
+        self.call("Page.close")
+        self._loop.run_until_complete(self._socket.close())
+
+    def run(self, expression: str) -> Any:
+        """Return what an expression gives in the page; a promise is waited for."""
+        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]["exception"].get("description")
+        return found["result"].get("value")
+
+    def wait(self, expression: str, patience: float = PATIENCE) -> Any:
+        """Wait until an expression is true in the page."""
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            found = self.run(f"(found => found instanceof Node || found)({expression})")
+            if found:
+                return found
+            self.run("new Promise(done => setTimeout(done, 20))")
+        raise AssertionError(f"never true: {expression}; complaints: {self.complaints}")
+
+    def click(self, selector: str) -> None:
+        """Click the middle of an element as a person does, with whatever lies upon it."""
+        place = self.run(f"""(() => {{
+            const found = document.querySelector({json.dumps(selector)});
+            found.scrollIntoView({{block: "center"}});
+            const box = found.getBoundingClientRect();
+            return {{x: box.x + box.width / 2, y: box.y + box.height / 2}};
+        }})()""")
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **place)
+
+    def press(self, key: str, text: str = "") -> None:
+        """Press a key."""
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, text=text or (key if len(key) == 1 else ""))
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def text(self, selector: str) -> str:
+        """Return the text of an element."""
+        return str(self.run(f"document.querySelector({json.dumps(selector)}).textContent"))
+
+    def size(self, width: int, height: int = 900, dark: bool = False) -> None:
+        """Make the window so large, and the person who sits before it one who likes it dark."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 500
+        )
+        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", features=scheme)
+
+    def screenshot(self, file: Path) -> None:
+        """Save what is seen."""
+        file.write_bytes(base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"]))
+
+
+class Browser:
+    """A running browser."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, http: aiohttp.ClientSession, address: str) -> None:
+        self._loop, self._http, self._address = loop, http, address
+
+    def page(self) -> Page:
+        """Open a new window."""
+
+        async def opened() -> aiohttp.ClientWebSocketResponse:
+            async with self._http.put(f"{self._address}/json/new?about:blank") as answer:
+                target = await answer.json()
+            return await self._http.ws_connect(target["webSocketDebuggerUrl"], max_msg_size=0)
+
+        return Page(self._loop, self._loop.run_until_complete(opened()))
+
+
+@contextmanager
+def running() -> Iterator[Browser]:
+    """Start the browser, with nothing of what it knew before."""
+    assert PROGRAM is not None
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        command = [PROGRAM, *OPTIONS, f"--user-data-dir={folder}", "about:blank"]
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+            loop = asyncio.new_event_loop()
+            http = loop.run_until_complete(_client())
+            try:
+                port = _port(Path(folder) / "DevToolsActivePort", process.poll)
+                yield Browser(loop, http, f"http://127.0.0.1:{port}")
+            finally:
+                loop.run_until_complete(http.close())
+                process.terminate()
+                process.wait()
+                loop.close()
+
+
+async def _client() -> aiohttp.ClientSession:
+    return aiohttp.ClientSession()
+
+
+def _port(file: Path, ended: Callable[[], int | None]) -> int:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end and ended() is None:
+        if file.exists() and (lines := file.read_text().split()):
+            return int(lines[0])
+        time.sleep(0.02)
+    raise AssertionError("the browser did not start")

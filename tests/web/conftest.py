@@ -1,0 +1,30 @@
+"""One browser for the tests of the page, which are skipped by name where there is none; CI has one."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+
+from tests.web.browser import NAMES, PROGRAM, Browser, Page, running
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    if PROGRAM is None:
+        assert not os.environ.get("CI"), "CI has to have a browser"
+        pytest.skip(f"no browser: none of {', '.join(NAMES)}")
+    with running() as started:
+        yield started
+
+
+@pytest.fixture
+def window(browser: Browser) -> Iterator[Page]:
+    """A window of its own, in which nothing may go wrong unseen."""
+    page = browser.page()
+    page.size(1600)
+    yield page
+    complaints = page.complaints
+    page.close()
+    assert complaints == []

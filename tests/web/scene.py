@@ -1,0 +1,118 @@
+"""What the tests of the page look at: a robot on an in-process bus, and the server in a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+from eurobot_od.live import Live, open_bus
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.robot import dialects
+from eurobot_od.robot.assembly import assemble
+from eurobot_od.robot.match.settings import stores
+from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
+from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.panel import FieldPanel
+from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.world import World
+from eurobot_od.web.access import Access
+from eurobot_od.web.content import described, stop_message
+from eurobot_od.web.page import page
+from eurobot_od.web.panel import Panel
+from eurobot_od.web.requests import Requests
+from eurobot_od.web.server import served
+from eurobot_od.web.session import Session
+
+LONG = 20.0
+"""Seconds after which a test gives up."""
+
+NUMBERS = count(1)
+
+LOCAL = Access()
+
+
+SETTINGS = (("core.Position polling.Start delay", "0"), ("core.Position polling.Polling period", "200"))
+"""So that a test need not wait for places."""
+
+
+def channel() -> str:
+    """Return the name of an in-process bus that nobody else is on."""
+    return f"page {next(NUMBERS)}"
+
+
+@dataclass
+class Served:
+    """A page that is served: its address, and the session behind it, None for a log."""
+
+    address: str
+    session: Session | None
+
+
+@contextmanager
+def serving(text: str, access: Access = LOCAL, requests: Requests | None = None, port: int = 0) -> Iterator[str]:
+    """Serve a page in a thread; gives its address."""
+    loop, stop, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
+    addresses: list[str] = []
+
+    async def run() -> None:
+        async with served(text, access, port, requests) as address:
+            addresses.append(address)
+            ready.set()
+            await stop.wait()
+
+    thread = threading.Thread(target=lambda: loop.run_until_complete(run()), daemon=True)
+    thread.start()
+    assert ready.wait(LONG)
+    try:
+        yield addresses[0]
+    finally:
+        loop.call_soon_threadsafe(stop.set)
+        thread.join(LONG)
+        loop.close()
+
+
+@contextmanager
+def live_page(
+    channel: str,
+    folder: Path,
+    control: bool = True,
+    access: Access = LOCAL,
+    network: Decoder | None = None,
+    panels: tuple[type[Panel], ...] = (FieldPanel,),
+    port: int = 0,
+) -> Iterator[Served]:
+    """Serve the page of an in-process bus."""
+    known = network or decoder()
+    session = Session(partial(open_bus, "virtual", channel), known, 500_000, panels)
+    text = page(channel, [{"name": channel, "bitrate": 500_000, **described(known)}], panels, live=True)
+    try:
+        with serving(text, access, Requests(session, folder, control, stop_message(panels)), port) as address:
+            yield Served(address, session)
+    finally:
+        session.close()
+
+
+@contextmanager
+def robot(channel: str) -> Iterator[tuple[Core, World]]:
+    """Run our robot's three nodes on a bus, configured for a match it plays alone; gives the core and the world."""
+    files = {each.name: each for each in dialects.load_all()}
+    kept = stores(SETTINGS, files)
+    kinds: dict[str, type[Node]] = {"core": Core, "drive": Drive, "navigation": Navigation}
+    nodes = [kind(files[name], store=kept[name]) for name, kind in kinds.items()]
+    world = assemble(nodes, MatchOptions(enemies=0, confederates=0), time.perf_counter)
+    with ExitStack() as stack:
+        for node in reversed(nodes):
+            stack.enter_context(Live.node(open_bus("virtual", channel), node))
+        core = nodes[0]
+        assert isinstance(core, Core)
+        core.check_nodes().result(LONG)
+        core.configure_start(TeamColour.RED).result(LONG)
+        yield core, world

@@ -1,0 +1,76 @@
+"""A log as columns."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import Damage, Foreign, Raw
+from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.panel import FieldPanel
+from eurobot_od.robot.protocol import decoder
+from eurobot_od.robot.values import Source
+from eurobot_od.web import columns
+from eurobot_od.web.columns import Columns
+
+DECODER = decoder()
+GOTO = DECODER.protocol.encode(GotoXY(1000, 500, 90, 80))
+HERE = DECODER.protocol.encode(KalmanPositionResponse(200, 1800, None, Source.INTERNAL))
+SHORT = Frame(GOTO.cob_id, b"\1\2")
+
+
+def data_of(*entries: tuple[float, Raw]) -> dict[str, Any]:
+    found = Columns("log", DECODER, 500_000, [FieldPanel])
+    for time, raw in entries:
+        found.take(time, DECODER(raw))
+    return found.data()
+
+
+def row(data: dict[str, Any], name: str) -> dict[str, Any]:
+    return next(each for each in data["rows"] if each["name"] == name)
+
+
+def test_times_count_from_the_first_entry_whatever_it_is() -> None:
+    data = data_of((100.0, Foreign(Damage.REMOTE, "702#R")), (100.5, HERE), (101.25, HERE))
+    assert row(data, "Kalman Position Response")["times"] == [0.5, 1.25]
+    assert data["end"] == 1.25
+
+
+def test_values_are_numbers_words_and_nothing_for_unknown() -> None:
+    found = row(data_of((0.0, HERE)), "Kalman Position Response")
+    assert found["values"] == [(200,), (1800,), (None,), ("internal",)]
+    assert found["texts"] == []
+
+
+@pytest.mark.parametrize("frames", [(SHORT, GOTO), (GOTO, SHORT)])
+def test_a_frame_that_cannot_be_read_is_text_among_values(frames: tuple[Frame, Frame]) -> None:
+    found = row(data_of(*enumerate(frames)), "Goto XY")
+    place = frames.index(SHORT)
+    assert "2 bytes of data" in found["texts"][place]
+    assert found["texts"][1 - place] == ""
+    assert [each[1 - place] for each in found["values"][:2]] == [1000, 500]
+    assert [each[place] for each in found["values"][:2]] == [None, None]
+    assert list(found["wrong"]) == [place]
+
+
+def test_what_is_no_frame_has_a_row_by_what_it_is() -> None:
+    found = row(data_of((0.0, Foreign(Damage.REMOTE, "702#R"))), "remote frame")
+    assert (found["id"], found["times"], found["bits"]) == (None, [0.0], 0)
+
+
+def test_events_are_services_and_what_panels_make_of_messages() -> None:
+    data = data_of(
+        (0.0, HERE), (1.0, GOTO), (2.0, Frame(0x702, b"\0")), (3.0, Frame(0x082, bytes.fromhex("1081110000000000")))
+    )
+    assert [(each["kind"], each["time"], each["wrong"]) for each in data["events"]] == [
+        ("goto", 1.0, False),
+        ("boot-up", 2.0, False),
+        ("EMCY", 3.0, True),
+    ]
+
+
+def test_more_than_a_page_holds_is_left_out_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(columns, "MOST_FRAMES", 3)
+    assert data_of(*((float(time), HERE) for time in range(5)))["left_out"] == 2

@@ -1,0 +1,346 @@
+"""The page of a live bus in a real browser, against the simulated truth."""
+
+from __future__ import annotations
+
+import json
+import math
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from eurobot_od.device.nmt import NmtCommand
+from eurobot_od.frame import Frame
+from eurobot_od.live import Driver, open_bus
+from eurobot_od.logs.formats import read
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.outline import Outline
+from eurobot_od.robot.messages import StartConfigurationSet
+from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.world import World
+from tests.cli.processes import command, line
+from tests.conftest import EDS, with_entry
+from tests.web.browser import Browser, Page
+from tests.web.scene import Served, channel, live_page, robot
+
+GOAL = (700, 1600)
+NEAR = 60.0
+"""mm that an estimated place may be off the true one."""
+
+KALMAN = "sources[0].row('Kalman Position Response')"
+DRAWN = """(() => {
+    const found = document.querySelector('.robot').getAttribute('transform');
+    if (!found) return null;
+    const [x, y] = found.match(/-?[\\d.]+/g).map(Number);
+    return [x, 2000 - y];
+})()"""
+
+
+class Scene(NamedTuple):
+    served: Served
+    world: World
+    page: Page
+    channel: str
+
+
+@pytest.fixture
+def scene(tmp_path: Path, window: Page) -> Iterator[Scene]:
+    """Our robot on a bus, and the page that may control it, in a browser."""
+    name = channel()
+    with robot(name) as (_, world), live_page(name, tmp_path) as served:
+        window.open(served.address)
+        window.wait(f"{KALMAN} && {KALMAN}.times.length > 1 && connection.control")
+        yield Scene(served, world, window, name)
+
+
+def send_goto(page: Page) -> None:
+    page.run(f"""(() => {{
+        const [x, y] = document.querySelectorAll('form.goto input');
+        [x.value, y.value] = {json.dumps(GOAL)};
+    }})()""")
+    page.click("form.goto button")
+
+
+def true_place(world: World) -> tuple[float, float]:
+    _, pose = world.path[-1]
+    return pose.x, pose.y
+
+
+def test_a_goto_from_the_page_arrives_and_the_drawing_goes_with_the_truth(scene: Scene) -> None:
+    page = scene.page
+    send_goto(page)
+    drawn = []
+    while not page.run("[...sources[0].events.values()].some(each => each.data.outcome === 'arrived')"):
+        drawn.append(tuple(page.run(DRAWN)))
+        page.run("new Promise(done => setTimeout(done, 50))")
+    page.wait(f"Math.hypot({DRAWN}[0] - {GOAL[0]}, {DRAWN}[1] - {GOAL[1]}) < {NEAR}")
+    assert math.dist(true_place(scene.world), GOAL) < NEAR
+    truth = [(pose.x, pose.y) for _, pose in scene.world.path]
+    assert len(set(drawn)) > 10  # it moved, and did not jump
+    assert max(min(math.dist(each, there) for there in truth) for each in drawn) < NEAR
+    assert "goto 1" in page.run("[...sources[0].events.values()].map(each => each.text).join()")
+
+
+def test_a_click_on_the_field_is_a_place(scene: Scene) -> None:
+    scene.page.click("svg.field")
+    x, y = scene.page.run("[...document.querySelectorAll('form.goto input')].map(each => Number(each.value))")[:2]
+    assert math.dist((x, y), (1500, 1000)) < 100
+
+
+def test_stop_stops(scene: Scene) -> None:
+    send_goto(scene.page)
+    scene.page.wait(f"{DRAWN}[0] > 230")
+    scene.page.press("Escape")
+    scene.page.wait("[...sources[0].events.values()].some(each => each.kind === 'stop')")
+    scene.page.wait(f"{KALMAN}.times.length > 0 && sources[0].row('Stop Drive') !== null")
+    x, _ = true_place(scene.world)
+    assert 200 < x < GOAL[0] - NEAR
+    scene.page.click("#stop")
+    scene.page.wait("sources[0].row('Stop Drive').latest.count === 2")
+
+
+def test_a_plot_ends_with_the_last_value(scene: Scene) -> None:
+    page = scene.page
+    page.click("#tab-messages")
+    page.run("""(() => {
+        const lines = [...document.querySelectorAll('table.messages tr')];
+        const line = lines.find(each => each.textContent.includes('Kalman Position Response'));
+        line.querySelector('.value').click();
+    })()""")
+    page.click("#tab-plots")
+    page.wait("plots.all[0].chart !== null")
+    shown, last = page.run(f"[plots.all[0].data()[1].at(-1), {KALMAN}.columns[0].at(-1)]")
+    assert shown == last
+    assert abs(last - true_place(scene.world)[0]) < NEAR
+    page.wait("document.querySelector('.legend b').textContent.endsWith(' mm')")
+    names = page.run("plots.all[0].series.map(each => each.name)")
+    assert names == ["Kalman Position Response.x"]
+
+
+def test_dragging_a_value_into_a_plot(scene: Scene) -> None:
+    page = scene.page
+    page.click("#tab-plots")
+    page.run("""(() => {
+        const data = new DataTransfer();
+        data.setData('text/plain', JSON.stringify([0, 'Kalman Position Response', 'angle']));
+        document.querySelector('.plot').dispatchEvent(new DragEvent('drop', {dataTransfer: data, bubbles: true}));
+    })()""")
+    assert page.run("plots.all[0].series[0].name") == "Kalman Position Response.angle"
+
+
+def test_objects_are_read_written_and_plotted(scene: Scene) -> None:
+    page = scene.page
+    page.click("#tab-objects")
+    page.run("""(() => {
+        const chosen = document.querySelector('#view-objects select');
+        chosen.value = 'drive';
+        chosen.dispatchEvent(new Event('change'));
+    })()""")
+    line = """[...document.querySelectorAll('table.objects tr')].find(each => each.textContent.includes('0x1017:0'))"""
+    page.wait(line)
+    page.run(f"{line}.querySelector('button').click()")
+    page.wait(f"{line}.querySelector('.read').textContent === '1000'")
+    page.run(f"{line}.querySelector('input').value = '200'; {line}.querySelector('.write button').click()")
+    page.wait(f"{line}.querySelector('.read').textContent === '200'")
+    page.run(f"{line}.querySelector('input').value = '70000'; {line}.querySelector('.write button').click()")
+    page.wait("document.querySelector('#toast').textContent.includes('allowed: 0..65535')")
+    page.run(f"{line}.querySelectorAll('.acts > button')[1].click()")
+    page.wait("plots.all[0].series.length === 1 && plots.all[0].series[0].data()[1].at(-1) === 200")
+
+
+def test_without_control_there_is_nothing_to_change_anything_with(tmp_path: Path, window: Page) -> None:
+    name = channel()
+    with robot(name), live_page(name, tmp_path, control=False) as served:
+        window.open(served.address)
+        window.wait(f"{KALMAN} && {KALMAN}.times.length > 1")
+        for tab in ("nodes", "objects"):
+            window.click(f"#tab-{tab}")
+        window.wait("document.querySelector('table.objects tbody tr')")
+        assert window.run("document.querySelector('#stop').hidden && document.querySelector('#tab-send').hidden")
+        seen = "[...document.querySelectorAll('form.goto, .write, .card .buttons')].some(each => each.offsetParent)"
+        assert window.run(seen) is False
+        window.press("Escape")
+        refused = window.run("connection.ask({do: 'stop'}).catch(error => error.message)")
+        assert refused == "this page is read-only: start the server with --control"
+
+
+def test_any_message_is_sent_by_its_form(scene: Scene) -> None:
+    page = scene.page
+    message = StartConfigurationSet(TeamColour.RED, 1, 0, 45, 0)
+    page.click("#tab-send")
+    page.run("""(() => {
+        const chosen = document.querySelector('form.send select');
+        chosen.value = 'Start Configuration Set';
+        chosen.dispatchEvent(new Event('change'));
+        const inputs = document.querySelectorAll('.fields select, .fields input');
+        ['red', 1, 0, 45, 0].forEach((value, place) => { inputs[place].value = value; });
+    })()""")
+    page.click("form.send button")
+    page.wait(f"document.querySelector('.answer').textContent === 'sent {EurobotProtocol.load().encode(message)}'")
+    page.wait("sources[0].row('Start Configuration Confirm') !== null")  # the nodes heard it
+    page.run("document.querySelector('form.send').noValidate = true")
+    page.run("document.querySelectorAll('.fields input')[2].value = 99")
+    page.click("form.send button")
+    page.wait("document.querySelector('.answer.is-wrong')")
+    assert "enemy_1_diameter = 99 is not allowed; allowed: 0..50 cm" in page.text(".answer")
+
+
+def test_nodes_tell_how_they_are(scene: Scene) -> None:
+    page = scene.page
+    page.click("#tab-nodes")
+    state = "document.querySelectorAll('.card .state')[1].textContent"
+    page.wait(f"{state}.startsWith('operational heartbeat')")
+    page.run("[...document.querySelectorAll('.card')][1].querySelectorAll('.buttons button')[2].click()")
+    page.wait(f"{state}.startsWith('pre-operational')")
+    page.wait("[...sources[0].events.values()].some(each => each.text === 'pre-operational, drive')")
+    with open_bus("virtual", scene.channel) as bus:
+        Driver(bus).send(Frame(0x083, bytes.fromhex("3081 11 0000000000")))
+    page.wait("document.querySelectorAll('.errors')[2].textContent.includes('0x8130 ')")
+
+
+def test_what_is_wrong_is_red(scene: Scene) -> None:
+    with open_bus("virtual", scene.channel) as bus:
+        Driver(bus).send(Frame(0x008, bytes(3)))
+    scene.page.wait("document.querySelector('tr.is-wrong .defects')")
+    assert "Goto XY (0x008): 3 bytes of data, expected 6 or 8" in scene.page.text("tr.is-wrong .defects")
+
+
+def test_searching_and_freezing(scene: Scene) -> None:
+    page = scene.page
+    page.press("/")
+    page.wait("document.activeElement.id === 'search'")
+    for letter in "kalman":
+        page.press(letter)
+    shown = "[...document.querySelectorAll('table.messages tbody tr')].filter(each => !each.hidden).length"
+    page.wait(f"{shown} === 2")
+    page.run("document.activeElement.blur()")
+    page.press("f")
+    page.wait("document.querySelector('#freeze').getAttribute('aria-pressed') === 'true'")
+    page.run("new Promise(done => setTimeout(done, 100))")
+    count = page.run("document.body.dataset.time")
+    page.run("new Promise(done => setTimeout(done, 300))")
+    assert page.run("document.body.dataset.time") == count
+    page.click("#freeze")
+    page.wait(f"Number(document.body.dataset.time) > {count}")
+
+
+def test_a_recording_is_a_log_of_what_was_seen(scene: Scene, tmp_path: Path) -> None:
+    page = scene.page
+    page.click("#record")
+    page.wait("connection.state.recording.frames > 5")
+    page.click("#record")
+    page.wait("document.querySelector('.status a[href]')")
+    text = page.run("fetch(document.querySelector('.status a').href).then(answer => answer.text())")
+    log = tmp_path / "kept.log"
+    log.write_text(text)
+    with log.open("rb") as file:
+        frames = [raw for *_, raw in read(file)]
+    assert len(frames) == page.run("connection.state.recording.frames")
+    assert 0x701 in {each.cob_id for each in frames if isinstance(each, Frame)}
+
+
+def test_names_from_files_and_buses_are_text(tmp_path: Path, window: Page) -> None:
+    evil = "<img src=x onerror=alert(1)>"
+    file = tmp_path / "evil.eds"
+    text = (EDS / "canopen" / "drive.eds").read_text()
+    file.write_text(with_entry(with_entry(text, "1017", "ParameterName", evil), "1800", "ParameterName", evil))
+    network = Decoder([Outline.load(file, 2, f"</script>{evil}")])
+    name = f"</script><script>alert(1)</script>{evil}"
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path, network=network, panels=()) as served:
+        window.open(served.address)
+        window.wait("connection.up")
+        sender = next(each for each in network.protocol.bindings if each.name.startswith("<img"))
+        Driver(bus).send(Frame(sender.cob_id, bytes(sender.layout.length)))
+        window.click("#tab-messages")
+        window.wait("document.querySelector('table.messages tbody th')")
+        assert window.text("table.messages tbody th") == evil
+        assert window.text("h1") == name
+        window.click("#tab-nodes")
+        window.click("#tab-objects")
+        names = "[...document.querySelectorAll('table.objects th')].map(each => each.textContent)"
+        window.wait(f"{names}.some(each => each.includes('onerror'))")
+        assert window.run("document.querySelectorAll('img').length") == 0
+
+
+def test_any_network_without_a_field_has_the_rest(tmp_path: Path, window: Page) -> None:
+    name = channel()
+    network = Decoder([Outline.load(EDS / "canopen" / "navigation.eds", 3)])
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path, network=network, panels=()) as served:
+        window.open(served.address)
+        window.wait("connection.control")
+        assert window.run("[...document.querySelectorAll('[role=tab]')].map(each => each.textContent)") == [
+            "Messages", "Plots", "Nodes", "Objects", "Send", "Events",
+        ]  # fmt: skip
+        window.wait("!document.querySelector('#stop').hidden")
+        window.click("#stop")
+        heard = bus.recv(5.0)
+    assert heard is not None
+    assert (heard.arbitration_id, bytes(heard.data)) == (0x000, bytes([NmtCommand.STOP, 0]))
+
+
+def test_a_second_browser_sees_the_same(scene: Scene, browser: Browser) -> None:
+    other = browser.page()
+    other.open(scene.served.address)
+    other.wait(f"{KALMAN} && {KALMAN}.times.length > 1")
+    other.close()
+
+
+# What goes away and comes back
+
+
+@contextmanager
+def bus_server(port: int) -> Iterator[None]:
+    """Serve a bus in a process of its own, and kill it in the end."""
+    words = ["--interface=virtual", "--channel=served", "--host=127.0.0.1", f"--port={port}"]
+    with subprocess.Popen([sys.executable, "-m", "can_remote", *words], stderr=subprocess.DEVNULL) as process:
+        try:
+            wait_for(port)
+            yield
+        finally:
+            process.kill()
+
+
+def wait_for(port: int) -> None:
+    """Wait until somebody listens."""
+    for _ in range(200):
+        with suppress(ConnectionError), socket.create_connection(("127.0.0.1", port)):
+            return
+        time.sleep(0.05)
+    raise AssertionError("no bus server")
+
+
+def test_the_bus_server_is_killed_and_back(window: Page) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    bus = f"ws://127.0.0.1:{port}/"
+    with ExitStack() as stack:
+        with bus_server(port):
+            process = stack.enter_context(command("serve", "--listen", "127.0.0.1:0", "-i", "remote", "-c", bus))
+            window.open(line(process, "http://").split()[0])
+            window.wait("connection.up && !connection.state.trouble")
+        window.wait("connection.state.trouble.includes('failed') && document.querySelector('.status.is-wrong')")
+        stack.enter_context(bus_server(port))
+        window.wait("!connection.state.trouble && !document.querySelector('.status.is-wrong')")
+        with open_bus("remote", bus) as other:
+            Driver(other).send(Frame(0x702, b"\x05"))
+            window.wait("sources[0].rows.has(0x702)")
+
+
+def test_the_page_finds_a_server_that_was_started_again(tmp_path: Path, window: Page) -> None:
+    name, window.may_lose_its_server = channel(), True
+    with live_page(name, tmp_path) as served:
+        window.open(served.address)
+        window.wait("connection.up")
+        port = int(served.address.rstrip("/").rpartition(":")[2])
+    window.wait("!connection.up && document.querySelector('.status.is-wrong')")
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path, port=port):
+        window.wait("connection.up")
+        Driver(bus).send(Frame(0x702, b"\x05"))
+        window.wait("sources[0].rows.has(0x702)")

@@ -1,0 +1,58 @@
+"""The page as a file: it needs nothing else, and what it is given stays data."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import re
+
+import pytest
+
+from eurobot_od.robot.panel import FieldPanel
+from eurobot_od.robot.protocol import decoder
+from eurobot_od.web.columns import Columns
+from eurobot_od.web.page import FILES, page
+
+EMPTY = Columns("empty", decoder(), 500_000).data()
+
+
+def test_it_loads_nothing_from_elsewhere() -> None:
+    text = page("Match", [EMPTY], [FieldPanel])
+    assert re.findall(r"""<(?:script|img|iframe)[^>]*src=|url\(|@import""", text) == []
+    assert re.findall(r'href="(?!data:image/svg)[^"]*"', text) == []
+
+
+@pytest.mark.parametrize(
+    "evil", ["</script><script>alert(1)</script>", "<!-- <script>", "{{scripts}}", "'\"&", "\u2028", "]]>"]
+)
+def test_names_stay_data(evil: str) -> None:
+    text = page(evil, [{**EMPTY, "name": evil}], [FieldPanel])
+    plain = page("plain", [{**EMPTY, "name": "plain"}], [FieldPanel])
+    assert text.count("<script") == plain.count("<script")
+    found = re.search(r'<script type="application/json" id="content">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    assert json.loads(found[1])["sources"][0]["name"] == evil
+
+
+def test_its_policy_names_every_script_and_style_by_its_hash() -> None:
+    text = page("Match", [EMPTY], [FieldPanel])
+    policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', text)
+    assert policy is not None
+    for tag in ("script", "style"):
+        for content in re.findall(rf"<{tag}>(.*?)</{tag}>", text, re.DOTALL):
+            assert base64.b64encode(hashlib.sha256(content.encode()).digest()).decode() in policy[1]
+    assert "default-src 'none'" in policy[1]
+    assert "unsafe" not in policy[1]
+
+
+def test_the_plots_library_has_its_licence_beside_it() -> None:
+    assert "Leon Sorokin" in (FILES / "uplot-license.txt").read_text()
+    assert "uPlot" in (FILES / "uplot.js").read_text()
+
+
+def test_nothing_but_the_panel_knows_the_robot() -> None:
+    words = re.compile(r"goto|kalman|navigation|enem|barrier|eurobot", re.IGNORECASE)
+    for name in ("page.html", "page.js", "page.css"):
+        found = set(words.findall((FILES / name).read_text()))
+        assert (name, found) == (name, set())

@@ -1,0 +1,228 @@
+"""The page of a log in a real browser: it plays by the wall clock, and shows what was when."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import cli
+from tests.cli.processes import command, line
+from tests.web.browser import Page
+
+TOLERANCE = 0.25
+"""Seconds of the wall clock that a picture may be late on a busy machine."""
+
+SHOWN = "Number(document.body.dataset.time)"
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Logs of two short matches."""
+    found = [tmp_path_factory.mktemp("logs") / f"match-{seed}.log" for seed in (1, 2)]
+    for seed, log in enumerate(found, 1):
+        assert cli.main(["match", "--seed", str(seed), "--duration", "6", "--log", str(log)]) == 0
+    return found
+
+
+@pytest.fixture
+def page(logs: list[Path], window: Page, tmp_path: Path) -> Page:
+    """A page that is a file on the disk."""
+    file = tmp_path / "match.html"
+    assert cli.main(["field", str(logs[0]), "-o", str(file)]) == 0
+    window.open(file.as_uri())
+    return window
+
+
+@pytest.fixture
+def served_logs(logs: list[Path]) -> Iterator[str]:
+    """The address of a page that `serve` shows of logs."""
+    with command("serve", "--listen", "127.0.0.1:0", *map(str, logs)) as process:
+        yield line(process, "http://").split()[0]
+
+
+def end(page: Page) -> float:
+    return float(page.run("clock.end"))
+
+
+def choose_speed(page: Page, speed: float) -> None:
+    page.run(f"""(() => {{
+        const chosen = document.querySelector('#speed');
+        chosen.value = '{speed:g}';
+        chosen.dispatchEvent(new Event('change'));
+    }})()""")
+
+
+@pytest.mark.parametrize("speed", [1, 4])
+def test_play_moves_as_fast_as_the_wall_clock(page: Page, speed: float) -> None:
+    choose_speed(page, speed)
+    page.click("#play")
+    page.wait(f"{SHOWN} > 0.05")
+    watch = f"new Promise(done => setTimeout(() => done([{SHOWN}, performance.now()]), %d))"
+    (first, begun), (last, ended) = (page.run(watch % wait) for wait in (0, 1000))
+    wall = (ended - begun) / 1000
+    assert last - first == pytest.approx(wall * speed, abs=TOLERANCE * speed)
+    assert page.text("#play") == "Pause"
+    assert page.text("#shown").startswith(f"{page.run(SHOWN):.0f}"[:1])
+
+
+def test_it_plays_to_the_end_and_again_from_the_start(page: Page) -> None:
+    choose_speed(page, 16)
+    page.click("#play")
+    page.wait("!clock.running && clock.time > 0 && document.querySelector('#play').textContent === 'Play'")
+    page.wait(f"Math.abs({SHOWN} - clock.end) < 0.001")
+    assert float(page.run("document.querySelector('#time').value")) == pytest.approx(end(page))
+    choose_speed(page, 1)
+    page.click("#play")
+    page.wait(f"{SHOWN} < 1 && {SHOWN} > 0.01")
+
+
+def test_scrubbing_shows_what_was_then(page: Page) -> None:
+    row = "sources[0].row('Kalman Position Response')"
+    for time in (3.0, 5.5, 4.0):
+        page.run(f"""(() => {{
+            const slider = document.querySelector('#time');
+            slider.value = {time};
+            slider.dispatchEvent(new Event('input'));
+        }})()""")
+        page.wait(f"{SHOWN} === {time}")
+        count, x = page.run(f"[{row}.now({time}).count, {row}.now({time}).values[0]]")
+        lines = "[...document.querySelectorAll('table.messages tr')]"
+        line = f"{lines}.find(each => each.textContent.includes('Kalman Position Response'))"
+        assert page.run(f"{line}.querySelector('.count').textContent") == str(count)
+        assert page.run(f"{line}.querySelector('.value').textContent") == f"x {x} mm"
+    assert page.text("#shown") == f"4.0 s of {end(page):.1f} s"
+
+
+@pytest.mark.parametrize(
+    ("keys", "expected"),
+    [
+        (["ArrowRight", "ArrowRight", "ArrowLeft"], "1"),
+        (["End"], "clock.end"),
+        (["End", "Home"], "0"),
+        (["."], "eventTimes()[0] || eventTimes()[1]"),
+        ([".", ".", ","], "eventTimes().filter(each => each > 0)[0]"),
+    ],
+    ids="-".join,
+)
+def test_keys_move_the_time(page: Page, keys: list[str], expected: str) -> None:
+    for key in keys:
+        page.press(key)
+    page.wait(f"Math.abs({SHOWN} - ({expected})) < 0.001")
+
+
+def test_keys_play_and_change_the_speed(page: Page) -> None:
+    page.press(" ")
+    page.wait("clock.running")
+    page.press("+")
+    assert page.run("clock.speed") == 2
+    page.press("-")
+    page.press("-")
+    assert page.run("clock.speed") == 0.5
+    page.press(" ")
+    assert page.run("clock.running") is False
+
+
+def test_a_click_on_an_event_goes_there(page: Page) -> None:
+    page.click("#tab-events")
+    page.wait("document.querySelectorAll('.events li').length > 2")
+    times = page.run("sources[0].sortedEvents().map(each => each.time)")
+    page.run("document.querySelectorAll('.events button')[2].click()")
+    page.wait(f"Math.abs({SHOWN} - {times[2]}) < 0.001")
+
+
+def test_numbers_are_those_of_the_monitor(page: Page, logs: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert cli.main(["monitor", str(logs[0]), "--speed", "max"]) == 0
+    table = capsys.readouterr().out.partition("\nID ")[2].splitlines()[1:]
+    told = {int(line[:3], 16): line for line in table if line[:3].strip()}
+    rows = page.run("""sources[0].sorted().map(row => {
+        const now = row.now(clock.end);
+        return [row.id, row.name, now.count, now.period === null ? '' :
+            `${(now.period * 1000).toFixed(1)} ± ${(now.jitter * 1000).toFixed(1)}`];
+    })""")
+    assert sorted(told) == sorted(cob_id for cob_id, *_ in rows if cob_id is not None)
+    for cob_id, name, count, period in rows:
+        if cob_id is not None:
+            assert f" {name} " in told[cob_id]
+            assert str(count) in told[cob_id].split()
+            assert period in told[cob_id]
+
+
+def test_a_plot_is_saved_as_csv(page: Page) -> None:
+    text = page.run("""(async () => {
+        let kept = null;
+        URL.createObjectURL = blob => { kept = blob; return '#'; };
+        plots.add(new FieldSeries(sources[0].row('Kalman Position Response'), 'x'));
+        document.querySelector('#tab-plots').click();
+        await new Promise(done => setTimeout(done, 300));
+        plots.all[0].save('csv');
+        return kept.text();
+    })()""")
+    head, *lines = text.splitlines()
+    assert head == '"time in s","Kalman Position Response.x in mm"'
+    times, values = page.run("(row => [row.times, row.columns[0]])(sources[0].row('Kalman Position Response'))")
+    assert [tuple(map(float, line.split(","))) for line in lines] == list(zip(times, values))
+
+
+def test_a_plot_is_saved_as_png(page: Page) -> None:
+    start = page.run("""(async () => {
+        let kept = null;
+        URL.createObjectURL = blob => { kept = blob; return '#'; };
+        plots.add(new FieldSeries(sources[0].row('Kalman Position Response'), 'x'));
+        document.querySelector('#tab-plots').click();
+        await new Promise(done => setTimeout(done, 300));
+        plots.all[0].save('png');
+        while (!kept) await new Promise(done => setTimeout(done, 20));
+        return [...new Uint8Array(await kept.arrayBuffer())].slice(0, 4);
+    })()""")
+    assert bytes(start) == b"\x89PNG"
+
+
+def test_zooming_is_one_for_all_plots(page: Page) -> None:
+    page.run("""(() => {
+        const row = sources[0].row('Kalman Position Response');
+        plots.add(new FieldSeries(row, 'x'));
+        plots.create().add(new FieldSeries(row, 'y'));
+        document.querySelector('#tab-plots').click();
+    })()""")
+    page.wait("plots.all.every(each => each.chart)")
+    page.run("plots.zoom([2, 4])")
+    scales = "plots.all.map(each => [each.chart.scales.x.min, each.chart.scales.x.max])"
+    page.wait(f"JSON.stringify({scales}) === '[[2,4],[2,4]]'")
+    page.run("plots.zoom(null)")
+    page.wait(f"{scales}[1][1] > 5")
+
+
+def test_two_logs_side_by_side_on_one_time_axis(logs: list[Path], window: Page, served_logs: str) -> None:
+    window.open(served_logs)
+    window.wait("document.querySelectorAll('.lane').length === 2")
+    assert window.run("[...document.querySelectorAll('#view-field h3')].map(each => each.textContent)") == [
+        each.stem for each in logs
+    ]
+    window.run("clock.seek(5)")
+    window.wait(f"{SHOWN} === 5")
+    places = window.run("[...document.querySelectorAll('.where')].map(each => each.textContent)")
+    assert len(set(places)) == 2
+    window.run("sources.forEach(each => plots.add(new FieldSeries(each.row('Kalman Position Response'), 'x')))")
+    assert window.run("plots.all[0].series.map(each => each.name)") == [
+        f"{each.stem}: Kalman Position Response.x" for each in logs
+    ]
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", [1600, 1280, 390])
+def test_every_view_fits_and_names_its_controls(page: Page, width: int, dark: bool) -> None:
+    page.size(width, dark=dark)
+    page.run("clock.seek(5)")
+    unnamed = """[...document.querySelectorAll('button, input, select, [role=button]')].filter(each => each.offsetParent
+        && !(each.textContent.trim() || each.getAttribute('aria-label') || each.labels?.length)).length"""
+    for name in page.run("[...document.querySelectorAll('[role=tab]')].filter(tab => !tab.hidden).map(tab => tab.id)"):
+        page.click(f"#{name}")
+        page.run("new Promise(done => setTimeout(done, 150))")
+        assert (name, page.run("document.documentElement.scrollWidth - innerWidth")) == (name, 0)
+        assert (name, page.run(unnamed)) == (name, 0)
+    colour = json.loads(page.run("JSON.stringify(getComputedStyle(document.body).backgroundColor.match(/\\d+/g))"))
+    assert (int(colour[0]) < 128) is dark

@@ -1,0 +1,295 @@
+"""What the real server answers to whom: attacks one by one, and what a browser is owed."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import logging
+import resource
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from email.message import Message
+from pathlib import Path
+from typing import Any, NamedTuple
+from urllib.parse import urlsplit
+
+import aiohttp
+import pytest
+
+from eurobot_od.frame import Frame
+from eurobot_od.live import Driver, open_bus
+from eurobot_od.web.access import Access
+from eurobot_od.web.server import MOST_OWED
+from tests.web.scene import LONG, Served, channel, live_page
+
+TOKEN = "a-token-that-nobody-guesses"
+MUCH = 100_000_000
+"""Bytes of a body that nobody asked for."""
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with live_page(channel(), tmp_path_factory.mktemp("recordings")) as served:
+        yield served
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A page as it is served to other machines."""
+    with live_page(channel(), tmp_path_factory.mktemp("recordings"), access=Access("127.0.0.1", TOKEN)) as served:
+        yield served
+
+
+class Answer(NamedTuple):
+    status: int
+    headers: Message
+    text: str
+
+
+def ask(served: Served, path: str = "/", method: str = "GET", **headers: str) -> Answer:
+    """Send a request as it is written, with any Host."""
+    address = urlsplit(served.address)
+    with closing(http.client.HTTPConnection(address.hostname or "", address.port or 0, timeout=LONG)) as connection:
+        connection.putrequest(method, path, skip_host=True)
+        for name, value in ({"Host": address.netloc} | headers).items():
+            connection.putheader(name.replace("_", "-"), value)
+        connection.endheaders()
+        with connection.getresponse() as answer:
+            return Answer(answer.status, answer.headers, answer.read().decode())
+
+
+UPGRADE = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec_WebSocket_Version": "13",
+    "Sec_WebSocket_Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+}
+
+ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
+    ("a name that points here", "GET", "/", {"Host": "evil.example"}, 403),
+    ("no name", "GET", "/", {"Host": ""}, 403),
+    ("a page elsewhere that reads", "GET", "/", {"Origin": "http://evil.example"}, 403),
+    ("a page elsewhere that listens", "GET", "/live", {**UPGRADE, "Origin": "http://evil.example"}, 403),
+    ("a page on another port", "GET", "/live", {**UPGRADE, "Origin": "http://127.0.0.1:1"}, 403),
+    ("a file on the disk", "GET", "/live", {**UPGRADE, "Origin": "null"}, 403),
+    ("a name that points here, listening", "GET", "/live", {**UPGRADE, "Host": "evil.example"}, 403),
+    ("up and away", "GET", "/../../../../etc/passwd", {}, 404),
+    ("up, written otherwise", "GET", "/%2e%2e/%2e%2e/etc/passwd", {}, 404),
+    ("up from the recordings", "GET", "/recording/../../../etc/passwd", {}, 404),
+    ("up from the recordings, written otherwise", "GET", "/recording/..%2f..%2fetc%2fpasswd", {}, 404),
+    ("a recording that is none", "GET", "/recording/x.log", {}, 404),
+    ("a file of the package", "GET", "/files/page.js", {}, 404),
+    ("another method", "POST", "/", {"Content_Length": "0"}, 405),
+    ("asking for leave to come from elsewhere", "OPTIONS", "/", {"Origin": "http://evil.example"}, 403),
+    ("more body than there is memory", "POST", "/", {"Content_Length": str(MUCH)}, 405),
+]
+
+
+@pytest.mark.parametrize(("what", "method", "path", "headers", "status"), ATTACKS, ids=[each[0] for each in ATTACKS])
+def test_attacks(local: Served, what: str, method: str, path: str, headers: dict[str, str], status: int) -> None:
+    answer = ask(local, path, method, **headers)
+    assert (what, answer.status) == (what, status)
+    assert "root:" not in answer.text
+    assert "Access-Control-Allow-Origin" not in answer.headers
+    assert len(answer.text) < 200
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, 401),
+        ("/?token=wrong", {}, 401),
+        ("/?token=", {}, 401),
+        ("/", {"Cookie": "token=wrong"}, 401),
+        ("/live", {**UPGRADE}, 401),
+        (f"/?token={TOKEN}", {}, 303),
+        ("/", {"Cookie": f"token={TOKEN}"}, 200),
+        (f"/?token={TOKEN}", {"Host": "evil.example"}, 403),
+    ],
+)
+def test_the_token(guarded: Served, path: str, headers: dict[str, str], status: int) -> None:
+    if "Upgrade" in headers:
+        headers = {**headers, "Origin": guarded.address.split("/?")[0]}
+    assert ask(guarded, path, **headers).status == status
+
+
+def test_the_token_leaves_the_address_and_no_script_gets_at_it(guarded: Served) -> None:
+    answer = ask(guarded, f"/?token={TOKEN}")
+    assert answer.headers["Location"] == "/"
+    assert answer.headers["Set-Cookie"] == f"token={TOKEN}; HttpOnly; Path=/; SameSite=Strict"
+
+
+def test_the_token_is_in_no_log(
+    guarded: Served, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    caplog.set_level(logging.DEBUG)
+    ask(guarded, f"/?token={TOKEN}")
+    ask(guarded, f"/nothing?token={TOKEN}")
+    assert TOKEN not in caplog.text + "".join(capfd.readouterr())
+
+
+def test_every_answer_says_that_no_other_page_may_have_it(local: Served) -> None:
+    for path in ("/", "/nothing"):
+        headers = ask(local, path).headers
+        assert headers["X-Frame-Options"] == "DENY"
+        assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+        assert headers["X-Content-Type-Options"] == "nosniff"
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+
+
+def test_a_body_of_100_megabytes_is_not_kept(local: Served) -> None:
+    address = urlsplit(local.address)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    head = f"POST / HTTP/1.1\r\nHost: {address.netloc}\r\nContent-Length: {MUCH}\r\n\r\n"
+    with socket.create_connection((address.hostname or "", address.port or 0), LONG) as connection:
+        connection.sendall(head.encode())
+        with suppress(OSError):  # the server hangs up
+            for _ in range(100):
+                connection.sendall(bytes(MUCH // 100))
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MUCH // 1000 / 4  # in KiB
+    assert ask(local).status == 200
+
+
+# Browsers
+
+
+def talk(served: Served, what: Callable[[aiohttp.ClientWebSocketResponse], Any]) -> Any:
+    """Talk to the server by a websocket, as the page does."""
+
+    async def talked() -> Any:
+        origin = served.address.rstrip("/")
+        async with aiohttp.ClientSession() as session, session.ws_connect(f"{origin}/live", origin=origin) as opened:
+            return await asyncio.wait_for(what(opened), LONG)
+
+    return asyncio.run(talked())
+
+
+async def snapshot(opened: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
+    """Wait for a snapshot and confirm it."""
+    said: dict[str, Any] = await opened.receive_json()
+    await opened.send_str(str(said["turn"]))
+    return said
+
+
+async def answer(opened: aiohttp.ClientWebSocketResponse, text: str) -> dict[str, Any]:
+    """Ask, and return the answer, with the snapshots confirmed that come before it."""
+    await opened.send_str(text)
+    while "re" not in (said := await opened.receive_json()):
+        await opened.send_str(str(said["turn"]))
+    return dict(said)
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("{", "a request is JSON"),
+        ("[" * 60_000, "a request is JSON"),
+        ("[]", "a request is a JSON object"),
+        ('{"id": 1}', "unknown request 'None'"),
+        ('{"id": 1, "do": {}}', "unknown request '{}'"),
+        ('{"id": 1, "do": "exec"}', "unknown request 'exec'"),
+        ('{"id": 1, "do": "read"}', "node is missing, or no text"),
+        ('{"id": 1, "do": "read", "node": "nobody", "object": "1000"}', "unknown node 'nobody'"),
+        ('{"id": 1, "do": "read", "node": "128", "object": "1000"}', "unknown node '128'"),
+        ('{"id": 1, "do": "read", "node": "\\u00b2", "object": "1000"}', "unknown node '²'"),
+        ('{"id": 1, "do": "read", "node": "drive", "object": "Nothing"}', "unknown object 'Nothing'"),
+        ('{"id": 1, "do": "send", "message": "Goto XY", "fields": []}', "fields are texts by name"),
+        ('{"id": 1, "do": "send", "message": "Goto XY", "fields": {"x": 5}}', "fields are texts by name"),
+        ('{"id": 1, "do": "send", "message": "Goto XY", "fields": {"x": "9999"}}', "y, angle, speed missing"),
+        ('{"id": 1, "do": "send", "message": "Goto YX"}', "unknown message 'Goto YX'"),
+        ('{"id": 1, "do": "nmt", "command": "explode", "node": "all"}', "unknown NMT command 'explode'"),
+        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "70000"}', "allowed: 0..65535"),
+        ('{"id": 1, "do": "write", "node": "drive", "object": "1017", "value": "soon"}', "allowed: an integer"),
+        ('{"id": 1, "do": "watch", "node": "drive", "object": 7}', "object is missing, or no text"),
+    ],
+)
+def test_what_is_asked_wrongly_is_answered_in_a_line(local: Served, text: str, error: str) -> None:
+    said = talk(local, lambda opened: answer(opened, text))
+    assert error in said["error"]
+    assert "\n" not in said["error"]
+
+
+def test_a_request_that_is_too_long_ends_the_connection_and_nothing_else(local: Served) -> None:
+    async def shout(opened: aiohttp.ClientWebSocketResponse) -> int | None:
+        await opened.send_str("x" * 200_000)
+        while not (await opened.receive()).type.name.startswith("CLOS"):
+            pass
+        return opened.close_code
+
+    assert talk(local, shout) == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+    assert talk(local, snapshot)["turn"] > 0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"do": "send", "message": "Stop Drive"},
+        {"do": "nmt", "command": "stop", "node": "all"},
+        {"do": "stop"},
+        {"do": "write", "node": "drive", "object": "1017", "value": "100"},
+    ],
+    ids=lambda words: words["do"],
+)
+def test_without_control_nothing_gets_on_the_bus(tmp_path: Path, words: dict[str, str]) -> None:
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path, control=False) as served:
+        said = talk(served, lambda opened: answer(opened, json.dumps({"id": 1, **words})))
+        assert said["error"] == "this page is read-only: start the server with --control"
+        assert other.recv(0) is None
+
+
+def test_a_browser_that_confirms_nothing_is_left_out_and_told(tmp_path: Path) -> None:
+    async def sleep_and_wake(opened: aiohttp.ClientWebSocketResponse) -> list[dict[str, Any]]:
+        owed = [await opened.receive_json() for _ in range(MOST_OWED + 1)]
+        with pytest.raises(asyncio.TimeoutError):
+            await opened.receive(0.5)  # as long as ten snapshots take: none comes
+        await opened.send_str(str(owed[-1]["turn"]))
+        return [*owed, await opened.receive_json()]
+
+    name = channel()
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        Driver(bus).send(Frame(0x701, b"\x05"))
+        *owed, woken = talk(served, sleep_and_wake)
+        assert [each["skipped"] for each in owed] == [0] * len(owed)
+        assert woken["skipped"] > 5
+
+
+def test_twenty_browsers_see_every_frame_counted(tmp_path: Path) -> None:
+    async def counted(http: aiohttp.ClientSession, origin: str, ready: asyncio.Semaphore) -> int:
+        async with http.ws_connect(f"{origin}/live", origin=origin) as opened:
+            await snapshot(opened)
+            ready.release()
+            while (said := await snapshot(opened))["frames"] < 1000:
+                pass
+            return int(said["frames"])
+
+    async def all_of_them(origin: str, driver: Driver) -> list[int]:
+        ready = asyncio.Semaphore(0)
+        async with aiohttp.ClientSession() as http:
+            counts = [asyncio.create_task(counted(http, origin, ready)) for _ in range(20)]
+            for _ in counts:
+                await ready.acquire()
+            for _ in range(1000):
+                driver.send(Frame(0x100, bytes(5)))
+            return await asyncio.wait_for(asyncio.gather(*counts), LONG)
+
+    name = channel()
+    with open_bus("virtual", name) as bus, live_page(name, tmp_path) as served:
+        assert asyncio.run(all_of_them(served.address.rstrip("/"), Driver(bus))) == [1000] * 20
+
+
+def test_a_port_that_is_taken_is_told_in_a_line(local: Served, capfd: pytest.CaptureFixture[str]) -> None:
+    from eurobot_od import cli
+
+    taken = urlsplit(local.address).netloc
+    assert cli.main(["serve", "--listen", taken, "-i", "virtual", "-c", channel()]) == 2
+    assert f"cannot listen at {taken}" in capfd.readouterr().err
+
+
+def test_a_connection_that_says_nothing_harms_nobody(local: Served) -> None:
+    address = urlsplit(local.address)
+    with socket.create_connection((address.hostname or "", address.port or 0)):
+        assert ask(local).status == 200

@@ -1,0 +1,145 @@
+"""The live bus as the page gets it: what has changed, and what is kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.live import Driver, open_bus
+from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.panel import FieldPanel
+from eurobot_od.robot.protocol import decoder
+from eurobot_od.web import session as module
+from eurobot_od.web.session import Session
+from tests.web.scene import channel
+
+BEAT = Frame(0x702, b"\x05")
+STOP = decoder().protocol.encode(StopDrive())
+
+
+@pytest.fixture
+def bus() -> Iterator[tuple[Session, Callable[[Frame], None]]]:
+    """A session on a bus; the function sends a frame and waits until the session has it."""
+    name = channel()
+    with open_bus("virtual", name) as other:
+        session = Session(partial(open_bus, "virtual", name), decoder(), 500_000, [FieldPanel])
+
+        def send(frame: Frame) -> None:
+            before = session.frames
+            Driver(other).send(frame)
+            while session.frames == before:
+                session.poll()
+
+        yield session, send
+        session.close()
+
+
+def snapshot(session: Session, since: int = -1) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(session.snapshot(since))
+    return found
+
+
+def test_a_snapshot_has_what_changed_since_a_turn(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+    session, send = bus
+    send(BEAT)
+    first = snapshot(session)
+    send(STOP)
+    second = snapshot(session, first["turn"])
+    assert [each["name"] for each in first["rows"]] == ["Heartbeat drive"]
+    assert [each["name"] for each in second["rows"]] == ["Stop Drive"]
+    assert [each["kind"] for each in second["events"]] == ["stop"]
+    assert len(snapshot(session)["rows"]) == 2
+    assert snapshot(session, second["turn"])["rows"] == []
+
+
+def test_nodes_tell_their_state(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+    session, send = bus
+    send(BEAT)
+    drive = next(each for each in snapshot(session)["nodes"] if each["name"] == "drive")
+    assert (drive["state"], drive["lost"]) == ("operational", False)
+    assert 0 <= drive["age"] < 10
+
+
+def test_what_the_page_sends_is_shown_too(bus: tuple[Session, Callable[[Frame], None]]) -> None:
+    session, _ = bus
+    session.tap.send_frame(STOP)
+    session.poll()
+    assert [each["name"] for each in snapshot(session)["rows"]] == ["Stop Drive"]
+
+
+def test_events_make_room_for_newer_ones(
+    bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session, send = bus
+    monkeypatch.setattr(module, "MOST_EVENTS", 3)
+    for _ in range(5):
+        send(Frame(0x000, b"\1\2"))
+    assert [each["key"] for each in snapshot(session)["events"]] == ["NMT 3", "NMT 4", "NMT 5"]
+
+
+def test_a_recording_ends_by_itself_when_it_is_long(
+    bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    session, send = bus
+    monkeypatch.setattr(module, "MOST_RECORDED", 2)
+    session.record(tmp_path)
+    for _ in range(3):
+        send(BEAT)
+    state = snapshot(session)["recording"]
+    assert (state["on"], state["frames"]) == (False, 2)
+    assert len((tmp_path / state["file"]).read_text().splitlines()) == 2
+
+
+def test_a_full_disk_ends_a_recording_and_nothing_else(
+    bus: tuple[Session, Callable[[Frame], None]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    @contextmanager
+    def full(_: Path) -> Iterator[Callable[[float, Frame], None]]:
+        with Path("/dev/full").open("w", buffering=1) as disk:
+            yield lambda _time, frame: print(frame, file=disk)
+
+    session, send = bus
+    monkeypatch.setattr(module, "recording", full)
+    session.record(tmp_path)
+    send(BEAT)
+    send(BEAT)
+    found = snapshot(session)
+    assert found["frames"] == 2
+    assert not found["recording"]["on"]
+    assert "No space left on device" in found["recording"]["trouble"]
+
+
+def test_a_bus_that_fails_is_told_and_opened_again() -> None:
+    name, now = channel(), [0.0]
+    opened: list[Any] = []
+
+    def opening() -> Any:
+        if len(opened) == 1:
+            opened.append(None)
+            raise BusError("not yet")
+        opened.append(open_bus("virtual", name))
+        return opened[-1]
+
+    session = Session(opening, decoder(), 500_000, clock=lambda: now[0])
+    opened[0].shutdown()
+    while not session.trouble:
+        session.poll()
+    assert "failed" in session.trouble
+    with pytest.raises(BusError, match="failed"):
+        session.tap.send_frame(BEAT)
+    session.poll()
+    assert len(opened) == 1  # not at once
+    for expected in ("not yet", ""):
+        now[0] += module.REOPEN
+        session.poll()
+        assert session.trouble == expected
+    session.tap.send_frame(BEAT)
+    session.close()

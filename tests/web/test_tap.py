@@ -1,0 +1,47 @@
+"""The master's share of a bus."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
+from eurobot_od.live import Driver, open_bus
+from eurobot_od.web.tap import MOST_WAITING, Tap
+from tests.web.scene import channel
+
+ANSWER, BEAT = Frame(0x582, bytes(8)), Frame(0x702, b"\x05")
+
+
+def test_the_master_gets_answers_and_nothing_else() -> None:
+    tap = Tap()
+    for frame in (BEAT, ANSWER, Frame(0x100, bytes(5))):
+        tap.give(frame)
+    first, second = tap.recv(0), tap.recv(0)
+    assert first is not None
+    assert (first.arbitration_id, bytes(first.data), second) == (*ANSWER, None)
+    tap.shutdown()
+
+
+def test_what_nobody_takes_makes_room_for_what_is_newer() -> None:
+    tap = Tap()
+    for number in range(MOST_WAITING + 2):
+        tap.give(Frame(ANSWER.cob_id, number.to_bytes(8, "little")))
+    waiting = []
+    while (message := tap.recv(0)) is not None:
+        waiting.append(int.from_bytes(message.data, "little"))
+    assert waiting == list(range(2, MOST_WAITING + 2))
+    tap.shutdown()
+
+
+def test_what_is_sent_is_told_once_as_the_bus_does_not() -> None:
+    tap, name = Tap(), channel()
+    with pytest.raises(BusError, match="the bus is not open"):
+        tap.send_frame(BEAT)
+    with open_bus("virtual", name) as bus, open_bus("virtual", name) as other:
+        tap.driver = Driver(bus)
+        tap.send_frame(BEAT)
+        heard = other.recv(1.0)
+    assert heard is not None
+    assert (heard.arbitration_id, tap.sent(), tap.sent()) == (BEAT.cob_id, [BEAT], [])
+    tap.shutdown()

@@ -1,0 +1,83 @@
+"""Makes the pictures of docs/page.md: a simulated match as a page, and a live robot, in a headless Chromium.
+
+Rule of this file: the page as it is, driven as its tests drive it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # the tests' browser
+
+from eurobot_od.frame import Frame  # noqa: E402
+from eurobot_od.robot.match.drawing import draw  # noqa: E402
+from eurobot_od.robot.match.stage import play_simulated  # noqa: E402
+from eurobot_od.robot.options import MatchOptions  # noqa: E402
+from tests.web.browser import Page, running  # noqa: E402
+from tests.web.scene import channel, live_page, robot  # noqa: E402
+
+SIZE = (1400, 860)
+SHOWN = 57.0
+"""Time of the match that is shown, s."""
+
+ROW = "sources[0].row('Kalman Position Response')"
+
+
+def match_page(folder: Path) -> Path:
+    """Play a match and return it as a page."""
+    frames: list[tuple[float, Frame]] = []
+    file, options = folder / "match.html", MatchOptions(seed=1)
+    _, world = play_simulated(options, lambda _: None, lambda now, frame: frames.append((now, frame)))
+    draw(file, frames, options, world)
+    return file
+
+
+def log_picture(page: Page, folder: Path) -> None:
+    """Show the match with two plots."""
+    page.open(match_page(folder).as_uri())
+    page.run(f"clock.seek({SHOWN}); for (const each of ['x', 'y']) plots.add(new FieldSeries({ROW}, each))")
+    page.run("plots.create().add(new FieldSeries(sources[0].row('Goto State Response'), 'time'))")
+    page.click("#tab-plots")
+
+
+def live_picture(page: Page, address: str) -> None:
+    """Show a robot that drives where the page has sent it."""
+    page.open(address)
+    page.wait(f"connection.control && {ROW} && {ROW}.times.length > 1")
+    page.run("""(() => {
+        const [x, y] = document.querySelectorAll('form.goto input');
+        [x.value, y.value] = [1500, 1300];
+    })()""")
+    page.click("form.goto button")
+    page.wait(f"{ROW}.columns[0].at(-1) > 900")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write the pictures."""
+    parser = argparse.ArgumentParser(description="Make the pictures of docs/page.md.")
+    parser.add_argument("--folder", type=Path, default=ROOT / "docs", help="where to (default: docs)")
+    folder: Path = parser.parse_args(arguments).folder
+    name = channel()
+    with tempfile.TemporaryDirectory() as kept, running() as browser:
+        page = browser.page()
+        page.size(*SIZE)
+        log_picture(page, Path(kept))
+        _settle_and_save(page, folder / "page-log.png")
+        with robot(name), live_page(name, Path(kept)) as served:
+            live_picture(page, served.address)
+            _settle_and_save(page, folder / "page-live.png")
+    return 0
+
+
+def _settle_and_save(page: Page, file: Path) -> None:
+    page.run("new Promise(done => setTimeout(done, 400))")
+    page.screenshot(file)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
