@@ -18,6 +18,7 @@ import os
 import random
 import re
 import resource
+import signal
 import sys
 import tempfile
 import time
@@ -198,7 +199,7 @@ def most_memory() -> int:
 
 def judge(words: Sequence[str]) -> list[str]:
     """Run a command, and return what is wrong with its end."""
-    said = io.StringIO()
+    said, on_sigterm = io.StringIO(), signal.getsignal(signal.SIGTERM)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
         try:
             status = cli.main(words)
@@ -207,6 +208,7 @@ def judge(words: Sequence[str]) -> list[str]:
         except BaseException as error:
             return [f"{type(error).__name__}: {error}"]
         finally:
+            signal.signal(signal.SIGTERM, on_sigterm)
             gc.unfreeze()  # the command line freezes what there is, as a program runs one command only
     lines = said.getvalue().splitlines()
     wrong = [f"says {line!r}" for line in lines if not SAID.match(line)]
