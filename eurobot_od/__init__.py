@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from eurobot_od.robot.nodes import Drive as Drive
     from eurobot_od.robot.nodes import Navigation as Navigation
     from eurobot_od.robot.protocol import EurobotProtocol as Protocol
+    from eurobot_od.season.season import Season as Season
 
 _HOMES = {
     "Core": "robot.nodes",
@@ -30,6 +31,7 @@ _HOMES = {
     "Navigation": "robot.nodes",
     "Protocol": "robot.protocol",
     "Robot": "robot.facade",
+    "Season": "season.season",
     "SimulatedDevice": "device.simulated",
     "messages": "robot.messages",
     "open_bus": "live",
@@ -50,6 +52,7 @@ __all__ = [  # noqa: RUF022 (as documented; each is loaded by __getattr__)
     "Live",
     "open_bus",
     "SimulatedDevice",
+    "Season",
 ]
 
 

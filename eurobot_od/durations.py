@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import inf
 
 from eurobot_od.errors import LocalError
 
@@ -22,9 +23,10 @@ class DurationError(LocalError):
 def seconds(text: str) -> float:
     """Return the seconds of `500 ms`, `2s` or `1.5 min`; raises DurationError."""
     match = _DURATION.fullmatch(text)
-    if match is None or match[2] not in UNITS:
+    number = float(match[1]) if match else inf
+    if match is None or match[2] not in UNITS or number == inf:
         raise DurationError(text)
-    return float(match[1]) * UNITS[match[2]]
+    return number * UNITS[match[2]]
 
 
 def is_duration(text: str) -> bool:

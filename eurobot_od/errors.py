@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+LONGEST_NAME = 100
+"""So many characters of a name are compared with others: it takes a time that grows with their square."""
+
+
 class EurobotError(Exception):
     """Base of all errors of this package; `str()` of it is one line for a person."""
 
@@ -32,7 +36,7 @@ class UnknownName(LocalError):
         from difflib import get_close_matches  # not before it is needed: every command starts with this file
 
         self.kind, self.name, self.known = kind, name, tuple(map(str, known))
-        near = get_close_matches(str(name), self.known, n=2, cutoff=0.8)
+        near = get_close_matches(str(name)[:LONGEST_NAME], self.known, n=2, cutoff=0.8)
         hint = f"; did you mean {near[0]}?" if len(near) == 1 else f"; known: {', '.join(self.known)}"
         super().__init__(f"unknown {kind} {name!r}{hint if self.known else ''}")
 
@@ -42,8 +46,15 @@ class FieldError(LocalError):
 
     def __init__(self, message: str, field: str, value: object, allowed: str) -> None:
         self.message, self.field, self.value, self.allowed = message, field, value, allowed
-        shown = value.name.lower() if isinstance(value, Enum) else repr(value)
+        shown = value.name.lower() if isinstance(value, Enum) else _shown(value)
         super().__init__(f"{message}: {field} = {shown} is not allowed; allowed: {allowed}")
+
+
+def _shown(value: object) -> str:
+    try:
+        return repr(value)
+    except ValueError:  # an integer with more digits than Python writes
+        return "a number of thousands of digits"
 
 
 class ListenerError(LocalError):
@@ -64,6 +75,10 @@ class DictionaryError(EurobotError):
         self.file, self.index = str(file), index
         where = self.file if index is None else f"{self.file}: 0x{index:04X}"
         super().__init__(f"{where}: {what}")
+
+
+class DamagedFile(DictionaryError):
+    """A file that is not as it was written: its checksum is not that of what it holds."""
 
 
 class MappingError(DictionaryError):
@@ -134,6 +149,13 @@ class ProgramError(RemoteError):
 
 class WorldError(RemoteError):
     """The world of a simulated robot, in another process, cannot be reached, or does not answer."""
+
+
+# Ours
+
+
+class NodeFailed(EurobotError):
+    """A node that has raised an exception, its own or its hardware's, and was stopped and ended."""
 
 
 class BusError(EurobotError):

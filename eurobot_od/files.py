@@ -1,22 +1,82 @@
-"""Files that are there whole or not at all: a crash at any moment leaves the old one or the new one."""
+"""Files that are there whole or not at all: a crash at any moment leaves the old one or the new one.
+
+Rule of this file: any number of programs may write one file at once; the last one has it. Each writes a file with a
+name of its own, which takes the old one's place in one step. The lock on the folder, which the operating system ends
+with its program, says that what else lies beside the file was left there by a crash.
+"""
 
 from __future__ import annotations
 
 import os
+import secrets
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
+
+LONGEST_WAIT, WAIT = 0.5, 0.01
+"""Seconds that another program may have the folder, and between two looks whether it still has."""
+
+NAME_BYTES = 4
+"""So many random bytes, in hexadecimal digits, make the name of a new file its own."""
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Put a file in place of another in one step, safe on the disk; raises OSError, and leaves the other then."""
-    beside = file.with_name(f"{file.name}.new")
-    with beside.open("wb") as new:
+    """Put a file in place of another in one step, safe on the disk; raises OSError, and leaves the other then.
+
+    A link stays one, to the new file, which has the other's mode.
+    """
+    file = Path(os.path.realpath(file))
+    beside = file.with_name(f"{file.name}.{secrets.token_hex(NAME_BYTES)}.new")
+    with _folder(file):
+        try:
+            _write(beside, content, file)
+            beside.replace(file)
+        except BaseException:
+            beside.unlink(missing_ok=True)
+            raise
+
+
+def _write(beside: Path, content: bytes, former: Path) -> None:
+    with beside.open("xb") as new:
+        with suppress(FileNotFoundError):
+            beside.chmod(stat.S_IMODE(former.stat().st_mode))
         new.write(content)
         new.flush()
         os.fsync(new.fileno())
-    beside.replace(file)
-    if os.name == "posix":  # the new name is in the folder, which elsewhere cannot be brought to the disk
-        folder = os.open(file.parent, os.O_RDONLY)
+
+
+@contextmanager
+def _folder(file: Path) -> Iterator[None]:
+    """Have a file's folder for oneself, and bring what happened there to the disk; elsewhere than on POSIX, neither."""
+    if os.name != "posix":
+        yield
+        return
+    folder = os.open(file.parent, os.O_RDONLY)
+    try:
+        if _locked(folder):
+            for left in file.parent.glob(f"{escape(file.name)}.{'[0-9a-f]' * 2 * NAME_BYTES}.new"):
+                left.unlink(missing_ok=True)
+        yield
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def _locked(folder: int) -> bool:
+    """Lock an open folder until it is closed; False where the file system, or a program that hangs, does not let us."""
+    from fcntl import LOCK_EX, LOCK_NB, flock
+
+    end = time.monotonic() + LONGEST_WAIT
+    while time.monotonic() < end:
         try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+            flock(folder, LOCK_EX | LOCK_NB)
+        except BlockingIOError:
+            time.sleep(WAIT)
+        except OSError:
+            return False
+        else:
+            return True
+    return False

@@ -16,6 +16,7 @@ Data: TypeAlias = bytes | bytearray
 
 
 MOST_BYTES = 8
+HIGHEST_IDENTIFIER = 0x7FF
 
 TEXT = re.compile(r"(?P<identifier>[0-7][0-9a-f]{2})#(?P<data>(?:[0-9a-f]{2}\.?)*)", re.IGNORECASE)
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
+from eurobot_od.escaping import one_line
+
 PaperPoint = tuple[float, float]
 """x and y on the paper, where y grows downwards."""
 
@@ -15,11 +17,15 @@ PaperPoint = tuple[float, float]
 def element(tag: str, *content: str, **attributes: object) -> str:
     """Return an element; `stroke_width=3` becomes `stroke-width="3"`, `class_` is `class`; None leaves one out."""
     written = "".join(
-        f' {name.rstrip("_").replace("_", "-")}="{escape(number(value))}"'
+        f' {name.rstrip("_").replace("_", "-")}="{_escaped(number(value))}"'
         for name, value in attributes.items()
         if value is not None
     )
     return f"<{tag}{written}>{''.join(content)}</{tag}>" if content else f"<{tag}{written}/>"
+
+
+def _escaped(words: str) -> str:
+    return escape(one_line(words))
 
 
 def number(value: object) -> str:
@@ -29,12 +35,12 @@ def number(value: object) -> str:
 
 def text(place: PaperPoint, words: str, **attributes: object) -> str:
     """Return a text at a place."""
-    return element("text", escape(words), x=place[0], y=place[1], **attributes)
+    return element("text", _escaped(words), x=place[0], y=place[1], **attributes)
 
 
 def title(words: str) -> str:
     """Return what a browser shows when the pointer is on the element that this is put into."""
-    return element("title", escape(words))
+    return element("title", _escaped(words))
 
 
 def circle(centre: PaperPoint, radius: float, **attributes: object) -> str:

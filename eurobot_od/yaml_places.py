@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import yaml
 
 T = TypeVar("T")
-NUMBER = re.compile(r"0|[1-9][0-9]*|0x[0-9A-Fa-f]+")
+NUMBER = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
 STRING = "tag:yaml.org,2002:str"
 """The tag of what YAML itself takes for a text."""
 
@@ -51,6 +51,9 @@ class Text(str):
         self.place = place
         return self
 
+    def __reduce__(self) -> tuple[type[Text], tuple[str, Place]]:
+        return Text, (str(self), self.place)  # what a copy, or another process, makes it from
+
 
 class PlacedNumber(int):
     """A whole number, zero or more, and its `place`."""
@@ -62,6 +65,9 @@ class PlacedNumber(int):
         self = super().__new__(cls, value)
         self.place = place
         return self
+
+    def __reduce__(self) -> tuple[type[PlacedNumber], tuple[int, Place]]:
+        return PlacedNumber, (int(self), self.place)  # what a copy, or another process, makes it from
 
 
 Problems = list[Problem]

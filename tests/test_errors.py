@@ -10,6 +10,7 @@ from eurobot_od.errors import (
     BusError,
     Cause,
     ConfigurationError,
+    DamagedFile,
     DictionaryError,
     EurobotError,
     FieldError,
@@ -18,6 +19,7 @@ from eurobot_od.errors import (
     LocalError,
     MappingError,
     NoAnswer,
+    NodeFailed,
     NodeRefused,
     ProgramError,
     Refused,
@@ -51,6 +53,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # a file's
     (DictionaryError("a/drive.eds", None, "is empty"), EurobotError, "a/drive.eds: is empty"),
     (DictionaryError("drive.eds", 0x1A03, "no value"), EurobotError, "drive.eds: 0x1A03: no value"),
+    (DamagedFile("stored.dcf", None, "damaged"), DictionaryError, "stored.dcf: damaged"),
     (MappingError("drive.eds", 0x1603, "65 bits"), DictionaryError, "drive.eds: 0x1603: 65 bits"),
     # a peer's, or the wire's
     (UnknownIdentifier(0x7), RemoteError, "no message has the identifier 0x007"),
@@ -64,6 +67,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (Refused(Cause.STATE, "the safe state is held"), RemoteError, "the safe state is held"),
     (ConfigurationError("drive is half configured"), RemoteError, "drive is half configured"),
     (ProgramError("drive has no program"), RemoteError, "drive has no program"),
+    (NodeFailed("the wheels are gone"), EurobotError, "the wheels are gone"),
     (WorldError("the world does not answer"), RemoteError, "the world does not answer"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),
@@ -87,3 +91,7 @@ def test_every_error_has_a_row() -> None:
 def test_faults_are_kept_apart() -> None:
     for one, other in permutations((LocalError, DictionaryError, RemoteError, BusError), 2):
         assert not issubclass(one, other)
+
+
+def test_a_number_that_python_does_not_write_is_told_all_the_same() -> None:
+    assert str(FieldError("Goto XY", "x", 10**5000, "0..3000 mm")).startswith("Goto XY: x = a number of thousands")

@@ -23,14 +23,14 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {"errors", "durations", "yaml_places", "frame", "files", "svg"},
+    {"errors", "durations", "escaping", "yaml_places", "frame", "files", "svg"},
     {"od"},
     {"pdo"},
     {"sdo"},
     {"device", "gatekeeper"},
-    {"live", "simulation", "faults"},
+    {"live", "simulation", "faults", "campaign"},
     {"client", "lint", "logs", "export", "load"},
-    {"monitor", "check"},
+    {"monitor", "check", "season", "compare"},
     {"web"},
     {"robot"},
     {"cli"},

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import NamedTuple
 
 import pytest
 
 from eurobot_od.yaml_places import (
     Place,
+    PlacedNumber,
     Problems,
     ReadError,
+    Text,
     any_text,
     compose,
     compose_all,
@@ -129,3 +132,9 @@ def test_takes_what_only_looks_the_same() -> None:
     problems: Problems = []
     refuse_aliases(compose("[1, 1, {a: 1}]", problems), problems)
     assert problems == []
+
+
+@pytest.mark.parametrize("value", [Text("x", Place(2, 3)), PlacedNumber(7, Place(4, 5))])
+def test_a_copy_has_the_place_as_well(value: Text | PlacedNumber) -> None:
+    copy = pickle.loads(pickle.dumps(value))
+    assert (copy, type(copy), copy.place) == (value, type(value), value.place)

@@ -7,22 +7,26 @@ The exit status says whether it is so: 0 yes, 1 no.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.campaign import blocks
+from eurobot_od.campaign.executors import Workers
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
+from eurobot_od.cli import campaign
 from eurobot_od.robot import dialects, faults
 from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.check.shipped import NETWORKS, shipped_suites
 from eurobot_od.robot.nodes import ROLES
+
+if TYPE_CHECKING:
+    from eurobot_od.campaign.results import Results
 
 FINE, NOT_FOUND = 0, 1
 
@@ -143,13 +147,17 @@ def wrongly_red(outcomes: Iterable[Outcome]) -> Iterator[str]:
 # Command line
 
 
+def _done(runs: Sequence[Run], workers: Workers, kept: Results[Outcome] | None) -> list[Outcome]:
+    return list(campaign.counted(blocks.run(do, runs, workers, kept), len(runs), "runs", workers))
+
+
 def parser() -> argparse.ArgumentParser:
     """Describe the command line."""
     command = argparse.ArgumentParser(description="Run all shipped suites against all faults.")
     command.add_argument("--dialect", action="append", help="EDS files (default: all dialects)")
     command.add_argument("--fault", action="append", metavar="NAME", help="only this fault, may be given several times")
     command.add_argument("--seeds", type=int, default=1, metavar="N", help="seeds for the runs without a fault")
-    command.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes")
+    campaign.add_campaign(command, "all of it")
     return command
 
 
@@ -157,10 +165,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the matrix for each dialect and what is not as it has to be."""
     options = parser().parse_args(arguments)
     wrong: list[str] = []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for dialect in options.dialect or dialects.names():
-            found = list(pool.map(do, fault_runs(dialect, options.fault or robot_faults()), chunksize=8))
-            healthy = list(pool.map(do, healthy_runs(dialect, options.seeds), chunksize=8))
+    chosen = {
+        dialect: (fault_runs(dialect, options.fault or robot_faults()), healthy_runs(dialect, options.seeds))
+        for dialect in options.dialect or dialects.names()
+    }
+    number = sum(len(runs) for both in chosen.values() for runs in both)
+    kept = campaign.results(options, Outcome, lambda: {"campaign": "faults"})
+    with campaign.workers(options, number) as workers:
+        for dialect, both in chosen.items():
+            found, healthy = (_done(runs, workers, kept) for runs in both)
             print(f"{dialect}: {UNTOUCHED!r} no such node, {GREEN} green, {RED} red, {NAMED} red as named\n")
             print(*matrix(found, list(shipped(dialect))), sep="\n")
             wrong += [f"{dialect}: {line}" for line in missed(found)] + list(wrongly_red(healthy))

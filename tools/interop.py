@@ -30,6 +30,9 @@ OPENING = """\
 Made by `python3 tools/interop.py --write`; `tests/interop` asks the same questions.
 The six EDS files go to every program as they are, but where a row says otherwise.
 """
+BY_HAND = "\n## "
+"""Where the part of the page begins that people have written: it stays."""
+
 HEAD = ("tool", "version", "asked", "judgement", "answer")
 
 
@@ -82,7 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     verdicts = ask_all()
     print(text(verdicts))
     if options.write:
-        PAGE.write_text(page(verdicts), encoding="utf-8")
+        _, begins, by_hand = PAGE.read_text(encoding="utf-8").partition(BY_HAND)
+        PAGE.write_text(page(verdicts) + begins + by_hand, encoding="utf-8")
     return int(any(each.judgement is Judgement.DIFFERS for each in verdicts))
 
 

@@ -17,15 +17,15 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from functools import cache
 from typing import NamedTuple
 
+from eurobot_od.campaign import blocks
+from eurobot_od.cli import campaign
 from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
@@ -330,7 +330,7 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--dialect", default=dialects.DEFAULT, help="EDS files (default: %(default)s)")
     command.add_argument("--times", type=int, default=TIMES, metavar="N", help=f"times of a match (default: {TIMES})")
     command.add_argument("--only", default="", metavar="TEXT", help="only cells whose name has this in it")
-    command.add_argument("--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes")
+    campaign.add_campaign(command, "all of it")
     return command
 
 
@@ -338,8 +338,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table, what is wrong, and the figures."""
     options = parser().parse_args(arguments)
     chosen = [each for each in cells(options.dialect, options.times) if options.only in f"{each.what} {each.how}"]
-    with ProcessPoolExecutor(options.jobs) as pool:
-        results = list(pool.map(attempt, chosen, chunksize=8))
+    kept = campaign.results(options, Result, lambda: {"campaign": "losses", "dialect": options.dialect})
+    with campaign.workers(options, len(chosen)) as workers:
+        results = list(campaign.counted(blocks.run(attempt, chosen, workers, kept), len(chosen), "cells", workers))
     print(*table(results), sep="\n")
     print()
     wrong = [each for each in results if each.wrong]

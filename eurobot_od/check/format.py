@@ -24,7 +24,7 @@ VERSION = 1
 """Value of the key `spec`."""
 
 MAX_COUNT = 100_000
-"""Most repetitions of a step, most periods measured."""
+"""Most repetitions of a step, those of the steps inside it too; most periods measured."""
 
 
 class ActionRow(NamedTuple):
@@ -64,6 +64,10 @@ class Format:
             "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),
             "timeout": Key(DURATION, f"time for an answer where a step does not say; left out: {suite.TIMEOUT:g} s"),
             "variables": Key(shapes.mapping(NAME, SCALAR), 'names and values, used as "{name}"'),
+            "world": Key(
+                shapes.named({"shared": True, "any": False}, "world"),
+                "shared: what one node does, another has to see; with separate nodes on a bus the suite is skipped",
+            ),
             "tags": Key(shapes.one_or_more(TEXT), "words by which suites are chosen"),
             "setup": Key(steps, "steps before; if one fails, the others are not done"),
             "steps": Key(steps, "the steps", needed=True),
@@ -136,7 +140,10 @@ class Format:
         if wrong:
             raise ReadError
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
-        return suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+        step = suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+        if step.total > MAX_COUNT:
+            refuse(node, problems, f"with the repetitions inside it {step.total} steps, at most {MAX_COUNT} are done")
+        return step
 
     def _action_key(self, node: yaml.Node, pairs: Iterable[Text], problems: Problems) -> Text:
         """Return the key of a step's one action."""

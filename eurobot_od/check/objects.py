@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od.check.suite import NodeServices
 from eurobot_od.check.values import ValueProblem
-from eurobot_od.errors import DictionaryError, UnknownName
+from eurobot_od.errors import LONGEST_NAME, DictionaryError, UnknownName
 from eurobot_od.logs.services import SDO_ANSWER_ENTRY, SDO_REQUEST_ENTRY
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
@@ -69,7 +69,7 @@ def find_address(dictionary: Dictionary, text: str) -> values.Address:
     try:
         return dictionary.address(text)
     except DictionaryError:
-        near = get_close_matches(text, _names(dictionary), n=3, cutoff=0.6)
+        near = get_close_matches(text[:LONGEST_NAME], _names(dictionary), n=3, cutoff=0.6)
         raise UnknownName(f"object of {dictionary.name}", text, near) from None
 
 

@@ -15,6 +15,7 @@ from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Dictionaries, Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
@@ -24,7 +25,7 @@ class SuiteError(LocalError):
 
     def __init__(self, problems: Iterable[tuple[Path, Problem]]) -> None:
         self.problems = tuple(problems)
-        lines = (f"{file}:{line}:{column}: {what}" for file, ((line, column), what) in self.problems)
+        lines = (one_line(f"{file}:{line}:{column}: {what}") for file, ((line, column), what) in self.problems)
         super().__init__("\n".join(lines))
 
 

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
+from eurobot_od.escaping import one_line
 
 COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.SKIPPED: 33, Status.INTERRUPTED: 33}
 """Terminal colours of steps."""
@@ -18,7 +19,7 @@ COLOURS = {Status.PASSED: 32, Status.FAILED: 31, Status.BUS_FAILED: 31, Status.S
 
 def heading(suite: Suite, how: str) -> str:
     """Return the line above a suite's steps; `how` says how it is run, or why it is not."""
-    return f"{suite.file.name}: {suite.name} ({how})"
+    return one_line(f"{suite.file.name}: {suite.name} ({how})")
 
 
 def step_line(step: StepResult, in_colour: bool = False) -> str:
@@ -27,11 +28,15 @@ def step_line(step: StepResult, in_colour: bool = False) -> str:
     if in_colour:
         status = f"\x1b[{COLOURS[step.status]}m{status}\x1b[0m"
     section = "" if step.section is SuitePart.STEPS else f"[{step.section.value}] "
-    return f"  {status} {step.started:9.3f} s {step.seconds * 1000:9.1f} ms  {section}{step.name}"
+    return f"  {status} {step.started:9.3f} s {step.seconds * 1000:9.1f} ms  {section}{one_line(step.name)}"
 
 
 def reason_lines(reason: Reason) -> Iterator[str]:
     """Yield the lines that say why a step failed or was skipped: what was expected and came, and the last frames."""
+    return map(one_line, _reason_lines(reason))
+
+
+def _reason_lines(reason: Reason) -> Iterator[str]:
     yield f"    {reason.what}"
     if reason.expected:
         yield f"      expected  {reason.expected}"
@@ -62,18 +67,18 @@ def tap(results: Iterable[SuiteResult]) -> Iterator[str]:
     for result in results:
         if result.skipped:
             number += 1
-            yield f"ok {number} - {_plain(result.name)} # SKIP {result.skipped}"
+            yield f"ok {number} - {_plain(result.name)} # SKIP {one_line(result.skipped)}"
         for step in result.steps:
             number += 1
             yield from _tap_step(number, result, step)
         if result.error is not None:
-            yield f"Bail out! {result.error}"
+            yield one_line(f"Bail out! {result.error}")
     yield f"1..{number}"
 
 
 def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[str]:
     verdict = "ok" if step.status in (Status.PASSED, Status.SKIPPED) else "not ok"
-    skipped = f" # SKIP {step.reason.what if step.reason else 'a step before failed'}"
+    skipped = f" # SKIP {one_line(step.reason.what) if step.reason else 'a step before failed'}"
     directive = skipped if step.status is Status.SKIPPED else ""
     yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
     if step.reason is not None and not directive:
@@ -84,8 +89,8 @@ def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[st
 
 
 def _plain(text: str) -> str:
-    """Return a text without the sign that begins a directive."""
-    return text.replace("#", "no. ")
+    """Return a text in one line, without the sign that begins a directive."""
+    return one_line(text).replace("#", "no. ")
 
 
 # JUnit
@@ -101,8 +106,15 @@ def junit(results: Sequence[SuiteResult]) -> str:
             ElementTree.SubElement(case, "skipped", {"message": result.skipped})
         for step in result.steps:
             suite.append(_test_case(result, step))
+    _escape(root)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _escape(root: ElementTree.Element) -> None:
+    """Leave no character in a report that XML does not allow."""
+    for each in root.iter():
+        each.attrib.update({key: one_line(value) for key, value in each.attrib.items()})
 
 
 def _totals(results: Sequence[SuiteResult]) -> dict[str, str]:

@@ -20,6 +20,9 @@ T = TypeVar("T")
 S = TypeVar("S")
 Schema: TypeAlias = "dict[str, Any]"
 
+LONGEST_TIME = 86_400.0
+"""The longest time in s that a step may take for anything it does once."""
+
 
 @dataclass(frozen=True)
 class Shape(Generic[T]):
@@ -73,7 +76,16 @@ NAME = Shape(
 )
 SCALAR = Shape(yaml_places.scalar, {"type": ["string", "number"]})
 NUMBER = Shape(yaml_places.number, {"type": ["integer", "string"], "pattern": "^(0x[0-9A-Fa-f]+|[0-9]+)$"})
-DURATION = converted(SCALAR, durations.seconds, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
+
+
+def _duration(text: str) -> float:
+    seconds = durations.seconds(text)
+    if seconds > LONGEST_TIME:
+        raise LocalError(f"{text} is too long: at most {durations.text(LONGEST_TIME)}, a day")
+    return seconds
+
+
+DURATION = converted(SCALAR, _duration, {"type": "string", "pattern": "^[0-9.]+ *(us|ms|s|min)$"})
 
 
 def _some_time(seconds: float) -> float:

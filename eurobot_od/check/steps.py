@@ -67,6 +67,7 @@ class Doer:
 
     async def do(self, action: suite.Action) -> None:
         """Do one action; raises Failed, LocalError or RemoteError if it is red, Skipped, BusError if the bus failed."""
+        await asyncio.sleep(0)  # an interrupt has its turn, whatever is repeated
         await self.DO[type(action)](self, action)
         self._asking = isinstance(action, suite.Send) or (self._asking and isinstance(action, suite.Save))
 

@@ -230,12 +230,18 @@ class Step(NamedTuple):
     action: Action
     repeat: int = 1
 
+    @property
+    def total(self) -> int:
+        """How often something is done, with all repetitions inside it."""
+        inside = sum(each.total for each in self.action.steps) if isinstance(self.action, Group) else 1
+        return self.repeat * inside
+
 
 class Suite(NamedTuple):
     """One document: `nodes` are under test, `dialect` is that of the EDS files it is for (None: any).
 
     `timeout` is in seconds; `dictionaries` are the EDS files that it was checked against, by node, and `decoder` tells
-    what frames mean by them.
+    what frames mean by them. `world` tells that the nodes have to be in one world.
     """
 
     file: Path
@@ -247,6 +253,7 @@ class Suite(NamedTuple):
     steps: tuple[Step, ...]
     dialect: str | None = None
     timeout: float = TIMEOUT
+    world: bool = False
     tags: tuple[str, ...] = ()
     setup: tuple[Step, ...] = ()
     teardown: tuple[Step, ...] = ()

@@ -146,9 +146,12 @@ NOTATIONS = (
     Notation(re.compile(r"<\s*(.+)"), "< {}", _ordering(operator.lt)),
     Notation(re.compile(r">\s*(.+)"), "> {}", _ordering(operator.gt)),
     Notation(re.compile(r"not\s+(?!possible)(.+)"), "not {}", lambda *a: not _equal(*a), ordered=False),
-    Notation(re.compile(r"(.+)"), "{}", _equal, ordered=False),
+    Notation(re.compile(r"(.+)", re.DOTALL), "{}", _equal, ordered=False),
 )
 """The forms in the order in which they are tried; `not possible` is a value's name (see GotoFault)."""
+
+LONGEST_NOTATION = 200
+"""Characters up to which a text is looked at for a notation: to find none takes a time that grows with their square."""
 
 
 class Expected(NamedTuple):
@@ -194,5 +197,7 @@ class ExpectedBytes(NamedTuple):
 
 def expectation(text: str, scale: Scale) -> Expected:
     """Read an expectation; raises ValueProblem, UnknownName."""
-    form, match = next((form, match) for form in NOTATIONS if (match := form.pattern.fullmatch(text.strip() or "''")))
+    written = text.strip() or "''"
+    forms = NOTATIONS if len(written) <= LONGEST_NOTATION else NOTATIONS[-1:]
+    form, match = next((form, match) for form in forms if (match := form.pattern.fullmatch(written)))
     return Expected(form, tuple(map(scale.operand, match.groups())), scale.kind)

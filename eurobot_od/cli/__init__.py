@@ -12,12 +12,15 @@ import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from enum import IntEnum
 from functools import partial
 from importlib import import_module
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, RemoteError, WorldError
+from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, WorldError
+from eurobot_od.escaping import one_line
 
 COMMANDS = {
     "match": "play a match of the three nodes, in simulated or real time",
@@ -27,7 +30,11 @@ COMMANDS = {
     "send": "send a message, and wait for an answer if asked to",
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
-    "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, or standard input",
+    "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, pcap, pcapng, or standard input",
+    "archive": "put logs into a season: Parquet files of frames, messages and damage",
+    "query": "ask a season by SQL, or by a ready report, with pictures",
+    "compare": "compare two logs: what differs, is missing, is late",
+    "replay": "replay a log onto a bus at its old times",
     "monitor": "watch a bus, or a log, as a live table",
     "serve": "show a bus, or logs, in a browser",
     "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
@@ -67,7 +74,7 @@ class ExitStatus(IntEnum):
     WRONG_INPUT = 2
     """Of the command line, or of a file."""
     TROUBLE = 3
-    """With the bus, the world of a simulated robot, or the file system."""
+    """With the bus, the file system, what a node drives, or the world of a simulated robot."""
     INTERRUPTED = 130
 
 
@@ -75,6 +82,7 @@ STATUS_OF = {
     WorldError: ExitStatus.TROUBLE,
     RemoteError: ExitStatus.FOUND,
     BusError: ExitStatus.TROUBLE,
+    NodeFailed: ExitStatus.TROUBLE,
     EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }
@@ -100,6 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
+        _open_streams()
         return _run(words)
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
@@ -110,8 +119,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         what = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own
-        print(f"eurobot-od: {what}", file=sys.stderr)
+        complain(what)
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
+
+
+def complain(what: str) -> None:
+    """Say on standard error, in one line, what is wrong."""
+    with suppress(OSError):  # it may be on a full disk, too
+        print(one_line(f"eurobot-od: {what}"), file=sys.stderr)
+
+
+def _open_streams() -> None:
+    """Have streams to write to: what a stream cannot write becomes an escape. Raises OSError without an output."""
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115  # as long as the program
+    if sys.stdout is None:
+        raise OSError("standard output is closed")
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _run(words: list[str]) -> int:

@@ -12,12 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, campaign
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.escaping import one_line
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
+    from eurobot_od.check.reader import SuiteReader
     from eurobot_od.check.results import StepResult, SuiteResult
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
@@ -32,6 +34,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of suites, for editors, and end")
     parser.add_argument("--simulate", action="store_true", help="check simulated nodes, in simulated time")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
+    parser.add_argument(
+        "--shared-world", action="store_true", help="the nodes on the bus share a world, as a robot's do"
+    )
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
     parser.add_argument("--step", action="append", default=[], metavar="TEXT", help="do the steps named like this")
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files: CiA 301")
@@ -44,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
+    campaign.add_workers(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)
 
@@ -57,7 +63,6 @@ def _count(text: str) -> int:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Read the suites, run them, and report."""
     from eurobot_od.check.reader import SuiteError, SuiteReader
-    from eurobot_od.robot.check import shipped
 
     _refuse_what_does_not_go_together(arguments)
     with shared.left_out() as refused:
@@ -65,14 +70,11 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         if arguments.schema:
             print(json.dumps(reader.schema(), indent=1))
             return ExitStatus.FINE
-        made = _conformance(arguments) if arguments.conformance else {}
         if arguments.output is not None:
-            arguments.output.write_text("".join(made.values()), encoding="utf-8")
+            arguments.output.write_text("".join(_conformance(arguments).values()), encoding="utf-8")
             return ExitStatus.FINE
-        files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
         try:
-            read = reader.read_texts(made) if arguments.conformance else reader.read_files(files)
-            suites = _chosen(read, arguments.tag, arguments.step)
+            suites = _suites(arguments, reader)
         except SuiteError as error:
             print(error, file=sys.stderr)
             return ExitStatus.WRONG_INPUT
@@ -80,9 +82,21 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         for suite in suites:
             where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
             tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
-            print(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
+            print(one_line(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}"))
         return ExitStatus.FINE
     return _check(arguments, suites)
+
+
+def _suites(arguments: argparse.Namespace, reader: SuiteReader) -> list[Suite]:
+    """Read the suites that are asked for; raises SuiteError, LocalError."""
+    from eurobot_od.robot.check import shipped
+
+    if arguments.conformance:
+        read = reader.read_texts(_conformance(arguments))
+    else:
+        files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
+        read = reader.read_files(files)
+    return _chosen(read, arguments.tag, arguments.step)
 
 
 def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
@@ -90,6 +104,8 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
     if arguments.conformance and arguments.files:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
+    if not arguments.simulate:
+        campaign.refuse(arguments, "--simulate --repeat")
     for option in ("destructive", "output"):
         if getattr(arguments, option) and not arguments.conformance:
             raise LocalError(f"--{option} needs --conformance")
@@ -145,8 +161,9 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
     from eurobot_od.check.runner import Interrupt
 
     interrupt = Interrupt()
+    many = arguments.simulate and arguments.repeat > 1 and (arguments.jobs or arguments.executor)
     with _on_interrupt(interrupt):
-        results = list(_results(arguments, suites, interrupt))
+        results = list((_many_results if many else _results)(arguments, suites, interrupt))
     _report(arguments, results)
     if interrupt.requested:
         return ExitStatus.INTERRUPTED
@@ -182,16 +199,58 @@ def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: 
                 return
 
 
+# Seeds at once
+
+
+def _many_results(
+    arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: Interrupt
+) -> Iterator[SuiteResult]:
+    """Run the suites for all seeds by several workers, and show what `_results` shows, seed by seed."""
+    from eurobot_od.campaign import blocks
+
+    seeds = range(arguments.seed, arguments.seed + arguments.repeat)
+    silent = argparse.Namespace(**{**vars(arguments), "json": True})
+    with campaign.workers(arguments, len(seeds)) as workers:
+        done = blocks.run(partial(_check_seed, silent), seeds, workers)
+        counted = campaign.counted(done, len(seeds), "seeds", workers, hidden=not _silent(arguments))
+        for seed, results in zip(seeds, counted):
+            for suite, result in zip(suites, results):
+                _show_result(arguments, suite, seed, result)
+                yield result
+            if interrupt.requested:
+                return
+
+
+def _check_seed(arguments: argparse.Namespace, seed: int) -> list[SuiteResult]:
+    """Run all suites for one seed, in any process."""
+    from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.check.runner import Interrupt
+
+    suites = _suites(arguments, SuiteReader(_networks(arguments, lambda _: None), arguments.dialect))
+    return [_run_one(arguments, suite, seed, Interrupt()) for suite in suites]
+
+
+def _show_result(arguments: argparse.Namespace, suite: Suite, seed: int, result: SuiteResult) -> None:
+    from eurobot_od.check import report
+
+    if not _silent(arguments):
+        print(report.heading(suite, result.skipped or _how(arguments, seed)), flush=True)
+    for step in result.steps:
+        _show(arguments, step)
+
+
 def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: Interrupt) -> SuiteResult:
     from eurobot_od.check import report
     from eurobot_od.check.results import SuiteResult
     from eurobot_od.check.runner import RunOptions
 
-    how = f"simulated, seed {seed}" if arguments.simulate else "on the bus"
+    how = _how(arguments, seed)
     fits = None in (suite.dialect, arguments.dialect) or (
         dialects.folder(suite.dialect) == dialects.folder(arguments.dialect)
     )
+    apart = suite.world and not arguments.simulate and not arguments.shared_world
     reason = "" if fits else f"skipped: it is for the dialect {suite.dialect}"
+    reason = "skipped: its nodes have to share a world (--shared-world: they do)" if apart else reason
     if not _silent(arguments):
         print(report.heading(suite, reason or how), flush=True)
     if reason:
@@ -209,6 +268,10 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     from eurobot_od.check.live import run_live
 
     return run_live(suite, options, partial(shared.open_bus, arguments))
+
+
+def _how(arguments: argparse.Namespace, seed: int) -> str:
+    return f"simulated, seed {seed}" if arguments.simulate else "on the bus"
 
 
 def _is_chosen(texts: Sequence[str], name: str) -> bool:

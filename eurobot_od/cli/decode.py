@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.cli import ExitStatus, options
-from eurobot_od.cli.logs import add_log, entries, form_of, opened
+from eurobot_od.cli.logs import add_log, entries, opened
+from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
@@ -79,7 +80,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     sys.stdout.write(output.header)
     for log in arguments.logs:
         with opened(log) as file:
-            sys.stdout.writelines(_watched(decoding.lines(file, log, form_of(log, arguments.format)), file))
+            sys.stdout.writelines(_watched(decoding.lines(file, log, arguments.format, arguments.largest), file))
     sys.stdout.flush()
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
@@ -101,12 +102,12 @@ def _statistics(arguments: argparse.Namespace) -> ExitStatus:
     for log in arguments.logs:
         seen = SeenTraffic(arguments.bitrate, promised)
         shown_time = Window(arguments.since, arguments.until, arguments.relative).clock()
-        for _, (line, time, _, raw) in entries([log], arguments.format):
+        for _, (line, time, _, raw) in entries([log], arguments):
             meaning, shown = decode(raw), shown_time(time)
             damage.add(log, line, meaning.defects)
             if isinstance(raw, Frame) and shown is not None and (wanted is None or wanted(meaning)):
                 seen.take(shown, raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
-        print("\n".join(([f"{log}:"] if len(arguments.logs) > 1 else []) + list(table(seen))))
+        print("\n".join(([one_line(f"{log}:")] if len(arguments.logs) > 1 else []) + list(table(seen))))
     sys.stderr.writelines(f"{line}\n" for line in damage.report())
     return ExitStatus.FOUND if arguments.strict and damage.total else ExitStatus.FINE
 

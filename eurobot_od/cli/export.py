@@ -1,4 +1,4 @@
-"""Turn EDS and DCF files into other forms: C, DBC, documents, a Wireshark dissector, XDD, concise DCF.
+"""Turn EDS and DCF files into other forms: C, DBC, documents, a Wireshark dissector, XDD, concise DCF; logs into MCAP.
 
 Rule of this file: a form is one line of the table, and one module `export_<form>` with `add_arguments` and `run`.
 """
@@ -13,6 +13,7 @@ FORMS = {
     "dbc": "DBC (CAN database) of all messages",
     "docs": "messages and objects as Markdown or HTML to read",
     "wireshark": "dissector of all messages for Wireshark and tshark, in Lua",
+    "mcap": "log as MCAP, for Foxglove and PlotJuggler",
     "xdd": "device description in XML (CiA 311) of one EDS or DCF",
     "cdcf": "concise DCF (0x1F22) from a DCF, or back",
 }

@@ -6,9 +6,8 @@ What no line of a DCF can hold, and every DOMAIN, stands in files beside it, whi
 from __future__ import annotations
 
 import argparse
-import sys
 
-from eurobot_od.cli import ExitStatus, output, remote
+from eurobot_od.cli import ExitStatus, complain, output, remote
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,5 +28,5 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         dcf, left_out = dcf_of_node(node, dictionary, (arguments.bitrate or BITRATE) // 1000, stem)
     output.write_dcf(arguments.output, dcf)
     for thing, _, reason in left_out:
-        print(f"left out {label(thing.address, thing.name)}: {reason}", file=sys.stderr)
+        complain(f"left out {label(thing.address, thing.name)}: {reason}")
     return ExitStatus.FOUND if left_out else ExitStatus.FINE

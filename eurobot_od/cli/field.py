@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> None:
     decode = lru_cache(REMEMBERED)(described)
 
     def meanings() -> Iterator[tuple[float, Meaning]]:
-        for log, (line, time, _, raw) in entries(arguments.logs, arguments.format):
+        for log, (line, time, _, raw) in entries(arguments.logs, arguments):
             meaning = decode(raw)
             damage.add(log, line, meaning.defects)
             yield time, meaning

@@ -11,8 +11,9 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
+from eurobot_od.escaping import one_line
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
@@ -76,7 +77,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
     for file in files:
         data, repairs = repaired(read_bytes(file), file)
         for line, what, _ in repairs:
-            print(f"{file}:{line}: {what}")
+            print(one_line(f"{file}:{line}: {what}"))
         if repairs or output:
             Path(output or file).write_bytes(data)
     return ExitStatus.FINE
@@ -92,7 +93,7 @@ def _run_files(arguments: Namespace) -> ExitStatus:
             unreadable.append(error)
     status = _report(arguments, findings, [])
     for each in unreadable:
-        print(f"eurobot-od: {each}", file=sys.stderr)
+        complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
 
 
@@ -128,7 +129,7 @@ def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequ
         _print_json(wanted, identifiers)
     else:
         for identifier, name, producers, consumers in identifiers:
-            print(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}")
+            print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
         sys.stdout.writelines(f"{each}\n" for each in (wanted if arguments.verbose else summed_up(wanted)))
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE

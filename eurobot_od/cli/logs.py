@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eurobot_od.errors import LocalError
+
 if TYPE_CHECKING:
     from eurobot_od.logs.entries import LogEntry
 
@@ -21,31 +23,44 @@ CHUNK = 1 << 16
 
 
 def add_log(parser: argparse.ArgumentParser) -> None:
-    """Add the logs to read and their format."""
-    from eurobot_od.logs.formats import FORMATS, STANDARD_INPUT
-
+    """Add the logs to read and how they are read."""
     parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; left out or -: standard input")
+    add_reading(parser)
+
+
+def add_reading(parser: argparse.ArgumentParser) -> None:
+    """Add the format of the logs, and the bound of what is read."""
+    from eurobot_od.logs.entries import LARGEST
+    from eurobot_od.logs.formats import FORMATS
+
     parser.add_argument(
         "--format",
         choices=FORMATS,
-        help=f"format of the logs; left out: by suffix, for standard input {STANDARD_INPUT}",
+        help="format of the logs; left out: what a log begins with says it, or else its suffix",
+    )
+    parser.add_argument(
+        "--largest",
+        type=_bytes,
+        default=LARGEST,
+        metavar="BYTES",
+        help="of a line or record of a log no more is read (default: %(default)s)",
     )
 
 
-def form_of(log: str, form: str | None) -> str | None:
-    """Return the format of a log: what was asked for, standard input's, or None for that of its suffix."""
-    from eurobot_od.logs import formats
+def _bytes(text: str) -> int:
+    number = int(text) if text.isdecimal() and len(text) < 16 else 0
+    if number < 1024:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of bytes from 1024 on")
+    return number
 
-    return form or (formats.STANDARD_INPUT if log == STANDARD_INPUT else None)
 
-
-def entries(logs: list[str], form: str | None) -> Generator[tuple[str, LogEntry], None, None]:
+def entries(logs: list[str], arguments: argparse.Namespace) -> Generator[tuple[str, LogEntry], None, None]:
     """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`."""
     from eurobot_od.logs import formats
 
     for log in logs:
         with opened(log) as file:
-            for entry in formats.read(file, form_of(log, form)):
+            for entry in formats.read(file, arguments.format, arguments.largest):
                 yield log, entry
 
 
@@ -56,6 +71,8 @@ def opened(log: str) -> Iterator[io.BufferedReader]:
         with Path(log).open("rb") as file:
             yield file
         return
+    if sys.stdin is None:
+        raise LocalError("standard input is closed")
     standard: io.BufferedReader = sys.stdin.buffer  # type: ignore[assignment]  # as it is, unless a program replaces it
     is_file = stat.S_ISREG(os.fstat(standard.fileno()).st_mode)
     yield standard if is_file else io.BufferedReader(Pipe(standard.fileno(), sys.stdout.flush), CHUNK)

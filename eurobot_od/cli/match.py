@@ -6,12 +6,12 @@ import argparse
 import json
 import re
 import sys
-from contextlib import closing, nullcontext, redirect_stdout
+from contextlib import nullcontext, redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, campaign, complain
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.options import UNITS, Errors
@@ -25,10 +25,7 @@ if TYPE_CHECKING:
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
 
-MOST_JOBS = 60
-"""More processes than these cannot be waited for on Windows."""
-
-OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "log", "field", "interface", "channel", "bitrate"))
+OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", "interface", "channel", "bitrate"))
 """Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
 
 
@@ -40,17 +37,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
     parser.add_argument("--seed", type=int, help="seed of all chance: same seed, same frames (default: 1)")
     parser.add_argument("--seeds", type=_seeds, metavar="N|FIRST-LAST", help="play each seed, simulated, and compare")
-    parser.add_argument("--jobs", type=_jobs, metavar="N", help="processes for --seeds (default: one a core)")
     parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="match time (default: the core's, 90)")
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
     parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
     parser.add_argument("--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core)")
     parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
-    parser.add_argument("--log", type=Path, metavar="FILE", help="write all frames; the suffix says the format")
+    shared.add_log(parser)
     parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
     parser.add_argument(
         "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
     )
+    campaign.add_campaign(parser, "--seeds")
     shared.add_dialect(parser)
     nodes = parser.add_argument_group("our nodes and the world, each option repeatable")
     nodes.add_argument(
@@ -93,13 +90,6 @@ def _seeds(text: str) -> range:
     return seeds
 
 
-def _jobs(text: str) -> int:
-    jobs = int(text) if re.fullmatch("[0-9]{1,9}", text) else 0
-    if not 1 <= jobs <= MOST_JOBS:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from 1 to {MOST_JOBS}")
-    return jobs
-
-
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Play one match, or one for each of many seeds."""
     from eurobot_od.robot.match import MatchOptions
@@ -136,8 +126,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     from eurobot_od.logs.recorder import recording
     from eurobot_od.robot.match import stage
 
-    if arguments.jobs is not None:
-        raise LocalError("--jobs goes with --seeds only")
+    campaign.refuse(arguments, "--seeds")
     if arguments.field is not None:
         from eurobot_od.robot.match.drawing import draw
         from eurobot_od.robot.picture.files import form
@@ -146,8 +135,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
-    # What a strategy prints is not to get into the JSON.
-    with recording(arguments.log) as write, redirect_stdout(sys.stderr) if arguments.json else nullcontext():
+    with recording(arguments.log, arguments.log_failure, complain) as write:
 
         def watch(time: float, frame: Frame) -> None:
             write(time, frame)
@@ -155,18 +143,20 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
                 frames.append((time, frame))
 
         show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
-        if arguments.speed == "fast":
-            summary, world = stage.play_simulated(options, show, watch, None, *players)
+        # What a strategy prints is not to get into the JSON.
+        with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
+            if arguments.speed == "fast":
+                summary, world = stage.play_simulated(options, show, watch, None, *players)
+            else:
+                open_bus = partial(shared.open_bus, arguments)
+                summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
+        if arguments.field is not None:
+            draw(arguments.field, frames, options, world)
+        if arguments.json:
+            timeline = [event.as_data() for event in events]
+            print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
         else:
-            open_bus = partial(shared.open_bus, arguments)
-            summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
-    if arguments.field is not None:
-        draw(arguments.field, frames, options, world)
-    if arguments.json:
-        timeline = [event.as_data() for event in events]
-        print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
-    else:
-        print(f"\n{summary}")
+            print(f"\n{summary}")
     if summary.failure is None:
         return ExitStatus.FINE
     sys.stdout.flush()
@@ -188,19 +178,23 @@ def _show(in_colour: bool, event: MatchEvent) -> None:
 
 def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
     """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
-    from eurobot_od.cli.progress import counted
     from eurobot_od.robot.match import histogram
-    from eurobot_od.robot.match.seeds import cores, play_many
+    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.seeds import SEED, play_many, settings
     from eurobot_od.robot.match.statistics import report
 
     for name, left_out in OF_ONE_MATCH.items():
         if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
-    jobs, number = arguments.jobs or min(cores(), MOST_JOBS), len(arguments.seeds)
-    played = []
-    with closing(play_many(options, arguments.seeds, jobs, _strategies(arguments))) as matches:
-        lines_tell = arguments.json and sys.stdout.isatty()
-        for match in matches if lines_tell else counted(matches, number, "matches", min(jobs, number)):
+    log = None if arguments.log is None else str(arguments.log)
+    if log is not None and SEED not in log:
+        raise LocalError(f"--log {log}: write {SEED} where each match's seed is to stand")
+    strategies, played = _strategies(arguments), []
+    results = campaign.results(arguments, PlayedMatch, lambda: settings(options, strategies))
+    with campaign.workers(arguments, len(arguments.seeds)) as workers:
+        matches = play_many(options, arguments.seeds, workers, strategies, results, log)
+        hidden = arguments.json and sys.stdout.isatty()  # its lines tell how far it is
+        for match in campaign.counted(matches, len(arguments.seeds), "matches", workers, hidden):
             played.append(match)
             if arguments.json:
                 print(json.dumps(match.as_data()))

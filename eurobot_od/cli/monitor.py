@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.cli import options
 from eurobot_od.cli.keyboard import keys
-from eurobot_od.cli.logs import entries
+from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
@@ -34,11 +34,10 @@ REFRESH = 0.2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.logs.formats import FORMATS
     from eurobot_od.monitor.traffic import SORTS
 
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play; left out: watch a bus")
-    parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
+    add_reading(parser)
     parser.add_argument("--speed", type=_speed, default=1.0, help="how many times faster to play a log, or max")
     parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
     parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
@@ -49,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--ask", action="store_true", help="read the PDOs as the devices have them now, by SDO")
     options.add_network(parser)
     options.add_bus(parser)
+    options.add_reconnect(parser)
 
 
 def _speed(text: str) -> float:
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> None:
     print("\n".join(plain_table(rows, source.now)))
     if arguments.statistics:
         print("\n".join(table(traffic.seen)))
-    sys.stderr.writelines(f"{line}\n" for line in traffic.damage.report())
+    sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
 
 
 class Monitor(NamedTuple):
@@ -120,8 +120,8 @@ def _source(arguments: argparse.Namespace) -> Source:
     from eurobot_od.monitor.sources import BusSource, LogSource
 
     if not arguments.logs:
-        return BusSource(options.open_bus(arguments))
-    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments.format))
+        return BusSource(options.open_bus(arguments), opener=options.opener(arguments))
+    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments))
     return LogSource(timed, arguments.speed)
 
 
@@ -141,7 +141,15 @@ def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
         if not monitor.controls.paused and named(meaning, monitor.controls.part):
             sys.stdout.write(write(0, time, "", output.row(meaning)))
 
-    yield took, sys.stdout.flush
+    told: list[str] = []
+
+    def refresh() -> None:
+        for note in monitor.source.notes[len(told) :]:
+            told.append(note)
+            print(f"# {note}")
+        sys.stdout.flush()
+
+    yield took, refresh
 
 
 @contextmanager
@@ -155,6 +163,7 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
 
         def refresh() -> None:
             now, height = monitor.source.now, shutil.get_terminal_size().lines
-            live.update(screen(monitor.traffic, monitor.controls, now, monitor.traffic.load(now), height), refresh=True)
+            load, notes = monitor.traffic.load(now), monitor.source.notes
+            live.update(screen(monitor.traffic, monitor.controls, now, load, height, notes), refresh=True)
 
         yield lambda *_: None, refresh

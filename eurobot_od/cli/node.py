@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import signal
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from eurobot_od import durations
 from eurobot_od.cli import ExitStatus, scene
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
+from eurobot_od.escaping import one_line
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
@@ -56,16 +57,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     scene.add_arguments(robot)
     shared.add_network(parser)
     shared.add_bus(parser)
+    shared.add_reconnect(parser)
+    parser.add_argument(
+        "--on-error",
+        choices=("end", "restart"),
+        default="restart",
+        help="what becomes of a node that fails, after it was stopped (default: restart)",
+    )
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
     from eurobot_od import live as runtime
+    from eurobot_od.device.station import OnError
     from eurobot_od.robot.nodes import Core
 
     node = _make(arguments)
     entered = scene.enter(node, arguments) if arguments.world else None
-    live = runtime.Live.node(shared.open_bus(arguments), node, report=lambda report: print(report, flush=True))
+    live = runtime.Live.node(
+        shared.open_bus(arguments),
+        node,
+        opener=shared.opener(arguments),
+        on_error=OnError(arguments.on_error),
+        report=lambda report: print(report, flush=True),
+    )
     if arguments.verbose:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the drive stopped, the bus closed
@@ -76,16 +91,16 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
 
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with _bus_failure_first(live), live:
-        print(f"{node.name} (node-ID {node.device.node_id}) on {live.bus.channel_info}; Ctrl-C ends it", flush=True)
+        print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
         if isinstance(node, Core) and entered and entered.strategy:
             return scene.play(live, node, entered, entered.strategy, arguments)
-        if isinstance(node, Core):
-            _lead(node, arguments)
         end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
-        while live.failure is None and live.clock() < end:
+        if isinstance(node, Core):
+            _lead(node, arguments, lambda: max(end - live.clock(), 0.0))
+        while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
             time.sleep(0.1)
-        if live.failure is not None:
-            raise live.failure
+        if failure is not None:
+            raise failure
     return None
 
 
@@ -181,11 +196,14 @@ def _show(node: Node, frame: Frame, now: float) -> None:
         what = f"{node.device.protocol.name(type(message))}  {describe(message)}".rstrip()
     except RemoteError as error:
         what = str(error)
-    print(f"{now:12.3f}  {frame!s:<20}  {what}", flush=True)
+    print(one_line(f"{now:12.3f}  {frame!s:<20}  {what}"), flush=True)
 
 
-def _lead(core: Core, arguments: argparse.Namespace) -> None:
-    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer."""
+def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) -> None:
+    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer.
+
+    The drill ends after the seconds that are `left`, and its goto with it.
+    """
     if arguments.team:
         for name, seconds in core.check_nodes().result().items():
             print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
@@ -196,4 +214,5 @@ def _lead(core: Core, arguments: argparse.Namespace) -> None:
 
         from eurobot_od.robot.check.drill import drill
 
-        asyncio.run(drill(core))
+        with suppress(asyncio.TimeoutError):
+            asyncio.run(asyncio.wait_for(drill(core), left()))

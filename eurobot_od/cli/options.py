@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
+from eurobot_od.logs.recorder import END, GO_ON
 from eurobot_od.od import network
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.od.outline import Outline
@@ -18,6 +21,7 @@ from eurobot_od.robot import dialects
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.live.connection import Opener
     from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
@@ -41,6 +45,18 @@ def bit_rate(text: str) -> int:
     return rate
 
 
+MOST_JOBS = 60
+"""More processes than these cannot be waited for on Windows."""
+
+
+def jobs(text: str) -> int:
+    """Read a number of processes."""
+    number = int(text) if text.isdecimal() and len(text) < 10 else 0
+    if not 1 <= number <= MOST_JOBS:
+        raise argparse.ArgumentTypeError(f"{text} is not a number from 1 to {MOST_JOBS}")
+    return number
+
+
 def address(text: str) -> Address:
     """Read where a world listens: HOST:PORT, an IPv6 address in brackets."""
     from eurobot_od.robot.world.channel import Address
@@ -56,6 +72,32 @@ def open_bus(arguments: argparse.Namespace) -> can.BusABC:
     from eurobot_od import live as runtime
 
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
+
+
+def add_log(parser: argparse.ArgumentParser) -> None:
+    """Add the log to write, and what happens when that fails."""
+    parser.add_argument(
+        "--log",
+        type=Path,
+        metavar="FILE",
+        help="write all frames; the suffix says the format; with --seeds {seed} in it is the seed",
+    )
+    parser.add_argument(
+        "--log-failure",
+        choices=(GO_ON, END),
+        default=GO_ON,
+        help="what to do when the log cannot be written (default: %(default)s); the exit status is 3 in any case",
+    )
+
+
+def add_reconnect(parser: argparse.ArgumentParser) -> None:
+    """Add --no-reconnect, for commands that stay on a bus."""
+    parser.add_argument("--no-reconnect", action="store_true", help="end when the bus is lost; else it is opened again")
+
+
+def opener(arguments: argparse.Namespace) -> Opener | None:
+    """Return what opens the bus again when it is lost, None if nothing is to."""
+    return None if arguments.no_reconnect else partial(open_bus, arguments)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:
@@ -148,7 +190,7 @@ def tell_repairs(outlines: Iterable[Outline]) -> None:
         if repairs:
             what = f"line {repairs[0].line}: {repairs[0].what}"
             more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
-            print(f"eurobot-od: {file}: read as it is meant: {what}{more}", file=sys.stderr)
+            complain(f"{file}: read as it is meant: {what}{more}")
 
 
 def decoder(arguments: argparse.Namespace) -> Decoder:
@@ -170,7 +212,7 @@ def asking_decoder(arguments: argparse.Namespace) -> Decoder:
             try:
                 asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
             except RemoteError as error:
-                print(f"eurobot-od: {outline.name}: PDOs as in {outline.file}: {error}", file=sys.stderr)
+                complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
                 asked.append(outline)
     return decoder_of(asked)
 
@@ -209,4 +251,4 @@ def left_out() -> Iterator[OnRefused]:
     yield lambda error: errors.setdefault(error.file, []).append(error)
     for first, *others in errors.values():
         more = f" (and {len(others)} more)" if others else ""
-        print(f"eurobot-od: PDO left out{more}: {first}", file=sys.stderr)
+        complain(f"PDO left out{more}: {first}")

@@ -46,7 +46,7 @@ def write_bytes(output: Path, content: bytes) -> None:
     if output.exists() and not output.is_file():
         output.write_bytes(content)  # a pipe or a device, which nothing can take the place of
     else:
-        write_whole(output.resolve(), content)
+        write_whole(output, content)
 
 
 def write_dcf(output: Path | None, dcf: Dcf) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TextIO, TypeVar
 
+from eurobot_od.escaping import one_line
 from eurobot_od.sdo.client import Progress, unwatched
 
 WIDTH = 30
@@ -46,12 +47,19 @@ def bar(what: str, stream: TextIO | None = None, clock: Callable[[], float] = ti
 
 
 def line(what: str, done: int, size: int | None, seconds: float) -> str:
-    """Return the bar as text: share, bytes, and bytes per second."""
+    """Return the bar as text: share, bytes, bytes per second, and from `SHORT` on how long it still takes."""
+    what = one_line(what)
     rate = f"{done / seconds / 1000:.1f} kB/s" if seconds > 0 else ""
+    if size and done and seconds >= SHORT:
+        rate += f", about {_about(seconds / done * (size - done))} left"
     if not size:
         return f"{what}  {done} bytes  {rate}".rstrip()
     filled = done * WIDTH // size
     return f"{what}  {'█' * filled}{'░' * (WIDTH - filled)} {done / size:4.0%}  {done} of {size} bytes  {rate}".rstrip()
+
+
+SHORT = 2.0
+"""What takes longer, in seconds, says how long it is still going to take."""
 
 
 # Many things
@@ -115,9 +123,16 @@ class _Meter:
     def bar(self, count: int) -> str:
         """Draw how far it is."""
         filled = count * WIDTH // self._number
-        text = f"\r[{'#' * filled:{WIDTH}}] {count} of {self._number} {self._what}"
-        self._width = len(text) - 1
-        return text
+        text = f"[{'#' * filled:{WIDTH}}] {count} of {self._number} {self._what}{self._rate(count)}"
+        before, self._width = self._width, len(text)
+        return "\r" + text.ljust(before)
+
+    def _rate(self, count: int) -> str:
+        """Say how many there are a second, and how long it is still going to take, if it is not over soon."""
+        seconds = self._clock() - self._first
+        if count == 1 or seconds < SHORT:
+            return ""
+        return f", {(count - 1) / seconds:.1f}/s, about {_about(self._left(count))} left"
 
     def cleared(self) -> str:
         """Wipe out the bar."""

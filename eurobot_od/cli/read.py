@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import ExitStatus, output, remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
+from eurobot_od.escaping import one_line
 from eurobot_od.od.values import label
 
 if TYPE_CHECKING:
@@ -50,5 +51,5 @@ def _read_file(node: RemoteNode, things: list[NamedObject], file: Path) -> ExitS
     with bar(label(thing.address, thing.name)) as progress:
         content = node.upload_block(thing.address, thing.name, progress)
     output.write_bytes(file, content)
-    print(f"{file}: {len(content)} bytes of node {node.node_id}, {label(thing.address, thing.name)}")
+    print(one_line(f"{file}: {len(content)} bytes of node {node.node_id}, {label(thing.address, thing.name)}"))
     return ExitStatus.FINE

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.escaping import one_line
 from eurobot_od.od import network
 from eurobot_od.od.values import NODE_IDS, label
 from eurobot_od.robot import dialects
@@ -37,7 +38,20 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--timeout", type=durations.seconds, default=0.5, metavar="TIME", help="longest wait for an answer (500 ms)"
     )
+    parser.add_argument(
+        "--largest",
+        type=_bytes,
+        default=1 << 20,
+        metavar="BYTES",
+        help="most that is read of an object whose size its node does not say (1048576)",
+    )
     shared.add_bus(parser)
+
+
+def _bytes(text: str) -> int:
+    if not text.isdecimal() or len(text) > 10 or not int(text):
+        raise argparse.ArgumentTypeError(f"{text} is no number of bytes")
+    return int(text)
 
 
 def node_id(arguments: argparse.Namespace) -> int:
@@ -48,7 +62,7 @@ def node_id(arguments: argparse.Namespace) -> int:
         if text not in named:
             raise UnknownName("node", text, named)
         return named[text]
-    if int(text) not in NODE_IDS:
+    if len(text) > 3 or int(text) not in NODE_IDS:
         raise LocalError(f"node-ID {text} is not in 1..127")
     return int(text)
 
@@ -57,7 +71,7 @@ def master(arguments: argparse.Namespace) -> Master:
     """Open the bus; the context closes it. Raises BusError."""
     from eurobot_od.client.master import Master
 
-    return Master(shared.open_bus(arguments), arguments.timeout)
+    return Master(shared.open_bus(arguments), arguments.timeout, unannounced=arguments.largest)
 
 
 @contextmanager
@@ -102,7 +116,7 @@ def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Descr
 
 def columns(rows: Iterable[Sequence[str]]) -> str:
     """Lay out rows of texts in columns."""
-    lines = [*rows]
+    lines = [[*map(one_line, row)] for row in rows]
     widths = [max(map(len, column)) for column in zip(*lines)]
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 

@@ -15,6 +15,7 @@ from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, LocalError, RemoteError
+from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
     import can
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
     bus = shared.open_bus(arguments)
-    print(f"sent      {frame}  {words}".rstrip())
+    print(one_line(f"sent      {frame}  {words}".rstrip()))
     if expected is None:
         with bus:
             transmit(bus, frame)
@@ -61,7 +62,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     came, took = answer
     # of a message that was asked for by its name, a frame too short is an error
     said = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
-    print("  ".join(filter(None, (f"received  {came}", said, f"after {took * 1000:.1f} ms"))))
+    print(one_line("  ".join(filter(None, (f"received  {came}", said, f"after {took * 1000:.1f} ms")))))
     return ExitStatus.FINE
 
 

@@ -13,6 +13,7 @@ from string import ascii_letters
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
+from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.pdo.binding import Binding
@@ -32,9 +33,9 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))
     elif arguments.message:
-        print("\n".join(picture(chosen[0])))
+        print("\n".join(map(one_line, picture(chosen[0]))))
     else:
-        print("\n".join(table(chosen)))
+        print("\n".join(map(one_line, table(chosen))))
 
 
 def as_data(binding: Binding) -> dict[str, Any]:

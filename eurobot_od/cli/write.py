@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
+from eurobot_od.escaping import one_line
 from eurobot_od.od.values import label
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def run(arguments: argparse.Namespace) -> None:
         found = remote.description(arguments, node)
         thing = find_one(arguments.object, found.dictionary if found else None)
         text = _write_value(node, thing, arguments.value) if arguments.file is None else _write(node, thing, content)
-    print(f"node {node.node_id}: {label(thing.address, thing.name)} = {text}")
+    print(one_line(f"node {node.node_id}: {label(thing.address, thing.name)} = {text}"))
 
 
 def _write_value(node: RemoteNode, thing: NamedObject, text: str) -> str:

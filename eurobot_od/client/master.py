@@ -23,6 +23,7 @@ from eurobot_od.od.values import (
     label,
 )
 from eurobot_od.sdo.client import (
+    UNANNOUNCED,
     OddAnswer,
     Progress,
     Refused,
@@ -55,16 +56,21 @@ BOOT_WAIT = 5.0
 class Master:
     """The master's end of a bus; use it as a context manager, it shuts the bus down at its end.
 
-    `answer_wait` is how many seconds a node has for an answer, by `clock`. `states` has the last NMT state heard of
+    `answer_wait` is how many seconds a node has for an answer, by `clock`; `unannounced` how many bytes are read of an
+    object whose size the node does not say. `states` has the last NMT state heard of
     each node, `listeners` what is called with the data of a frame, by COB-ID.
     """
 
     def __init__(
-        self, bus: can.BusABC, answer_wait: float = ANSWER_WAIT, clock: Callable[[], float] = time.monotonic
+        self,
+        bus: can.BusABC,
+        answer_wait: float = ANSWER_WAIT,
+        clock: Callable[[], float] = time.monotonic,
+        unannounced: int = UNANNOUNCED,
     ) -> None:
         import can
 
-        self.bus, self.answer_wait, self.clock = bus, answer_wait, clock
+        self.bus, self.answer_wait, self.clock, self.unannounced = bus, answer_wait, clock, unannounced
         self.states: dict[int, NmtState] = {}
         self.listeners: dict[int, Callable[[bytes], None]] = {}
         self._message = can.Message
@@ -129,11 +135,13 @@ class RemoteNode:
 
     def upload(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read an object's bytes. Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError."""
-        return self._transfer("read", address, name, upload(address, self.master.answer_wait, progress))
+        master = self.master
+        return self._transfer("read", address, name, upload(address, master.answer_wait, progress, master.unannounced))
 
     def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
-        by_blocks = block_upload(address, self.master.answer_wait, progress=progress)
+        master = self.master
+        by_blocks = block_upload(address, master.answer_wait, progress=progress, unannounced=master.unannounced)
         try:
             return self._transfer("read", address, name, by_blocks)
         except RemoteError:

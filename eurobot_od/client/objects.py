@@ -12,9 +12,10 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple, cast
 from zlib import crc32
 
-from eurobot_od.errors import FieldError, LocalError, UnknownName
+from eurobot_od.errors import LONGEST_NAME, FieldError, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value, label
+from eurobot_od.pdo.kinds import parsed_number
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -36,7 +37,7 @@ class ValueForm(NamedTuple):
     allowed: str
 
 
-INTEGER = ValueForm(lambda text: int(text, 0), "an integer")
+INTEGER = ValueForm(parsed_number, "an integer")
 TEXT = ValueForm(str, "ASCII text")
 BYTES = ValueForm(bytes.fromhex, "bytes in hexadecimal digits")
 
@@ -119,7 +120,7 @@ def _named(text: str, dictionary: Dictionary | None) -> list[NamedObject]:
     found = [members(dictionary, index) for index in records] or [[each] for each in single]
     if not found:
         names = [*dictionary.objects.names, *(each.name for each in all_objects(dictionary))]
-        raise UnknownName("object", text, get_close_matches(text, names))
+        raise UnknownName("object", text, get_close_matches(text[:LONGEST_NAME], names))
     if len(found) > 1:
         indices = ", ".join(f"0x{index:04X}" for index in sorted(each[0].address[0] for each in found))
         raise LocalError(f"several objects are called {text!r}: {indices}; give the number of one")

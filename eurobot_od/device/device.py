@@ -21,10 +21,11 @@ from eurobot_od.device.objects import COMMUNICATION_PROFILE, EMCY_COB_ID, REFUSA
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
 from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, predefined
-from eurobot_od.device.storage import Store
+from eurobot_od.device.storage import Store, refused
 from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
 from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, Clock
-from eurobot_od.errors import DictionaryError, FrameLengthError, Refused, StateError
+from eurobot_od.device.timers import caught_up
+from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import (
@@ -94,7 +95,8 @@ class Device:
     its messages as they are mapped now, `identifiers` the COB-IDs of all frames, remote ones too, that it listens to.
     Both are replaced as a whole when a master changes them. `time_of_day` is its clock, which no reset changes.
     `sdo_requests` and `sdo_answers` are the COB-IDs of its SDO server; no master changes them (CiA 301, 7.5.2.33: ro).
-    `plan` has what frames have made it plan, and `next_wakeup` everything.
+    `plan` has what frames have made it plan, and `next_wakeup` everything. `refused` says, in a sentence each, what was
+    stored and cannot be used: defaults take its place, and an EMCY says so at each start until the device stores again.
     """
 
     def __init__(
@@ -106,10 +108,22 @@ class Device:
     ) -> None:
         self._file, self._catalogue, self._application = dictionary, catalogue, application
         self._store, self.plan, self.time_of_day = store, Plan(), Clock()
-        self._stored = store.load() if store else {}
+        self.refused: tuple[str, ...] = ()
+        self._stored = self._stored_before()
         self.state = NmtState.INITIALISING
         self._now = 0.0
         self._load(dict(self._stored))
+
+    def _stored_before(self) -> dict[Address, Value]:
+        """Return what was stored, as far as the device can have it."""
+        try:
+            values = dict(self._store.load()) if self._store else {}
+        except DamagedFile as error:
+            self.refused = (f"{error}; the defaults are taken",)
+            return {}
+        wrong = dict(refused(self._file, values))
+        self.refused = tuple(f"stored value refused: {what}" for what in wrong.values())
+        return {address: value for address, value in values.items() if address not in wrong}
 
     @property
     def state(self) -> NmtState:
@@ -281,7 +295,8 @@ class Device:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
-        self._stored = values
+        self._stored, self.refused = values, ()
+        self.emergencies.cleared(Store)
 
     def _consumed(self) -> list[int]:
         count = self.objects.raw((CONSUMED_HEARTBEATS, 0))
@@ -313,6 +328,8 @@ class Device:
         self._now = now
         self._beating = False
         self._plan_heartbeat(now)
+        if self.refused:
+            self.emergencies.raised(ErrorCode.DATA_SET, Store)
         self._enter(boot_state(self.objects.value(NMT_STARTUP)))
         return [error_control(self.node_id, NmtState.INITIALISING)]
 
@@ -338,6 +355,11 @@ class Device:
             return []
         self._beating = True
         return [error_control(self.node_id, self.state)]
+
+    def restart(self, now: float) -> Reaction:
+        """Do what an NMT reset of the node does."""
+        self._now = now
+        return self._reset(NmtCommand.RESET_NODE)
 
     def _reset(self, command: NmtCommand) -> Reaction:
         """Restore what was stored, but for a new node-ID, which takes effect now (CiA 301, 7.3.2.2.3)."""
@@ -365,8 +387,7 @@ class Device:
         self._now = now
         frames = []
         if now >= self._next_heartbeat:
-            # From the time it was due, not from now: a late call must not make every later heartbeat late as well.
-            self._plan_heartbeat(self._next_heartbeat)
+            self._plan_heartbeat(caught_up(self._next_heartbeat, now))
             self._beating = True
             frames.append(error_control(self.node_id, self.state))
         own = self._broadcast(now)
@@ -411,6 +432,10 @@ class Device:
     def bus_error(self, code: int, now: float) -> None:
         """Note what the CAN controller reports; `tick` sends the EMCY."""
         self.emergencies.happened(code, now)
+
+    def bus_lost(self) -> None:
+        """Give up the SDO transfer that is under way: its client will."""
+        self._server.forget()
 
     def emergency_frames(self, now: float) -> list[Frame]:
         """Return the EMCY frames that may go now; in STOPPED they wait (CiA 301, 7.3.2.2.4)."""

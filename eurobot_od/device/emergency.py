@@ -35,6 +35,10 @@ class ErrorCode(IntEnum):
     """
 
     NO_ERROR = 0x0000
+    HARDWARE = 0x5000
+    INTERNAL_SOFTWARE = 0x6100
+    DATA_SET = 0x6300
+    BUS_LOST = 0x8100
     OVERRUN = 0x8110
     ERROR_PASSIVE = 0x8120
     HEARTBEAT_LOST = 0x8130
@@ -65,7 +69,7 @@ def error_words(code: int, own: Mapping[int, str]) -> str:
     return CLASSES.get(code >> 8, CLASSES.get(code >> 8 & 0xF0, "reserved"))
 
 
-REGISTER_BIT = {0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
+REGISTER_BIT = {0x5000: 0, 0x6000: 0, 0x8000: COMMUNICATION, 0xF000: MANUFACTURER}
 """Error register bit by the code's highest digit; every error sets the generic bit, too."""
 
 
@@ -90,7 +94,7 @@ class Emergencies:
         """Value of the error register 0x1001."""
         register = 0
         for code in self.errors.values():
-            register |= GENERIC | REGISTER_BIT[code & 0xF000]
+            register |= GENERIC | REGISTER_BIT.get(code & 0xF000, 0)
         return register
 
     # What happens

@@ -17,7 +17,7 @@ from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.storage import Store
-from eurobot_od.device.timers import Timer, TimerAction, Timers
+from eurobot_od.device.timers import LATE, Timer, TimerAction, Timers
 from eurobot_od.errors import Cause, Refused, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
@@ -27,6 +27,10 @@ from eurobot_od.pdo.message import Message, is_flagged
 
 if TYPE_CHECKING:
     from eurobot_od.device.flow import Call
+
+
+SHORTEST_PERIOD = 0.001
+"""In seconds: what comes again after no time at all would be due for ever."""
 
 
 class Node:
@@ -78,6 +82,10 @@ class Node:
         """Return a setting in milliseconds as seconds."""
         return self.setting(name) / 1000
 
+    def period(self, name: str) -> float:
+        """Return a setting in milliseconds as seconds, of what comes again and again: never 0, whatever a file says."""
+        return max(self.seconds(name), SHORTEST_PERIOD)
+
     # From outside
 
     @property
@@ -88,6 +96,8 @@ class Node:
     def start(self, now: float) -> list[Frame]:
         """Switch the node on: boot-up, and what it does from then on."""
         self.now = now
+        for what in self.device.refused:
+            self.alarm(what)
         self._out += self.device.start(now)
         self.reset()
         self._operational = self.device.operational
@@ -102,7 +112,13 @@ class Node:
         return self._attend(lambda: self.device.requested(cob_id, now), now)
 
     def tick(self, now: float) -> list[Frame]:
-        """Do what is due by now and return the frames to send."""
+        """Do what is due by now and return the frames to send.
+
+        A node that has stood still does once what it has missed, and says so.
+        """
+        late = now - min(self._timers.next, self.device.next_wakeup)
+        if late > LATE:
+            self.alarm(f"stood still for {late:.1f} s; what was due meanwhile is skipped")
 
         def do_due() -> Reaction:
             for _ in range(len(self._soon)):  # what one of them plans anew is for the next time
@@ -127,6 +143,33 @@ class Node:
         """Take in what the CAN controller reports, such as an overrun."""
         self.device.bus_error(code, now)
         self._call()
+
+    def bus_lost(self, now: float) -> list[Frame]:
+        """Take in that the bus is lost, and return what is to be sent as soon as it is back."""
+
+        def cut_off() -> Reaction:
+            self.device.bus_lost()
+            self.cut_off()
+            return Reaction([])
+
+        return self._attend(cut_off, now)
+
+    def failed(self, error: BaseException, now: float) -> list[Frame]:
+        """Stop, and return what is to be sent because the node has raised an exception: stops, and the EMCY.
+
+        Nobody is to call anything but `restart` then.
+        """
+        self.now = now
+        for stop in (self.cut_off, self.reset):
+            with suppress(Exception):  # what has failed may fail once more; the rest is done all the same
+                stop()
+        code = ErrorCode.HARDWARE if isinstance(error, OSError) else ErrorCode.INTERNAL_SOFTWARE
+        self.device.emergencies.raised(code, Node.failed)
+        return self._flush()
+
+    def restart(self, now: float) -> list[Frame]:
+        """Do what an NMT reset does, whatever state the node is in, and return the frames to send."""
+        return self._attend(lambda: self.device.restart(now), now)
 
     def _react(self, reaction: Reaction) -> None:
         frames, message, reset, lost, answer, booted, synchronous = reaction
@@ -162,6 +205,10 @@ class Node:
 
     def halted(self) -> None:
         """Do what is to be done when the node is no longer OPERATIONAL; the nodes that care say what."""
+
+    def cut_off(self) -> None:
+        """Do what is to be done when the bus is lost, so that nobody can command the node: as when it is halted."""
+        self.halted()
 
     def heartbeat_lost(self, node_id: int) -> None:
         """Do what is to be done when another node has fallen silent; the nodes that care say what."""

@@ -55,6 +55,16 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
     return address[0] in COMMUNICATION_PROFILE or (variable is not None and variable.access_type in SETTINGS)
 
 
+def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
+    """Return why a number is not within the limits of its object in the file; None if it is, and for no number."""
+    if isinstance(value, (int, float)):
+        if variable.max is not None and value > variable.max:
+            return AbortCode.TOO_HIGH
+        if variable.min is not None and value < variable.min:
+            return AbortCode.TOO_LOW
+    return None
+
+
 class Objects:
     """Values of a device by address; `values` holds those that are not the file's.
 
@@ -175,11 +185,8 @@ class Objects:
         self.admit(address, len(data))
         variable, before = self._variable(address), self.kept(address)
         value = data_type(variable).read(data)
-        if isinstance(value, (int, float)):
-            if variable.max is not None and value > variable.max:
-                raise Abort(AbortCode.TOO_HIGH)
-            if variable.min is not None and value < variable.min:
-                raise Abort(AbortCode.TOO_LOW)
+        if wrong := out_of_limits(variable, value):
+            raise Abort(wrong)
         try:
             self._writers.get(address[0], self.put)(address, value)
         except Refused as refused:

@@ -13,6 +13,7 @@ from math import inf
 
 from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
 from eurobot_od.device.sync import COUNTER_OVERFLOW, COUNTERS, PERIOD, PRODUCER, SYNC
+from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
@@ -205,8 +206,18 @@ class Pdos:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
             raise Abort(AbortCode.INCOMPATIBLE, str(error)) from error
+        if narrow := self._narrow_fields(protocol, index):
+            raise Abort(AbortCode.INCOMPATIBLE, f"too few bits for {', '.join(narrow)}")
         self._objects.put(address, entry)
         self._apply(protocol)
+
+    def _narrow_fields(self, protocol: Protocol, index: int) -> list[str]:
+        """Return the fields of a TPDO that its mapping cuts; a message of no catalogue is its mapped bits, however few.
+
+        A node could not send a message with such a value, and nobody would know why it does not answer.
+        """
+        ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
+        return [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]
 
     def _write_mapping(self, address: Address, value: Value) -> None:
         index, subindex = address
@@ -364,5 +375,5 @@ class Pacing:
         """Return the TPDOs whose event timer wants them sent now."""
         due = [binding for binding, time in self._events.items() if time <= now]
         for binding in due:
-            self.sent(binding, self._events[binding])
+            self.sent(binding, caught_up(self._events[binding], now))
         return due

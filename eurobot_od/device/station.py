@@ -1,4 +1,4 @@
-"""A node at its gatekeeper: received frames to the node, the node's frames to the mailboxes.
+"""A node at its gatekeeper: received frames to the node, the node's frames to the mailboxes, and what if it fails.
 
 Still no bus and no thread: `live` and `simulation` both drive stations. Whichever thread calls, the node's `guard` is
 held while the node works and until its frames are in the mailboxes, so that frames leave in the order in which the node
@@ -9,21 +9,37 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from enum import Enum
+from math import inf
 from typing import Any
 
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
-from eurobot_od.errors import DictionaryError
+from eurobot_od.errors import DictionaryError, NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
+
+FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
+"""Seconds until a node that has failed is restarted, doubled each time."""
+
+STEADY = 10.0
+"""Seconds without a failure after which the pauses begin anew."""
+
+
+class OnError(Enum):
+    """What becomes of a node that raises an exception; it is stopped before, and told by EMCY."""
+
+    END = "end"
+    RESTART = "restart"
 
 
 class Station:
     """One node with its own gatekeeper, to which more listeners may be added.
 
-    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last.
-    `has_failed` takes an exception that `tick` or `requested` has raised, and when: it counts and is reported like one
-    that the node raises when it gets a frame.
+    Its `plan` tells whether the node has planned anything sooner than when `next_wakeup` was asked for last. An
+    exception of the node is reported like a listener's; what becomes of the node then, `on_error` says. Without that
+    (a simulation, whose user wants to see it) the exception is raised where it is not a frame that has caused it.
+    `failure` tells why the node has ended, None while it has not.
     """
 
     def __init__(
@@ -32,6 +48,7 @@ class Station:
         *,
         report: Callable[[Report], object] | None = None,
         clock: Callable[[], float] = time.perf_counter,
+        on_error: OnError | None = None,
     ) -> None:
         self.node, self.plan = node, node.device.plan
         self.gatekeeper = Gatekeeper(
@@ -40,9 +57,13 @@ class Station:
             clock=clock,
             **_sizes(node),
         )
+        self.failure: NodeFailed | None = None
+        self._on_error, self._pause, self._failed_at = on_error, FIRST_PAUSE, -inf
+        self._restarts_at: float | None = None
+        """When a node that has failed is restarted; None while it runs."""
         self._identifiers = node.device.identifiers
         node.alarm = self._report_alarm
-        self.has_failed = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name).has_failed
+        self._listener = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
         """Switch the node on."""
@@ -50,20 +71,23 @@ class Station:
             self._submit(self.node.start(now), now)
 
     def tick(self, now: float) -> None:
-        """Let the node do what is due."""
+        """Let the node do what is due; one that has failed is restarted."""
         with self.node.guard:
-            self._submit(self.node.tick(now), now)
+            restarts = self._restarts_at is not None and now >= self._restarts_at
+            if restarts:
+                self._restarts_at = None
+            self._do(self.node.restart if restarts else self.node.tick, now)
 
     def requested(self, cob_id: int, now: float) -> None:
         """Hand the node a remote frame: no listener hears those, but a node may be asked by them."""
-        with self.node.guard:
-            self._submit(self.node.requested(cob_id, now), now)
+        self._do(lambda now: self.node.requested(cob_id, now), now)
 
     @property
     def next_wakeup(self) -> float:
         """When to call `tick`, in the node's time; infinite if nothing is planned."""
         with self.node.guard:
-            wakeup = self.plan.soonest = self.node.next_wakeup
+            wakeup = self.node.next_wakeup if self._restarts_at is None else self._restarts_at
+            self.plan.soonest = wakeup
             return wakeup
 
     def bus_error(self, code: ErrorCode, now: float) -> None:
@@ -71,18 +95,66 @@ class Station:
         with self.node.guard:
             self.node.bus_error(code, now)
 
+    def bus_lost(self, now: float) -> None:
+        """Tell the node that the bus is lost."""
+        with self.node.guard:
+            self.gatekeeper.mailboxes.withdraw(self.node.device.sdo_answers)
+            self._do(self.node.bus_lost, now)
+
+    def _do(self, step: Callable[[float], list[Frame]], now: float) -> None:
+        """Have the node take a step, unless it is down, and submit its frames."""
+        with self.node.guard:
+            if self._restarts_at is not None:
+                return
+            try:
+                frames = step(now)
+            except (Exception, SystemExit) as error:
+                if self._on_error is None:
+                    raise
+                frames = self._fail(error, now)
+            self._submit(frames, now)
+
+    def _fail(self, error: BaseException, now: float) -> list[Frame]:
+        """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
+        frames = self.node.failed(error, now)
+        text = f"{type(error).__name__}: {error}"
+        if self._on_error is OnError.END:
+            self.failure = NodeFailed(f"{self.node.name} has failed and ended: {text}")
+            self.node.switched_off()
+            pause, what = inf, "it has ended"
+        else:
+            pause = FIRST_PAUSE if now - self._failed_at >= STEADY else min(2 * self._pause, LONGEST_PAUSE)
+            what = f"it is restarted in {pause:g} s"
+        self._failed_at, self._pause, self._restarts_at = now, pause, now + pause
+        self._listener.failed += 1
+        self.gatekeeper.report(Report(Event.NODE_FAILED, self.node.name, f"{text}; {what}", now, error))
+        return frames
+
     def _report_alarm(self, text: str) -> None:
         self.gatekeeper.report(Report(Event.NODE_ALARM, self.node.name, text, self.node.now))
 
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
-            self._submit(self.node.receive(frame, now), now)
+            if self._restarts_at is not None:
+                return
+            try:  # as `_do`, written out: every frame goes through here
+                frames = self.node.receive(frame, now)
+            except (Exception, SystemExit) as error:
+                if self._on_error is None:
+                    raise
+                frames = self._fail(error, now)
+            if frames:
+                self._submit(frames, now)
             if self.node.device.identifiers is not self._identifiers:  # a master has changed them with this frame
                 self._identifiers = self.node.device.identifiers
                 self.gatekeeper.reroute(self.node.device.protocol)
 
     def _submit(self, frames: list[Frame], now: float) -> None:
         mailboxes, device = self.gatekeeper.mailboxes, self.node.device
+        if frames and frames[0].cob_id == device.sdo_answers:
+            # One transfer at a time: whoever asks anew awaits no more what was answered before. Or else a client that
+            # asks for block after block would have answers wait without end.
+            mailboxes.withdraw(device.sdo_answers)
         for frame in frames:
             stop = frame.cob_id in device.always_sent
             # A stop waits as long as it takes. It is repeated, too: one of a kind that waits is enough.

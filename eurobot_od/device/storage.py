@@ -6,16 +6,22 @@ and takes its place in one step, so that a crash at any moment leaves the old on
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import zlib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
-from eurobot_od.device.objects import is_configuration
-from eurobot_od.errors import DictionaryError, FieldError, UnknownName
+from eurobot_od.device.objects import is_configuration, out_of_limits
+from eurobot_od.errors import DamagedFile, DictionaryError, FieldError, UnknownName
 from eurobot_od.files import write_whole
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.document import read_bytes
+from eurobot_od.od.values import Address, Value, label
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 IDENTITY: tuple[Address, ...] = ((0x1018, 1), (0x1018, 2), (0x1018, 3))
 """Vendor-ID, product code and revision number: what a configuration has to have in common with its device."""
@@ -24,11 +30,18 @@ ANY_BYTES = "latin-1"
 """The encoding that keeps every byte of an EDS as it is; CiA 306 asks for ASCII, which is part of it."""
 
 
+CHECKSUM = re.compile(rb"; CRC-32 of all that follows: 0x([0-9A-F]{8})\n")
+"""The first line of a stored file: a comment, so that every tool reads the rest as the DCF that it is."""
+
+
 class Store(Protocol):
     """Keeps the values that a device's configuration has beyond its file's."""
 
     def load(self) -> dict[Address, Value]:
-        """Return what was saved last, nothing if nothing was; raises DictionaryError if it cannot be used."""
+        """Return what was saved last, nothing if nothing was.
+
+        Raises DamagedFile if it is not what was saved, DictionaryError if it is not for this device.
+        """
 
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Keep these values in place of the earlier ones; raises OSError or DictionaryError if that fails."""
@@ -59,10 +72,12 @@ class FileStore:
     def load(self) -> dict[Address, Value]:
         """Return the settings in the file, none without a file.
 
-        Raises DictionaryError if it is no DCF, incomplete, or that of another device.
+        Raises DamagedFile if its checksum says so, DictionaryError if it is no DCF, incomplete, or that of another
+        device. A DCF of other programs has no checksum, and is believed.
         """
         if not self.file.exists():
             return {}
+        self._check(read_bytes(self.file))
         stored = Dictionary.load(self.file)
         never_there = dcf.missing(self._dictionary.content.decode(ANY_BYTES))
         for section in dcf.missing(stored.content.decode(ANY_BYTES)):
@@ -77,6 +92,12 @@ class FileStore:
         # what the file's own EDS says by DefaultValue alone is not stored: a later EDS may say something else
         return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
 
+    def _check(self, content: bytes) -> None:
+        line = CHECKSUM.match(content)
+        if line and int(line[1], 16) != zlib.crc32(content[line.end() :]):
+            what = "damaged: the checksum in its first line is not that of the rest (changed by hand? delete that line)"
+            raise DamagedFile(self.file, None, what)
+
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Replace the file by one with these settings.
 
@@ -88,4 +109,31 @@ class FileStore:
             content = text.encode(ANY_BYTES)
         except (UnknownName, FieldError, UnicodeEncodeError) as error:
             raise DictionaryError(self._dictionary.file, None, f"no place in its DCF: {error}") from error
-        write_whole(self.file, content)
+        write_whole(self.file, b"; CRC-32 of all that follows: 0x%08X\n" % zlib.crc32(content) + content)
+
+
+def refused(dictionary: Dictionary, values: Mapping[Address, Value]) -> Iterator[tuple[Address, str]]:
+    """Give the stored values that a device cannot have: its file has no such object, or they are outside its limits."""
+    for address, value in values.items():
+        variable = dictionary.variable(address)
+        if variable is None:
+            yield address, f"{label(address)} is no object of the device"
+        elif not _fits(variable, value):
+            what = f"{label(address, variable.name)} = {value!r}, allowed: {_allowed(variable)}"
+            yield address, f"{what}; the default is taken"
+
+
+def _allowed(variable: ODVariable) -> str:
+    type_ = data_type(variable)
+    if not type_.is_integer:
+        return type_.name
+    low, high = variable.min, variable.max
+    return f"{type_.low if low is None else low}..{type_.high if high is None else high}"
+
+
+def _fits(variable: ODVariable, value: Value) -> bool:
+    try:
+        data_type(variable).write(value)
+    except (ValueError, OverflowError):
+        return False
+    return out_of_limits(variable, value) is None

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable
 from math import inf
 from typing import NamedTuple
 
+from eurobot_od.device.timers import caught_up
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
@@ -49,7 +50,7 @@ class SyncProducer:
         """Return the data of the SYNC to be sent now."""
         if now < self.next:
             return []
-        self.next += self._period  # from the time it was due: a late call makes no later one late as well
+        self.next = caught_up(self.next, now) + self._period
         if not self._overflow:
             return [b""]
         self._count = self._count % self._overflow + 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 from math import inf
 
+from eurobot_od.device.timers import caught_up
 from eurobot_od.od.time_of_day import DAY, EPOCH, TimeOfDay
 from eurobot_od.od.values import Address
 
@@ -65,5 +66,5 @@ class Clock:
         """Return the data of what is to be sent now."""
         if now < self.next:
             return []
-        self.next += PERIOD
+        self.next = caught_up(self.next, now) + PERIOD
         return [self.told(now)]

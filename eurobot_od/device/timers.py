@@ -16,6 +16,19 @@ TimerAction: TypeAlias = Callable[[float], None]
 """What to do when a timer is due; gets the time it was set for."""
 
 
+LATE = 1.0
+"""Seconds by which a node may be late and make up for it; what is later is missed: the process stood still."""
+
+
+def caught_up(due: float, now: float) -> float:
+    """Return from which time on to plan what comes after something `due`: from then, or from now if that is missed.
+
+    So a late call makes no later one late as well, and a node that has stood still for minutes does not do all at once
+    what it would have done meanwhile.
+    """
+    return due if now - due <= LATE else now
+
+
 class Timer:
     """A function waiting for its time; `cancel` makes it never called."""
 
@@ -55,12 +68,13 @@ class Timers:
     def due(self, now: float) -> Iterator[tuple[TimerAction, float]]:
         """Yield what is due, each with the time it was set for, also what becomes due meanwhile.
 
-        A late node is told the times as planned: what repeats itself by adding a period to them does not drift.
+        A late node is told the times as planned: what repeats itself by adding a period to them does not drift. What it
+        has missed (see `caught_up`) it is told once, with the present time.
         """
         while self.next <= now:
             time, _, timer = heapq.heappop(self._heap)
             if timer.action is not None:
-                yield timer.action, time
+                yield timer.action, caught_up(time, now)
 
     def clear(self) -> None:
         """Forget all timers."""

@@ -53,7 +53,8 @@ class Gatekeeper:
 
     `table_size` is the number of listeners that may be registered (0: any number; 20 in the 2014 robot). A call that
     takes longer than `slow_after` seconds of `clock` is reported. Reports go to `report`; without one, the latest are
-    kept in `reports`. One thread receives; the bus's owner sends.
+    kept in `reports`. A `report` that raises (a pipe that nobody reads any more) is not called again: its exception is
+    the `report_failure`, and reports are kept from then on. One thread receives; the bus's owner sends.
 
     `call_function` decides where functions run. It calls them in place, in the order of their registration, until a
     `Live` gives them a thread of their own. `rerouted` is called when the receive filters have changed, in the thread
@@ -72,7 +73,8 @@ class Gatekeeper:
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         self.reports: deque[Report] = deque(maxlen=REPORTS_KEPT)
-        self.report: Reporter = self.reports.append if report is None else report
+        self.report_failure: Exception | None = None
+        self._report = report
         self.mailboxes = Mailboxes(self.report, mailboxes, mailbox_wait)
         self.call_function: CallFunction = FunctionListener.call
         self.rerouted: Callable[[], object] = lambda: None
@@ -82,6 +84,17 @@ class Gatekeeper:
         self._registrations: list[Registration] = []
         self._routes: dict[int, Delivery] = {}
         self._refused = self._unheard = 0
+
+    def report(self, report: Report) -> None:
+        """Take a report from any thread; raises nothing."""
+        if self._report is None or self.report_failure is not None:
+            self.reports.append(report)
+            return
+        try:
+            self._report(report)
+        except Exception as error:
+            self.report_failure = error
+            self.reports.append(report)
 
     # Registration, before the start: raises ListenerError afterwards, and when the table is full
 
@@ -212,6 +225,10 @@ class Gatekeeper:
             return
         for deliver in to_messages:
             deliver(message, timestamp)
+
+    def acts_always(self, cob_id: int) -> bool:
+        """Tell whether a COB-ID is that of a message that acts whenever it comes: a stop."""
+        return any(each.always and each.cob_id == cob_id for each in self._protocol.bindings)
 
     # Sending
 

@@ -97,7 +97,7 @@ class FunctionListener(Generic[T]):
         begin = self._clock()
         try:
             self._function(message, timestamp)
-        except Exception as error:  # whatever it is, the other listeners get their message
+        except (Exception, SystemExit) as error:  # whatever it is, the other listeners get their message
             self.has_failed(error, timestamp)
         self.delivered += 1
         seconds = self._clock() - begin

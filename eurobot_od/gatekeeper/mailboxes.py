@@ -3,8 +3,9 @@
 A frame is submitted, loaded when a mailbox is free, and done when the controller says transmit-complete. Nothing waits
 and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
 
-A frame that finds a mailbox free never expires, however long the bus is away; only one that has to wait for a mailbox
-may be dropped. `load` is ordered so that an exception between two lines (Ctrl-C) leaves a frame in both places rather
+A frame that finds a mailbox free never expires, however late the driver takes it; only one that has to wait for a
+mailbox may be dropped. While the bus is away nothing is kept but what is `lasting`: nobody wants a goto or a heartbeat
+of before. `load` is ordered so that an exception between two lines (Ctrl-C) leaves a frame in both places rather
 than in none: a stop is better sent twice than never.
 
 Not thread-safe: one owner calls it, or callers share a lock.
@@ -58,6 +59,8 @@ class Mailboxes:
         self._submitted = self._completed = self._dropped = 0
         self._waiting: list[Waiting] = []
         self._loaded: list[Waiting] = []
+        self._away: int | None = None
+        """How many frames had been dropped when the bus was lost, None while it is there."""
 
     def submit(self, frame: Frame, now: float, lasting: bool = False) -> None:
         """Put a frame in its place among those that wait for a mailbox.
@@ -65,6 +68,10 @@ class Mailboxes:
         One for which a mailbox is free now cannot be too late, however late the bus is served. A `lasting` one waits
         as long as it takes: a stop, or a part of an SDO transfer, which would fail without it.
         """
+        if self._away is not None and not lasting:
+            self._submitted += 1
+            self._dropped += 1
+            return
         full = len(self._loaded) + len(self._waiting) >= self.count
         deadline = now + self.wait if full and not lasting else inf
         insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, lasting))
@@ -88,6 +95,29 @@ class Mailboxes:
             late = now + self.wait
             self._waiting = [w if w.lasting or w.deadline <= late else w._replace(deadline=late) for w in self._waiting]
         return loaded
+
+    def leave(self) -> None:
+        """Note that the bus is away: what waits and is not lasting is dropped, and so is what is submitted from now on.
+
+        It is counted and not reported: `come_back` tells how much it was.
+        """
+        if self._away is None:
+            self._away = self._dropped
+        before = len(self._waiting) + len(self._loaded)
+        self._waiting = [each for each in self._waiting if each.lasting]
+        self._loaded = [each for each in self._loaded if each.lasting]
+        self._dropped += before - len(self._waiting) - len(self._loaded)
+
+    def come_back(self) -> int:
+        """Note that the bus is back; return how many frames were dropped meanwhile."""
+        before, self._away = self._away, None
+        return 0 if before is None else self._dropped - before
+
+    def withdraw(self, cob_id: int) -> None:
+        """Drop the frames of an identifier that wait for a mailbox: what they answer is over."""
+        before = len(self._waiting)
+        self._waiting = [each for each in self._waiting if each.cob_id != cob_id]
+        self._dropped += before - len(self._waiting)
 
     def holds(self, frame: Frame) -> bool:
         """Tell whether an equal frame waits or is in a mailbox."""
@@ -114,6 +144,11 @@ class Mailboxes:
                 self._completed += 1
                 return True
         return False
+
+    @property
+    def waits(self) -> bool:
+        """Whether any frame waits for a mailbox."""
+        return bool(self._waiting)
 
     @property
     def next_expiry(self) -> float | None:

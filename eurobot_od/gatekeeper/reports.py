@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TypeAlias
 
+from eurobot_od.escaping import one_line
+
 
 class Event(Enum):
     """What happened."""
@@ -23,7 +25,12 @@ class Event(Enum):
     FRAME_REFUSED = "frame refused"
     FRAME_DROPPED = "frame dropped"
     BUS_FAILED = "bus failed"
+    BUS_OFF = "bus off"
+    BUS_BACK = "bus back"
+    FRAMES_LOST = "frames lost"
+    END_FAILED = "end failed"
     NODE_ALARM = "node alarm"
+    NODE_FAILED = "node failed"
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,7 @@ class Report:
     error: BaseException | None = None
 
     def __str__(self) -> str:
-        return f"{self.event.value}: {self.name}: {' '.join(self.text.split())}"
+        return one_line(f"{self.event.value}: {self.name}: {' '.join(self.text.split())}")
 
 
 Reporter: TypeAlias = Callable[[Report], object]

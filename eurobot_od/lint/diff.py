@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
+from itertools import chain
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError
+from eurobot_od.escaping import one_line
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, LintedPdo, load
 from eurobot_od.od import values
@@ -36,7 +38,7 @@ class Difference(NamedTuple):
     right: str
 
     def __str__(self) -> str:
-        return f"{place(self.where)}: {self.aspect}: {self.left} -> {self.right}"
+        return one_line(f"{place(self.where)}: {self.aspect}: {self.left} -> {self.right}")
 
 
 def place(address: Address) -> str:
@@ -61,7 +63,7 @@ def compare(
     """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
     node_id = node_id or left.node_id or right.node_id
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
-    told = [*_wholes(left, right), *_variables(left, right, node_id, aspects), *_pdos(left, right, node_id)]
+    told = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
     return sorted([*(each for each in told if each.left != each.right), *_missing_subs(left, right)])
 
 
@@ -86,15 +88,24 @@ def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
 
 def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[Difference]:
     """Give the sub-indices that one has and the other has not, of objects that are in both."""
-    left, right = variables(one), variables(other)
-    for address in left.keys() ^ right.keys():
-        if address[0] in one.objects.keys() & other.objects.keys():  # else the whole object is said to be missing
-            yield Difference(address, "sub-index", _name(left.get(address)), _name(right.get(address)))
+    for index, left, right in _shared(one, other):
+        for sub in left.keys() ^ right.keys():
+            yield Difference((index, sub), "sub-index", _name(left.get(sub)), _name(right.get(sub)))
+
+
+def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
+    """Give the objects that both have, one after the other: a small file may stand for millions of sub-indices."""
+    for index in one.objects.keys() & other.objects.keys():
+        left, right = ({each.sub: each for each in device.objects[index].variables()} for device in (one, other))
+        yield index, left, right
 
 
 def _name(variable: DescribedVariable | None) -> str:
     return (variable.name or "there") if variable else ABSENT
 
+
+Members: TypeAlias = dict[int, DescribedVariable]
+"""The variables of an object by sub-index."""
 
 Aspect = Callable[[DescribedVariable, int | None], str]
 """Says one thing about a variable, for a node-ID (None: what depends on it stays relative)."""
@@ -103,10 +114,10 @@ Aspect = Callable[[DescribedVariable, int | None], str]
 def _variables(
     one: LintedDevice, other: LintedDevice, node_id: int | None, aspects: Mapping[str, Aspect]
 ) -> Iterator[Difference]:
-    left, right = variables(one), variables(other)
-    for address in left.keys() & right.keys():
-        for name, aspect in aspects.items():
-            yield Difference(address, name, aspect(left[address], node_id), aspect(right[address], node_id))
+    for index, left, right in _shared(one, other):
+        for sub in left.keys() & right.keys():
+            for name, aspect in aspects.items():
+                yield Difference((index, sub), name, aspect(left[sub], node_id), aspect(right[sub], node_id))
 
 
 def _limit_of(key: str) -> Aspect:

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
+from eurobot_od.escaping import one_line
+
 
 class Severity(Enum):
     """How bad a finding is; the value is the first letter of its code."""
@@ -86,7 +88,7 @@ class Finding(NamedTuple):
         return Severity(self.code[0])
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}:{self.column}: {self.code} {self.message}"
+        return one_line(f"{self.file}:{self.line}:{self.column}: {self.code} {self.message}")
 
 
 def chosen(findings: Iterable[Finding], select: Sequence[str], ignore: Sequence[str]) -> list[Finding]:

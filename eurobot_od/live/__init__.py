@@ -40,16 +40,18 @@ Who wakes whom
 
 When something fails
 --------------------
-A listener's exception ends in the gatekeeper, and so does a node's when it gets a frame. One in what a node does at a
-time is reported the same way by the keeper, which then leaves the node alone for 0.1 s. A driver that fails is reported
-once and noted in `Live.failure`. Reading ends with it. Sending is tried again after growing pauses: a stop that has a
-mailbox stays there, and leaves when the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it gives
-the turn back, its frame stays loaded.
+A listener's exception ends in the gatekeeper, a node's in its station, which reports it, stops the node, and ends or
+restarts it. A driver that fails is reported once. If a `Live` knows how to open the bus again, the reader does so after
+growing pauses (connection.py). Until it is back, the mailboxes keep stops and nothing else, and the node is told: a
+drive brakes, a core gives up its goto. Without an opener reading ends with `Live.failure`. Sending is tried again
+either way, so that a stop leaves when the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it
+gives the turn back, its frame stays loaded.
 """
 
 from eurobot_od.live.buses import BITRATE as BITRATE
 from eurobot_od.live.buses import DEFAULT_BUS as DEFAULT_BUS
 from eurobot_od.live.buses import Driver as Driver
 from eurobot_od.live.buses import open_bus as open_bus
+from eurobot_od.live.connection import Opener as Opener
 from eurobot_od.live.live import Live as Live
 from eurobot_od.live.reader import Watch as Watch

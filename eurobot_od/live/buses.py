@@ -5,7 +5,11 @@ Rule of this file: whatever a driver raises becomes a BusError of one line.
 
 from __future__ import annotations
 
+import errno
+import socket
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import BusError
@@ -29,6 +33,15 @@ FILTERING = ("socketcan", "etas")
 PROMPT = ("socketcan", "virtual")
 """Interfaces with a `send` that does not wait when told so."""
 
+FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
+"""What an operating system says when there is no room for a frame; any other error of it means that the bus is lost."""
+
+SO_MEMINFO, DROPS = 55, slice(32, 36)
+"""A socket's counters (Linux 4.12), and where among them is how many frames have found no room in its receive queue.
+
+SO_RXQ_OVFL gives the same count with each frame, which python-can does not read, and does not endure.
+"""
+
 # python-can has no way to ask a bus for either. So its documentation and its code (4.6) were asked once, and
 # these are the answers; an interface that is not listed still works. Kvaser, Vector and Systec filter in the driver as
 # long as there is one filter; with more of them python-can compares each frame with each filter, in our thread, for
@@ -42,6 +55,7 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     """
     import can
 
+    _silence_logs()
     given = {"interface": interface, "channel": channel, "bitrate": bitrate}
     try:
         config = _configured({key: value for key, value in given.items() if value is not None})
@@ -49,6 +63,15 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
         raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
+
+
+def _silence_logs() -> None:
+    """Have drivers' log lines go where a program has asked for them, and else nowhere: their errors are raised, too."""
+    import logging
+
+    for name in ("can", "can_remote"):
+        if not logging.getLogger(name).handlers:
+            logging.getLogger(name).addHandler(logging.NullHandler())
 
 
 def _configured(given: dict[str, Any]) -> dict[str, Any]:
@@ -68,16 +91,30 @@ def _one_line(error: BaseException) -> str:
 
 
 class Driver:
-    """A bus, and what its driver can do: whether it `filters`, and whether its `send` returns `prompt`ly."""
+    """A bus, and what its driver can do: whether it `filters`, and whether its `send` returns `prompt`ly.
+
+    `refusal` is what the driver said when it did not take a frame. `bus` changes when a lost one is opened again.
+    """
 
     def __init__(self, bus: can.BusABC) -> None:
         import can
 
-        self.bus = bus
         self._message, self._refused = can.Message, can.CanError
+        self.refusal = ""
+        self._adopt(bus)
+
+    def _adopt(self, bus: can.BusABC) -> None:
+        self.bus = bus
         self.filters = any(_is_of(bus, interface) for interface in FILTERING)
         self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
         self._wait = 0.0 if self.prompt else RETRY
+        self._socket = getattr(bus, "socket", None) if _is_of(bus, "socketcan") else None
+
+    def replace(self, opener: Callable[[], can.BusABC]) -> None:
+        """Shut the bus down, which has failed, and open it again; raises BusError."""
+        with suppress(Exception):  # of a bus that has failed, what its end has to say is only a consequence
+            self.bus.shutdown()
+        self._adopt(opener())
 
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
         """Hand over a frame; False if the driver does not take it in `timeout` seconds. Raises BusError if it failed.
@@ -86,13 +123,34 @@ class Driver:
         """
         # by their places: by their names the arguments take half as long again
         message = self._message(0.0, frame.cob_id, False, False, False, None, None, frame.data)
+        bus = self.bus
         try:
-            self.bus.send(message, timeout=self._wait if timeout is None else timeout)
-        except self._refused:
+            bus.send(message, timeout=self._wait if timeout is None else timeout)
+        except self._refused as error:
+            if isinstance(error.__cause__, OSError) and error.__cause__.errno not in FULL:
+                raise failure(bus, error) from error
+            self.refusal = _one_line(error)
             return False
         except Exception as error:  # OSError, ctypes' errors, ...: unlike CanError, they do not mean "try again"
-            raise failure(self.bus, error) from error
+            if bus is not self.bus:  # it was opened again meanwhile: that the old one failed is known
+                return False
+            raise failure(bus, error) from error
         return True
+
+    @property
+    def overflow(self) -> int:
+        """How many received frames have found no room since the bus was opened; only SocketCAN tells."""
+        if not isinstance(self._socket, socket.socket):
+            return 0
+        try:
+            counters = self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, DROPS.stop)
+        except OSError:  # an older kernel; or the bus is being shut down
+            return 0
+        return int.from_bytes(counters[DROPS], sys.byteorder)
+
+    def stuck(self, seconds: float) -> BusError:
+        """Return the error that it has taken no frame for so many seconds."""
+        return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s: {self.refusal}")
 
 
 def _is_of(bus: can.BusABC, interface: str) -> bool:
@@ -103,6 +161,6 @@ def _is_of(bus: can.BusABC, interface: str) -> bool:
     return module in sys.modules and isinstance(bus, getattr(sys.modules[module], name))
 
 
-def failure(bus: can.BusABC, error: Exception) -> BusError:
+def failure(bus: can.BusABC, error: BaseException) -> BusError:
     """Return an error of a driver in one line."""
     return BusError(f"the bus {bus.channel_info} failed: {_one_line(error)}")

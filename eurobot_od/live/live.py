@@ -7,16 +7,21 @@ Rule of this file: to submit a frame never waits for the bus.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
+import weakref
 from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.device.emergency import ErrorCode
-from eurobot_od.errors import BusError
+from eurobot_od.errors import BusError, NodeFailed, StateError
 from eurobot_od.frame import Data
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.connection import Connection, Gaps, Opener
 from eurobot_od.live.functions import FunctionThread
 from eurobot_od.live.reader import POLL, Reader
 from eurobot_od.live.sender import Sender
@@ -43,12 +48,41 @@ Each has a class bit in the identifier, bits of data byte 1 of which one is set 
 """
 
 
+BUS_OFF = 1 << 6
+"""Class bit of the error frame that says that the controller is bus-off."""
+
+BUS_OFF_HINT = (
+    "the controller has left the bus; SocketCAN restarts it with `ip link set CHANNEL type can restart-ms 100`"
+)
+
+
+class _NoThreads:
+    """Takes the place of the lock in a forked child, which has none of the threads that would do what it is told."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __enter__(self) -> None:
+        raise StateError(f"{self._name}: belongs to the process that has forked; open a bus of your own after the fork")
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing was entered."""
+
+
+def _refuse(started: weakref.ref[Live]) -> None:
+    """Have every call to a `Live` and its node refused in a forked child."""
+    live = started()
+    if live is not None:
+        live.refuse()
+
+
 class Live:
     """A gatekeeper, and the node of a station if there is one, running on a bus; a context manager.
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
-    classic base data frame. `failure` is the first error of the bus, None while all is well; it is reported, too.
-    The bus is shut down at the end.
+    classic base data frame, `missed` what came while the process stood still and is not acted on. A bus that fails is
+    opened again by `opener`, if there is one; `gaps` tells how often that was, and for how long. `failure` is why it
+    cannot go on, None while it can. All this is reported, too. The bus is shut down at the end.
     """
 
     def __init__(
@@ -57,70 +91,120 @@ class Live:
         gatekeeper: Gatekeeper,
         station: Station | None = None,
         clock: Callable[[], float] = time.perf_counter,
+        opener: Opener | None = None,
     ) -> None:
-        self.bus, self.gatekeeper, self.station, self.clock = bus, gatekeeper, station, clock
-        self.foreign = 0
-        self.failure: BusError | None = None
+        self.gatekeeper, self.station, self.clock = gatekeeper, station, clock
+        self.name = str(bus.channel_info)
+        self.foreign = self.missed = 0
+        self._failure: BusError | None = None
         self._lock = threading.RLock()
         self._changed = threading.Condition(self._lock)
         self._driver = Driver(bus)
-        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, self._fail, self._wake)
+        self._connection = Connection(self._driver, opener, clock, self._lost, self._filter, self._back)
+        fail = self._connection.fail
+        self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
         receive = gatekeeper.receive_data if station is None else self._receive
-        self._reader = Reader(bus, receive, clock, self._note_foreign, self._fail)
-        self._functions = FunctionThread(f"{bus.channel_info} functions", gatekeeper.report, gatekeeper.clock)
+        self._reader = Reader(
+            self._connection, receive, clock, self._note_foreign, self._note_missed, gatekeeper.acts_always
+        )
+        self._functions = FunctionThread(f"{self.name} functions", gatekeeper.report, gatekeeper.clock)
         gatekeeper.call_function = self._functions.submit
-        self._running = False
-        self._looks_at = self._rests_until = 0.0
+        self._running = self._ended = self._forked = False
+        self._looks_at = 0.0
         self._threads: list[threading.Thread] = []
         if station is not None:
             station.node.guard = self._lock
             station.node.wake = self._wake
 
     @classmethod
-    def node(cls, bus: can.BusABC, node: Node, clock: Callable[[], float] = time.perf_counter, **options: Any) -> Live:
+    def node(
+        cls,
+        bus: can.BusABC,
+        node: Node,
+        clock: Callable[[], float] = time.perf_counter,
+        opener: Opener | None = None,
+        **options: Any,
+    ) -> Live:
         """Return a node ready to run on a bus; `options` are those of Station."""
-        from eurobot_od.device.station import Station  # a gatekeeper alone needs no nodes
+        from eurobot_od.device.station import OnError, Station  # a gatekeeper alone needs no nodes
 
-        station = Station(node, **options)
-        return cls(bus, station.gatekeeper, station, clock)
+        station = Station(node, **{"on_error": OnError.RESTART} | options)
+        return cls(bus, station.gatekeeper, station, clock, opener)
+
+    @property
+    def bus(self) -> can.BusABC:
+        """The bus as it is opened now."""
+        return self._driver.bus
+
+    @property
+    def gaps(self) -> Gaps:
+        """How often the bus was lost and came back, and for how long."""
+        return self._connection.gaps
+
+    @property
+    def overflow(self) -> int:
+        """How many received frames have found no room in the driver's queue; 0 if it does not tell."""
+        return self._connection.overflow
+
+    @property
+    def failure(self) -> BusError | NodeFailed | None:
+        """Why it cannot go on: the bus has failed, and nobody opens it again, or the node has ended."""
+        return self._failure or (None if self.station is None else self.station.failure)
 
     # Life
 
     def start(self) -> Live:
         """Hand the receive filters to the bus, switch the node on, start reading."""
         self._running = True
-        self.gatekeeper.rerouted = self._filter
+        self.gatekeeper.rerouted = self._refilter
         self.gatekeeper.start()
         if self.station is not None:
             self.station.start(self.clock())
+        if hasattr(os, "register_at_fork"):  # not on Windows, where nothing forks
+            os.register_at_fork(after_in_child=partial(_refuse, weakref.ref(self)))
         self._functions.start()
         for run in (self._reader.read, self._keep):
-            thread = threading.Thread(target=run, name=f"{self.bus.channel_info} {run.__name__}", daemon=True)
+            thread = threading.Thread(target=run, name=f"{self.name} {run.__name__}", daemon=True)
             self._threads.append(thread)
             thread.start()
         return self
 
     def _filter(self) -> None:
-        """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing."""
+        """Hand the receive filters to the bus if its driver filters: python-can's own filtering saves nothing.
+
+        Raises BusError.
+        """
         try:
             self.bus.set_filters(self.gatekeeper.filters() if self._driver.filters else None)
         except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
-            self._fail(failure(self.bus, error))
+            raise failure(self.bus, error) from error
+
+    def _refilter(self) -> None:
+        try:
+            self._filter()
+        except BusError as error:
+            self._connection.fail(error)
 
     def stop(self) -> None:
         """Let the node take its leave, end the threads and shut the bus down.
 
         Frames still waiting are sent first if the bus takes them. Waits for a function that does not return no longer
-        than `PATIENCE`. Raises BusError if the bus fails only now, and what the node could not bring to its end.
+        than `PATIENCE`. Raises what the node could not bring to its end, else BusError if the bus fails only now.
         """
+        if self._forked:
+            return  # the bus is the other process's
         try:
             self._take_leave()
-        finally:
-            self._end()
+        except BaseException:
+            with suppress(BusError):
+                self._end()
+            raise
+        self._end()
 
     def _take_leave(self) -> None:
         """Have the node do what it has to before it is switched off, while there are threads to do it."""
-        farewell = self.station.node.leave() if self.station is not None and self._running else None
+        present = self.station is not None and self.station.failure is None and self._running
+        farewell = self.station.node.leave() if self.station is not None and present else None
         if farewell is not None:
             farewell.result()
 
@@ -129,8 +213,9 @@ class Live:
         try:
             self._functions.stop()  # first: what the last functions send still needs the other two threads
             self._sender.retry()
+            self._connection.close()
             with self._changed:
-                self._running = self._reader.running = False
+                self._running, self._ended = False, True
                 self._changed.notify_all()
             for thread in self._threads:
                 if thread is not threading.current_thread():
@@ -138,12 +223,15 @@ class Live:
             if self.station is not None:
                 self.station.node.switched_off()
         finally:
+            self._connection.count_overflow()
+            if self.overflow:
+                self._report_overflow()
             try:
                 self.bus.shutdown()
             except Exception as error:
-                if self.failure is None:  # else it is only a consequence
-                    self.failure = failure(self.bus, error)
-                    raise self.failure from error
+                if self._connection.failure is None:  # else it is only a consequence
+                    self._failure = failure(self.bus, error)
+                    raise self._failure from error
 
     def __enter__(self) -> Live:
         return self.start()
@@ -151,28 +239,73 @@ class Live:
     def __exit__(self, cause: object, *_: object) -> None:
         try:
             self.stop()
-        except BusError:
-            if cause is None:  # else the error that has ended the block is the one to be seen
+        except BusError as error:
+            if cause is None:
                 raise
+            # The error that has ended the block is the one to be seen. A robot that does not stand is worse than that.
+            self.gatekeeper.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
+
+    def refuse(self) -> None:
+        """Refuse to send, and whatever the node is told, by StateError: for a process without its threads."""
+        refusal: Any = _NoThreads(self.name)
+        self._lock, self._forked = refusal, True
+        if self.station is not None:
+            self.station.node.guard = refusal
 
     def _wake(self) -> None:
         with self._changed:
             self._changed.notify_all()
 
-    def _fail(self, why: BusError) -> None:
-        """Note and report, once, that the adapter was pulled out, the server went away, the driver failed."""
-        if self._running and self.failure is None:
-            self.failure = why
-            self.gatekeeper.report(Report(Event.BUS_FAILED, str(self.bus.channel_info), str(why), self.clock()))
+    def _lost(self, why: BusError, opened_again: bool) -> None:
+        """Report that the adapter was pulled out, the server went away, the driver failed, and let the node stand.
+
+        Until the bus is back, only stops are kept for it.
+        """
+        if not self._running:
+            return
+        now = self.clock()
+        with self._lock:
+            if opened_again:
+                self.gatekeeper.mailboxes.leave()
+            else:
+                self._failure = why
+            if self.station is not None:
+                self.station.bus_lost(now)
+        text = f"{why}; it is opened again" if opened_again else str(why)
+        self.gatekeeper.report(Report(Event.BUS_FAILED, self.name, text, now))
+
+    def _back(self, gap: float) -> None:
+        now = self.clock()
+        with self._lock:
+            dropped = self.gatekeeper.mailboxes.come_back()
+            if self.station is not None:
+                self.station.bus_error(ErrorCode.BUS_LOST, now)
+        text = f"after a gap of {gap:.1f} s, in which {dropped} frames were not sent"
+        self.gatekeeper.report(Report(Event.BUS_BACK, self.name, text, now))
+        self._sender.retry()
+
+    def _look_for_overflow(self) -> None:
+        """Report frames that were lost before they could be read: when it begins, and when twice as many were."""
+        if self._connection.count_overflow():
+            if self.station is not None:
+                self.station.bus_error(ErrorCode.OVERRUN, self.clock())
+            self._report_overflow()
+
+    def _report_overflow(self) -> None:
+        text = f"{self.overflow} received frames have found no room in the driver's queue so far"
+        self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     # Sending
 
     def send(self, message: Message) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for a value out of range.
 
-        With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it.
+        With a node, the node sends it: raises StateError if it has no such TPDO or its NMT state does not allow it; and
+        in any case when the `Live` has ended, or in a forked child.
         """
         with self._lock:
+            if self._ended:
+                raise StateError(f"{self.name}: the bus is closed; nothing is sent any more")
             if self.station is not None:
                 self.station.node.send(message)  # and that wakes the keeper
                 return
@@ -198,23 +331,31 @@ class Live:
             self._wake()
         self._sender.pump()
 
-    def _note_foreign(self, message: can.Message) -> None:
+    def _note_foreign(self, message: can.Message | None) -> None:
         """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
         self.foreign += 1
-        if self.station is None:
+        if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
+            self._note_bus_off()
+        if self.station is None or message is None:
             return
         if message.is_error_frame:
             self._note_error(self.station, message)
         elif message.is_remote_frame and not message.is_extended_id:
-            self._request(self.station, message.arbitration_id)
+            self.station.requested(message.arbitration_id, self.clock())
+            self._answered()
 
-    def _request(self, station: Station, cob_id: int) -> None:
-        """Have the node answer a remote frame; an exception of its own does not end the reading."""
-        try:
-            station.requested(cob_id, self.clock())
-        except Exception as error:
-            station.has_failed(error, self.clock())
-        self._answered()
+    def _note_bus_off(self) -> None:
+        """Report that the controller has left the bus, and let the node stand; its recovery is an error frame, too."""
+        now = self.clock()
+        if self.station is not None:
+            self.station.bus_lost(now)
+        self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
+
+    def _note_missed(self, count: int) -> None:
+        """Report frames that had waited while the process stood still: nobody wants a goto of then."""
+        self.missed += count
+        text = f"{count} frames came while the process stood still, and are not acted on"
+        self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     def _note_error(self, station: Station, message: can.Message) -> None:
         details = int.from_bytes(message.data[1:2], "little")
@@ -226,31 +367,23 @@ class Live:
 
     def _keep(self) -> None:
         while self._running:
-            self._tick()
+            if self.station is not None and self.station.next_wakeup <= self.clock():
+                self.station.tick(self.clock())
             self._sender.retry()
             self._functions.watch()
+            self._look_for_overflow()
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()
                 if self._running and pause > 0:
                     self._changed.wait(pause)
 
-    def _tick(self) -> None:
-        """Let the node do what is due; an exception of its own ends neither this thread nor the node."""
-        if self.station is not None and max(self.station.next_wakeup, self._rests_until) <= self.clock():
-            try:
-                self.station.tick(self.clock())
-            except Exception as error:
-                self.station.has_failed(error, self.clock())
-                # What has failed may be due still: without a rest this thread would do nothing but fail.
-                self._rests_until = self.clock() + POLL
-
     def _next_look(self) -> float:
         """Return when there is something to do again; called with the lock held, so that no wake-up is missed."""
         now = self.clock()
         looks = [now + POLL]
         if self.station is not None:
-            looks.append(max(self.station.next_wakeup, self._rests_until))
+            looks.append(self.station.next_wakeup)
         expiry = self.gatekeeper.mailboxes.next_expiry
         if self._sender.blocked:
             looks += [now + self._sender.pause, now + POLL if expiry is None else expiry]

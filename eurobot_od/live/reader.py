@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
+from struct import error as StructError  # noqa: N812
 from typing import TYPE_CHECKING
 
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Data, Frame
-from eurobot_od.live.buses import failure
+from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Data, Frame
+from eurobot_od.live.backlog import OLD, Backlog
+from eurobot_od.live.buses import Driver, failure
+from eurobot_od.live.connection import Connection, Opener
 
 if TYPE_CHECKING:
     import can
@@ -17,47 +21,79 @@ POLL = 0.1
 """Longest time in seconds that a thread waits before it looks whether it is to end."""
 
 
+MALFORMED = (ValueError, TypeError, LookupError, AssertionError, StructError)
+"""What drivers raise about a frame of which they can make no sense; about a bus they raise other errors."""
+
+ENDURED = 100
+"""So many of them in a row are no frames: the bus has failed."""
+
+
 class Reader:
     """Gives each classic data frame with an 11-bit identifier to `receive`, and any other frame to `foreign`.
 
     `receive` takes the COB-ID, the data in the driver's buffer, and when the frame was read, in seconds of `clock`;
-    without one the driver's time stamps count, which start anywhere. `failed` gets the error that has ended the
-    reading; not if `running` was set to False before.
+    without one the driver's time stamps count, which start anywhere. `foreign` gets None for a frame of which the
+    driver can make no sense. `missed` gets how many frames were passed over because they came while the process stood
+    still; those whose COB-ID `lasts` are never.
     """
 
     def __init__(
         self,
-        bus: can.BusABC,
+        connection: Connection,
         receive: Callable[[int, Data, float], object],
         clock: Callable[[], float] | None,
-        foreign: Callable[[can.Message], object],
-        failed: Callable[[BusError], object],
+        foreign: Callable[[can.Message | None], object],
+        missed: Callable[[int], object] | None = None,
+        lasts: Callable[[int], bool] = lambda _: False,
     ) -> None:
-        self.running = True
-        self._bus, self._receive, self._clock = bus, receive, clock
-        self._foreign, self._failed = foreign, failed
+        self._connection, self._receive, self._clock, self._foreign = connection, receive, clock, foreign
+        self._backlog = None if missed is None else Backlog(POLL + OLD, missed)
+        self._lasts = lasts
 
     def read(self) -> None:
-        """Read in this thread until `running` is False."""
-        recv, receive, clock = self._bus.recv, self._receive, self._clock
-        try:
-            while self.running:
+        """Read in this thread until the connection is closed, or lost for good."""
+        connection, going_on = self._connection, True
+        while going_on:
+            bus = connection.driver.bus
+            try:
+                self._read(bus)
+            except BaseException as error:  # drivers raise OSError, CanError, ctypes' errors, ...
+                connection.fail(failure(bus, error))
+            going_on = connection.reopen()
+
+    def _read(self, bus: can.BusABC) -> None:
+        """Read as long as the connection is up; raises whatever the driver raises."""
+        connection, recv, receive, clock = self._connection, bus.recv, self._receive, self._clock
+        nonsense, backlog, now = 0, self._backlog, 0.0
+        while connection.up:
+            try:
                 message = recv(POLL)
-                if message is None:
-                    continue
-                if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
-                    self._foreign(message)
-                else:
-                    receive(message.arbitration_id, message.data, clock() if clock else message.timestamp)
-        except Exception as error:  # drivers raise OSError, CanError, ctypes' errors, ...
-            if self.running:  # some raise when the bus is shut down meanwhile
-                self._failed(failure(self._bus, error))
+            except MALFORMED:
+                nonsense += 1
+                if nonsense == ENDURED:
+                    raise
+                self._foreign(None)
+                continue
+            nonsense = 0
+            if connection.failure is not None:
+                connection.works()
+            now = clock() if clock else 0.0
+            if message is None:
+                if backlog is not None:
+                    backlog.is_empty(now)
+                continue
+            if message.is_extended_id or message.is_remote_frame or message.is_error_frame or message.is_fd:
+                self._foreign(message)
+            elif len(message.data) > MOST_BYTES or not 0 <= message.arbitration_id <= HIGHEST_IDENTIFIER:
+                self._foreign(message)  # what an adapter cannot receive, a peer behind a network can send
+            elif backlog is None or not backlog.is_old(now, message.timestamp) or self._lasts(message.arbitration_id):
+                receive(message.arbitration_id, message.data, now if clock else message.timestamp)
 
 
 class Watch:
     """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
 
-    `clock`, `foreign` and `failed` are those of the Reader.
+    `clock` and `foreign` are those of the Reader, `opener`, `failed` and `back` the Connection's.
     """
 
     def __init__(
@@ -66,20 +102,30 @@ class Watch:
         seen: Callable[[float, Frame], object],
         clock: Callable[[], float] | None,
         failed: Callable[[BusError], object] = lambda _: None,
-        foreign: Callable[[can.Message], object] = lambda _: None,
+        foreign: Callable[[can.Message | None], object] = lambda _: None,
+        opener: Opener | None = None,
+        back: Callable[[float], object] = lambda _: None,
     ) -> None:
         def receive(cob_id: int, data: Data, now: float) -> None:
             seen(now, Frame(cob_id, bytes(data)))
 
-        self._bus = bus
-        self._reader = Reader(bus, receive, clock, foreign, failed)
-        self._thread = threading.Thread(target=self._reader.read, name=f"{bus.channel_info} watch", daemon=True)
+        self._connection = Connection(
+            Driver(bus), opener, time.monotonic, lambda why, _: failed(why), lambda: None, back
+        )
+        reader = Reader(self._connection, receive, clock, foreign)
+        self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
+
+    def overflow(self) -> int:
+        """Return how many frames have found no room in the driver's queue so far; 0 if it does not tell."""
+        self._connection.count_overflow()
+        return self._connection.overflow
 
     def __enter__(self) -> Watch:
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._reader.running = False
+        self._connection.close()
+        self._connection.count_overflow()
         self._thread.join(10 * POLL)
-        self._bus.shutdown()
+        self._connection.driver.bus.shutdown()

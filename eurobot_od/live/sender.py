@@ -23,8 +23,12 @@ within a frame or two, but a dead adapter stays dead. The longest is what a stop
 """
 
 
+STUCK_AFTER = 1.0
+"""Seconds without a frame that is taken, after which the driver has failed: a full buffer empties in milliseconds."""
+
+
 class Sender:
-    """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is told when the driver fails.
+    """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is told when the driver fails or is stuck.
 
     `blocked` tells that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
     has to call `retry` after `pause` seconds, and until then no other tries.
@@ -44,6 +48,7 @@ class Sender:
         self._driver, self._mailboxes, self._lock = driver, mailboxes, lock
         self._clock, self._failed, self._wake = clock, failed, wake
         self._turn: object | None = None
+        self._refused_since: float | None = None
 
     @property
     def busy(self) -> bool:
@@ -92,10 +97,15 @@ class Sender:
         with self._lock:
             if taken:
                 self._mailboxes.complete(frame)
-                self.pause = 0.0
+                self.pause, self._refused_since = 0.0, None
                 return self._next()
             self._turn, self.blocked = None, True  # the frame stays in its mailbox
             self.pause = min(max(2 * self.pause, FIRST_PAUSE), LONGEST_PAUSE)
+            now = self._clock()
+            since = self._refused_since = now if self._refused_since is None else self._refused_since
+        if now - since >= STUCK_AFTER:
+            self._refused_since = None
+            self._failed(self._driver.stuck(now - since))
         self._wake()
         return None
 

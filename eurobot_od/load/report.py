@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from eurobot_od.escaping import one_line
 from eurobot_od.load.message_set import MICROSECONDS, MessageSet, SentMessage, analysed
 
 NO_BOUND = "no bound"
@@ -76,7 +77,7 @@ RIGHT = ("period", "response", "deadline", "margin")
 
 def table(report: LoadReport) -> Iterator[str]:
     """Write a line for each message, times in ms, and what is to be said of all of them."""
-    lines = [COLUMNS, *map(_cells, report.rows)]
+    lines = [COLUMNS, *(tuple(map(one_line, _cells(row))) for row in report.rows)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(COLUMNS))]
     for line in lines:
         cells = (

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from eurobot_od.escaping import one_line
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MICROSECONDS, MessageSet
 from eurobot_od.load.report import BoundRow, load_report
@@ -104,7 +105,7 @@ TEXTS = ("ID", "message", "from")
 def table(seen: SeenTraffic) -> Iterator[str]:
     """Write a line for each message, times in ms, and the load of each node and of all."""
     messages = sorted(seen.messages.values(), key=lambda each: each.identifier)
-    lines = [COLUMNS, *(_cells(seen, each) for each in messages)]
+    lines = [COLUMNS, *(tuple(map(one_line, _cells(seen, each))) for each in messages)]
     widths = [max(len(line[column]) for line in lines) for column in range(len(COLUMNS))]
     for line in lines:
         cells = (
@@ -116,7 +117,8 @@ def table(seen: SeenTraffic) -> Iterator[str]:
     for each in messages:
         nodes[each.node or "?"] = nodes.get(each.node or "?", 0) + each.bits
     parts = [f"{node} {seen.load(bits):.2%}" for node, bits in sorted(nodes.items())]
-    yield f"load of {seen.bit_rate / 1000:g} kbit/s: {', '.join([*parts, f'all {seen.load(sum(nodes.values())):.2%}'])}"
+    whole = f"all {seen.load(sum(nodes.values())):.2%}"
+    yield one_line(f"load of {seen.bit_rate / 1000:g} kbit/s: {', '.join([*parts, whole])}")
 
 
 def _cells(seen: SeenTraffic, each: SeenMessage) -> tuple[str, ...]:

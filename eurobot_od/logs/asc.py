@@ -9,8 +9,8 @@ import re
 from functools import cache
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, shortened
-from eurobot_od.logs.lines import LineFormat, seconds
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, seconds, shortened
+from eurobot_od.logs.lines import LineFormat
 
 BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}

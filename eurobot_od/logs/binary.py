@@ -6,17 +6,32 @@ Rule of this file: a log that ends in the middle, or that its reader gives up, e
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.errors import LocalError
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Entries, Foreign, Raw, frame_or_foreign, shortened
+from eurobot_od.logs.entries import (
+    LARGEST,
+    MAX_LENGTH,
+    Damage,
+    Entries,
+    Foreign,
+    Raw,
+    frame_or_foreign,
+    read_each,
+    seconds,
+    shortened,
+)
 
 if TYPE_CHECKING:
     import can
 
-QUERY = "SELECT ts, arbitration_id, extended, remote, error, dlc, data FROM messages"
+QUERY = """SELECT ts, arbitration_id, extended, remote, error, dlc,
+CASE typeof(data) WHEN 'blob' THEN substr(data, 1, 65) END FROM messages"""
+CREATE = """CREATE TABLE messages
+(ts REAL, arbitration_id INTEGER, extended INTEGER, remote INTEGER, error INTEGER, dlc INTEGER, data BLOB)"""
 """The table of python-can's SqliteWriter."""
 
 
@@ -34,41 +49,58 @@ def of_message(message: can.Message) -> Raw:
 # SQLite
 
 
-def read_table(file: BinaryIO) -> Entries:
+def read_table(file: BinaryIO, _: int = LARGEST) -> Entries:
     """Read the table `messages` of an SQLite file."""
     number = 0
     with closing(sqlite3.connect(f"{Path(file.name).absolute().as_uri()}?mode=ro", uri=True)) as connection:
+        connection.text_factory = bytes  # what is no UTF-8 is no reason to stop
         try:
-            for number, (time, *row) in enumerate(connection.execute(QUERY), 1):
-                yield number, time, "", _of_row(*row)
+            for number, time, channel, raw in read_each(connection.execute(QUERY), _of_row):
+                yield number, time, channel, raw
         except sqlite3.DatabaseError as error:
-            yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, str(error))
+            yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
 
 
-def _of_row(cob_id: int, extended: int, remote: int, error: int, length: int, data: bytes | None) -> Raw:
+def write_table(file: Path, messages: Iterable[can.Message]) -> None:
+    """Write an SQLite file with a table `messages`, as python-can's SqliteWriter does; raises OSError."""
+    flags = ("is_extended_id", "is_remote_frame", "is_error_frame")
+    rows = ((m.timestamp, m.arbitration_id, *(getattr(m, each) for each in flags), m.dlc, m.data) for m in messages)
+    try:
+        with closing(sqlite3.connect(file)) as connection, connection:
+            connection.execute(CREATE)
+            connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
+    except sqlite3.Error as error:
+        raise OSError(f"{file}: {error}") from error
+
+
+def _of_row(row: tuple[float, int, int, int, int, int, bytes | None]) -> tuple[float, str, Raw]:
+    time, cob_id, extended, remote, error, length, data = row
     octets = data or b""
     is_classic = not (error or remote or extended)
     if is_classic and len(octets) != length:
-        return Foreign(Damage.UNREADABLE, f"{cob_id:03X}#{octets.hex()} with length {length}")
+        raise ValueError(f"{cob_id:03X}#{octets.hex()} with length {length}")
     flags = error, is_classic and length > MAX_LENGTH, remote, extended
     damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
-    return frame_or_foreign(damage, cob_id, octets)
+    return seconds(time), "", frame_or_foreign(damage, cob_id, octets)
 
 
 # Whatever else python-can knows
 
 
-def read_messages(file: BinaryIO) -> Entries:
+def read_messages(file: BinaryIO, _: int = LARGEST) -> Entries:
     """Read a log by python-can's reader for the file's suffix; raises LocalError if that needs an extra."""
     import can
 
     number = 0
     try:
         with can.LogReader(file.name) as messages:
-            for number, message in enumerate(messages, 1):
-                channel = "" if message.channel is None else str(message.channel)
-                yield number, message.timestamp, channel, of_message(message)
+            for number, time, channel, raw in read_each(messages, _of_logged):
+                yield number, time, channel, raw
     except NotImplementedError:  # what it raises without the package it needs
         raise LocalError(f"{file.name}: reading it needs the extra `mf4`: pip install 'eurobot-od[mf4]'") from None
     except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
         yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
+
+
+def _of_logged(message: can.Message) -> tuple[float, str, Raw]:
+    return seconds(message.timestamp), "" if message.channel is None else str(message.channel), of_message(message)

@@ -9,11 +9,12 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 from datetime import datetime, timezone
+from functools import partial
 from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
-from typing import BinaryIO
+from typing import BinaryIO, TypeAlias
 
-from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, frame_or_foreign, shortened
+from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, frame_or_foreign, read_each, shortened
 
 FILE_HEADER = Struct("<4sL64xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
@@ -43,17 +44,22 @@ REMOTE_FLAG, EXTENDED_FLAG = 0x80, 1 << 31
 TICKS = {1: 1e-5}
 NANOSECOND = 1e-9
 
+PIECE = 1 << 17
+"""Bytes of a container that are unpacked at once, as many as most containers have."""
 
-def read_blf(file: BinaryIO) -> Entries:
+BlfObject: TypeAlias = tuple[int, float, bytes]
+"""An object: its type, its time in s since the start, and what comes after its header."""
+
+
+def read_blf(file: BinaryIO, largest: int = LARGEST) -> Entries:
     """Read a BLF file; if it is not one, or is cut off, its last entry says so."""
-    number, time, start = 0, 0.0, 0.0
+    number, time = 0, 0.0
     try:
         start = _start(file)
-        for kind, since, body in _objects(_containers(file)):
-            if kind in FRAME_TYPES:
-                number, time = number + 1, start + since
-                yield number, time, CHANNEL[body[0]], _parse(kind, body)
-    except (EOFError, IndexError, StructError, zlib.error):
+        frames = (each for each in _objects(_containers(file, largest), largest) if each[0] in FRAME_TYPES)
+        for number, time, channel, raw in read_each(frames, partial(_entry, start)):
+            yield number, time, channel, raw
+    except (EOFError, StructError, zlib.error):
         yield number + 1, time, "", Foreign(Damage.CUT_OFF, "the file ends in the middle of an object")
     except ValueError as error:
         yield number + 1, time, "", Foreign(Damage.UNREADABLE, str(error))
@@ -72,47 +78,52 @@ def _start(file: BinaryIO) -> float:
         return 0.0
 
 
-def _containers(file: BinaryIO) -> Iterator[bytes]:
-    """Yield what the containers hold; raises EOFError after the part that is there of one that is cut off."""
+def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
+    """Yield what the containers hold, piece by piece.
+
+    Raises EOFError after the part that is there of one that is cut off.
+    """
     while head := file.read(OBJECT.size):
         signature, _, _, size, kind = OBJECT.unpack(head)
         if signature != SIGNATURE:
             raise ValueError("no object where one should begin")
-        body = file.read(_sane(size) - OBJECT.size)
+        body = file.read(_sane(size, largest) - OBJECT.size)
         if kind == CONTAINER_TYPE:
-            yield _unpacked(body)
+            yield from _unpacked(body)
         if len(body) < size - OBJECT.size:
             raise EOFError
         file.read(size % 4)
 
 
-def _sane(size: int) -> int:
-    if size < OBJECT.size:
-        raise ValueError(f"an object of {size} bytes")
+def _sane(size: int, largest: int) -> int:
+    if not OBJECT.size <= size <= largest:
+        raise ValueError(f"an object of {size} bytes; at most {largest} are read")
     return size
 
 
-def _unpacked(body: bytes) -> bytes:
+def _unpacked(body: bytes) -> Iterator[bytes]:
+    """Yield a container's content in pieces: a few bytes may stand for gigabytes."""
     compression, _ = CONTAINER.unpack_from(body)
     content = body[CONTAINER.size :]
     if compression == NOT_COMPRESSED:
-        return content
-    if compression == DEFLATE:
-        return zlib.decompressobj().decompress(content)
-    raise ValueError(f"unknown compression {compression}")
+        yield content
+    elif compression == DEFLATE:
+        unpacker = zlib.decompressobj()
+        while piece := unpacker.decompress(content, PIECE):
+            yield piece
+            content = unpacker.unconsumed_tail
+    else:
+        raise ValueError(f"unknown compression {compression}")
 
 
-def _objects(contents: Iterator[bytes]) -> Iterator[tuple[int, float, bytes]]:
-    """Yield the objects in the contents of containers; an object may begin in one and end in the next.
-
-    Of each its type, its time in s since the start, and what comes after its header.
-    """
+def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
+    """Yield the objects in the contents of containers; an object may begin in one and end in the next."""
     left = b""
     for content in contents:
         data, position = left + content, 0
         while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
             _, header, _, size, kind = OBJECT.unpack_from(data, found)
-            end = found + _sane(size)
+            end = found + _sane(size, largest)
             if end > len(data):
                 break
             ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
@@ -123,6 +134,11 @@ def _objects(contents: Iterator[bytes]) -> Iterator[tuple[int, float, bytes]]:
             raise ValueError("no object where one should begin")
     if len(left) >= OBJECT.size:
         raise EOFError
+
+
+def _entry(start: float, found: BlfObject) -> tuple[float, str, Raw]:
+    kind, since, body = found
+    return start + since, CHANNEL[body[0]], _parse(kind, body)
 
 
 def _parse(kind: int, body: bytes) -> Raw:

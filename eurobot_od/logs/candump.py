@@ -10,8 +10,8 @@ from binascii import a2b_hex
 from functools import cache
 
 from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw
-from eurobot_od.logs.lines import LATEST, LineFormat
+from eurobot_od.logs.entries import LATEST, MAX_LENGTH, Damage, Foreign, Raw
+from eurobot_od.logs.lines import LineFormat
 
 OPENING, CLOSING = b"()"
 """What stands around a time."""

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from binascii import a2b_base64
 
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Raw, frame_or_foreign
-from eurobot_od.logs.lines import LineFormat, seconds
+from eurobot_od.logs.entries import MAX_LENGTH, Damage, Raw, frame_or_foreign, seconds
+from eurobot_od.logs.lines import LineFormat
 
 HEADER = b"timestamp,"
 FLAGS: dict[tuple[bytes, ...], Damage | None] = {

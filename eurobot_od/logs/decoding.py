@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import BinaryIO
 
 from eurobot_od.logs import formats
-from eurobot_od.logs.entries import REMEMBERED, Raw
+from eurobot_od.logs.entries import LARGEST, REMEMBERED, Raw
 from eurobot_od.logs.filters import Wanted, Window
 from eurobot_od.logs.meaning import Decoder, Defect
 from eurobot_od.logs.output import Output
@@ -33,13 +33,13 @@ class Decoding:
 
         self._show = show
 
-    def lines(self, file: BinaryIO, log: str, form: str | None = None) -> Iterator[str]:
-        """Yield the lines of output for an open log named `log`; errors as `formats.form_of`.
+    def lines(self, file: BinaryIO, log: str, form: str | None = None, largest: int = LARGEST) -> Iterator[str]:
+        """Yield the lines of output for an open log named `log`; errors as `formats.read`.
 
         What is wrong in the log is counted, whether it is wanted or not.
         """
         show, shown_time, write = self._show, self._window.clock(), self._output.writer(log)
-        for number, time, channel, raw in formats.read(file, form):
+        for number, time, channel, raw in formats.read(file, form, largest):
             row, defects = show(raw)
             if defects:
                 self.damage.add(log, number, defects)

@@ -5,9 +5,10 @@ Rule of this file: nothing that stands in a log is dropped; what is not such a f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
-from typing import BinaryIO, NamedTuple, TypeAlias
+from struct import error as StructError  # noqa: N812 (a class with a small name)
+from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.frame import Frame
 
@@ -17,6 +18,13 @@ MAX_LENGTH = 8
 
 REMEMBERED = 256
 """For how many distinct frames, or values of a field, their meaning is kept."""
+
+
+LARGEST = 1 << 20
+"""Most bytes of a line, or of a record, that a log may have unless somebody says otherwise; 20 times the usual."""
+
+LATEST = 1e11
+"""A time in s that no log has; it also sorts out `nan` and `inf`."""
 
 
 class Damage(Enum):
@@ -46,13 +54,41 @@ LogEntry: TypeAlias = tuple[int, float, str, Raw]
 """One entry of a log: its line (or its number, if there are no lines), time in s, channel, and what stands there."""
 
 Entries: TypeAlias = Iterator[LogEntry]
-Read: TypeAlias = Callable[[BinaryIO], Entries]
-"""A reader of a format: an open file in, entries out."""
+Read: TypeAlias = Callable[[BinaryIO, int], Entries]
+"""A reader of a format: an open file, and the most bytes of a line or record, in; entries out."""
+
+BAD = (ValueError, LookupError, TypeError, ArithmeticError, StructError)
+"""What a reader raises for an entry that it cannot read."""
+
+Item = TypeVar("Item")
+
+
+def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, Raw]]) -> Entries:
+    """Read items of a log; `entry` gives time in s, channel and what stands there, or raises one of BAD.
+
+    A bad one is Foreign, with the time of the entry before, and costs no other.
+    """
+    time = 0.0
+    for number, item in enumerate(items, 1):
+        try:
+            time, channel, raw = entry(item)
+        except BAD as error:
+            yield number, time, "", Foreign(Damage.UNREADABLE, shortened(str(error)))
+        else:
+            yield number, time, channel, raw
+
+
+def seconds(text: bytes | float) -> float:
+    """Read a time in s; raises ValueError or TypeError."""
+    time = float(text)
+    if not 0 <= time < LATEST:
+        raise ValueError(text)
+    return time
 
 
 def frame(cob_id: int, data: bytes) -> Frame:
     """Return a classic base data frame; raises ValueError for an identifier or length that it cannot have."""
-    if cob_id > MAX_COB_ID or len(data) > MAX_LENGTH:
+    if not 0 <= cob_id <= MAX_COB_ID or len(data) > MAX_LENGTH:
         raise ValueError(cob_id)
     return tuple.__new__(Frame, (cob_id, data))
 

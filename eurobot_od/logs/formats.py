@@ -1,72 +1,132 @@
-"""The log formats, by suffix; a log with `.gz` after it is unpacked on the way.
+"""The log formats, by what a log begins with or else by its suffix; a packed one (gzip) is unpacked on the way.
 
 Rule of this file: a log is opened once, read forwards, and never held in memory.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from pathlib import PurePath
 from typing import Any, BinaryIO, cast
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.logs.entries import Damage, Entries, Foreign, Read
+from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Read
 from eurobot_od.logs.lines import read_lines
 
 STANDARD_INPUT = CANDUMP = "log"
-"""Format of standard input, unless another is asked for."""
+"""Format of standard input, unless it says another or another is asked for."""
 
 
 FORMATS = {
     CANDUMP: ("candump", "CandumpFormat"),
+    "candump": ("candump", "CandumpFormat"),
     "asc": ("asc", "AscFormat"),
     "csv": ("csv", "CsvFormat"),
     "trc": ("trc", "TrcFormat"),
     "blf": ("blf", "read_blf"),
     "db": ("binary", "read_table"),
     "mf4": ("binary", "read_messages"),
+    "pcap": ("pcap", "read_pcap"),
+    "pcapng": ("pcap", "read_pcapng"),
 }
-"""Formats by suffix, which are those of python-can's readers: a module of this package, and in it a LineFormat or a
-function; imported when they are needed."""
+"""Formats by suffix: a module of this package, and in it a LineFormat or a function; imported when they are needed."""
 
 BY_NAME = ("db", "mf4")
 """Formats that are not read from front to back."""
 
+CONTENT = re.compile(
+    rb"(?P<blf>LOGG)|(?P<db>SQLite format 3\0)|(?P<mf4>MDF {5})|(?P<pcapng>\n\r\r\n)"
+    rb"|(?P<pcap>\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x4d\x3c\xb2\xa1|\xa1\xb2\x3c\x4d)"
+    rb"|(?P<log>\(\d+\.\d+\) )|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
+)
+"""What a log begins with that says its format by itself."""
+
+PACKED = b"\x1f\x8b"
+"""What gzip's files begin with (RFC 1952)."""
+
+BEGINNING = 64
+"""So many bytes are looked at."""
+
+
+def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
+    """Yield the entries of an open log; of a line or record with more than `largest` bytes the rest is not read.
+
+    `form` is the suffix of its format; left out, its beginning says it, or else its name. Raises UnknownName for a
+    suffix that stands for no format, LocalError for a pipe where only a file will do.
+    """
+    name, beginning = getattr(file, "name", None), _beginning(file)
+    if beginning.startswith(PACKED):
+        return _read_packed(file, form, name, largest)
+    return _reader(form or _said_by(beginning, name), name)(file, largest)
+
 
 def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
-    """Return the suffix of an open log's format, and whether the log is packed.
+    """Return the suffix of the format of a log that can be rewound, and whether it is packed; errors as `read`."""
+    name, beginning = getattr(file, "name", None), _beginning(file)
+    packed = beginning.startswith(PACKED)
+    if packed:
+        import gzip
+        import zlib
 
-    `form` is the suffix; left out, the file's name says it. Raises UnknownName for a suffix that stands for no format,
-    LocalError for a pipe where only a file will do.
+        with suppress(EOFError, zlib.error, gzip.BadGzipFile):
+            beginning = _beginning(cast("BinaryIO", gzip.GzipFile(fileobj=file)))
+        file.seek(0)
+    suffix = form or _said_by(beginning, name)
+    _reader(suffix, name)  # complains
+    return suffix, packed
+
+
+def _beginning(file: BinaryIO) -> bytes:
+    """Return the first bytes of a log without taking them away; none if it does not let us."""
+    peek: Callable[[int], bytes] | None = getattr(file, "peek", None)
+    return peek(BEGINNING) if peek else b""
+
+
+def _said_by(beginning: bytes, name: object) -> str:
+    """Return the suffix of a format, or what stands for one in the name of a file.
+
+    Standard input, and what else has no text for a name, is candump's.
     """
-    name = getattr(file, "name", None)
-    suffixes = PurePath(str(name)).suffixes if form is None else [f".{form}"]
-    packed = suffixes[-1:] == [".gz"]
-    suffix = "".join(suffixes[:-1][-1:] if packed else suffixes[-1:]).lower().lstrip(".")
+    found = CONTENT.match(beginning)
+    if found is not None and found.lastgroup is not None:
+        return found.lastgroup
+    if not isinstance(name, str):
+        return STANDARD_INPUT
+    suffixes = PurePath(name.lower()).suffixes
+    return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
+
+
+def _reader(suffix: str, name: object) -> Read:
     if suffix not in FORMATS:
         raise UnknownName("log format", suffix or str(name), FORMATS)
     if suffix in BY_NAME and not isinstance(name, str):
         raise LocalError(f"a log in the format {suffix} must be a file")
-    return suffix, packed
+    module, function = FORMATS[suffix]
+    found: Any = getattr(import_module(f"eurobot_od.logs.{module}"), function)
+    return (lambda file, largest: read_lines(file, found(), largest)) if isinstance(found, type) else found
 
 
-def read(file: BinaryIO, form: str | None = None) -> Entries:
-    """Yield the entries of an open log; errors as `form_of`."""
-    suffix, packed = form_of(file, form)
-    module, name = FORMATS[suffix]
-    found: Any = getattr(import_module(f"eurobot_od.logs.{module}"), name)
-    reader: Read = (lambda lines: read_lines(lines, found())) if isinstance(found, type) else found
-    return _unpacked(reader, file) if packed else reader(file)
-
-
-def _unpacked(reader: Read, file: BinaryIO) -> Entries:
-    """Yield the entries of a packed log; if it cannot be unpacked to its end, the last one says so."""
+def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -> Entries:
+    """Read a packed log; if it cannot be unpacked to its end, the last entry says so. Errors as `read`."""
     import gzip
     import zlib
 
+    unpacking = (EOFError, zlib.error, gzip.BadGzipFile)
+    content = cast("BinaryIO", gzip.GzipFile(fileobj=file))
+    try:
+        beginning = _beginning(content)
+    except unpacking:
+        beginning = b""
+    return _until_it_breaks(_reader(form or _said_by(beginning, name), name)(content, largest), unpacking)
+
+
+def _until_it_breaks(entries: Entries, unpacking: tuple[type[Exception], ...]) -> Entries:
     line, time = 0, 0.0
     try:
-        for line, time, channel, raw in reader(cast("BinaryIO", gzip.GzipFile(fileobj=file))):
+        for line, time, channel, raw in entries:
             yield line, time, channel, raw
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+    except unpacking as error:
         yield line + 1, time, "", Foreign(Damage.CUT_OFF, str(error))

@@ -6,16 +6,14 @@ other and costs no other line.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from functools import partial
+from typing import BinaryIO
 
-from eurobot_od.logs.entries import Damage, Entries, Foreign, Raw, shortened
-
-LATEST = 1e11
-"""A time in s that no log has; it also sorts out `nan` and `inf`."""
+from eurobot_od.logs.entries import BAD, Damage, Entries, Foreign, Raw, shortened
 
 
 class LineFormat:
-    """A format of lines; `entry` raises ValueError or LookupError for what it cannot read.
+    """A format of lines; `entry` and `comment` raise one of BAD for what they cannot read.
 
     A format with a header keeps what it says; an instance is used for one log.
     """
@@ -29,25 +27,34 @@ class LineFormat:
         raise NotImplementedError
 
 
-def read_lines(lines: Iterable[bytes], form: LineFormat) -> Entries:
-    """Read a log of lines; what cannot be read is Foreign, with the time of the entry before."""
-    entry, time = form.entry, 0.0
-    for number, line in enumerate(lines, 1):
+def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Entries:
+    """Read a log of lines; what cannot be read is Foreign, with the time of the entry before.
+
+    Of a line longer than `largest` bytes the beginning is read, and the rest passed over.
+    """
+    entry, time, read = form.entry, 0.0, partial(file.readline, largest)
+    for number, line in enumerate(iter(read, b""), 1):
         try:
             time, channel, raw = entry(line)
-        except (ValueError, LookupError):
-            if form.comment(line):
+        except BAD:
+            if _is_comment(form, line):
                 continue
             # only the last line may have no line end: then the log was cut off there
-            damage = Damage.UNREADABLE if line.endswith(b"\n") else Damage.CUT_OFF
+            damage = Damage.UNREADABLE if _ends(line, file, largest) else Damage.CUT_OFF
             yield number, time, "", Foreign(damage, shortened(line))
         else:
             yield number, time, channel, raw
 
 
-def seconds(text: bytes) -> float:
-    """Read a time in s; raises ValueError."""
-    time = float(text)
-    if not 0 <= time < LATEST:
-        raise ValueError(text)
-    return time
+def _is_comment(form: LineFormat, line: bytes) -> bool:
+    try:
+        return form.comment(line)
+    except BAD:
+        return False
+
+
+def _ends(line: bytes, file: BinaryIO, largest: int) -> bool:
+    """Tell whether a line has an end; that of one that is too long is gone for."""
+    while len(line) == largest and not line.endswith(b"\n"):
+        line = file.readline(largest)
+    return line.endswith(b"\n")

@@ -7,8 +7,10 @@ it, place and time, is new in every line.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TypeAlias
 
+from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import Meaning, with_defects
 
 NAME_WIDTH = 29
@@ -48,8 +50,8 @@ class TextOutput(Output):
         name, text = meaning.name, meaning.text
         if meaning.defects:
             name, text = name or "?", with_defects(meaning)
-        return f"{name:{NAME_WIDTH}} {text}" if text else name
+        return one_line(f"{name:{NAME_WIDTH}} {text}" if text else name)
 
     def writer(self, log: str) -> WriteLine:
-        start = f"{log}:" if self._several else ""
-        return lambda _, time, channel, row: LINE % (start, time, channel, row)
+        start, shown = one_line(f"{log}:") if self._several else "", lru_cache(one_line)
+        return lambda _, time, channel, row: LINE % (start, time, shown(channel), row)

@@ -1,15 +1,21 @@
-"""Records frames in a log file of python-can's; the suffix says the format.
+"""Records frames in a log file; the suffix says the format, which is one of python-can's.
 
-Rule of this file: every frame that was given is in the file at the end, or there is an error.
+Rule of this file: a frame that was given is on the disk a second later, whatever happens then, or somebody is told at
+once. Formats of lines are brought to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they are
+ended: their frames go to a journal beside the log, `match.blf.log` in candump's format, of which the log is made at the
+end. Where that end does not come, or the disk has no room for both, the journal stays.
 """
 
 from __future__ import annotations
 
-import sys
+import os
+import threading
+from _thread import interrupt_main
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import LocalError
 
@@ -18,44 +24,131 @@ if TYPE_CHECKING:
 
     from eurobot_od.frame import Frame
 
+PERIOD = 0.5
+"""Seconds from one time that what was written is brought to the disk to the next."""
+
+TABLE = ".db"
+"""Suffix of an SQLite file. python-can's writer of it loses its last frames, and its errors come up in a thread."""
+
+GO_ON, END = "go-on", "end"
+"""What happens when a log cannot be written any more: its program goes on without it, or is interrupted."""
+
 
 @contextmanager
-def recording(file: Path | None) -> Iterator[Callable[[float, Frame], None]]:
+def recording(
+    file: Path | None, on_failure: str = GO_ON, tell: Callable[[str], object] = print
+) -> Iterator[Callable[[float, Frame], None]]:
     """Give a function that writes a frame and its time in seconds to a new file, or nowhere if that is None.
 
-    Raises LocalError for a format that python-can cannot write, OSError for a file that cannot be written.
+    It may be called on any thread, and never fails: `tell` is called with what goes wrong at once. It is raised as
+    OSError at the end of the block, unless an error ends it. Raises LocalError for a format that python-can cannot
+    write, OSError for a file that cannot be written.
     """
     if file is None:
         yield lambda _time, _frame: None
         return
-    import can
-
-    writer, given = _open(file), 0
-
-    def write(time: float, frame: Frame) -> None:
-        nonlocal given
-        given += 1
-        message = can.Message(timestamp=time, arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
-        writer.on_message_received(message)
-
+    lines, finish = _opened(file, on_failure == END, tell)
     try:
-        yield write
+        yield lines.write
+    except KeyboardInterrupt:
+        if lines.failure is None:
+            raise
     finally:
-        writer.stop()
-    if isinstance(writer, can.SqliteWriter) and writer.num_frames != given:
-        raise OSError(f"{file}: {given - writer.num_frames} of {given} frames could not be written")
+        lines.end(finish)
+    if lines.failure is not None:
+        raise OSError(f"{lines.told}: the log is not whole") from lines.failure
 
 
-def _open(file: Path) -> MessageWriter:
+def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Lines, Callable[[], object]]:
+    """Return the lines to write to, and what makes the log of them when they are complete."""
+    from can.io.generic import TextIOMessageWriter
+
+    if file.suffix.lower() == TABLE:
+        file.write_bytes(b"")
+    else:
+        log = _writer(file)
+        if isinstance(log, TextIOMessageWriter):
+            return Lines(file, log, ends, tell), lambda: None
+        log.stop()  # it can be written: that is what had to be known before the end
+    journal = file.with_name(f"{file.name}.log")
+    return Lines(journal, _writer(journal), ends, tell), partial(_finish, file, journal)
+
+
+def _writer(file: Path) -> MessageWriter:
     import can
 
-    if file.suffix.lower() == ".db":
-        file.write_bytes(b"")  # SqliteWriter would append to what is there, and fail in a thread where nobody hears it
     try:
-        writer = can.Logger(file)
+        return can.Logger(file)
     except (ValueError, NotImplementedError) as error:
         raise LocalError(f"{file}: {error}") from error
-    if isinstance(writer, can.SqliteWriter):
-        # Its stop() writes one more batch and drops what comes after that: there is to be one batch only.
-        writer.MAX_BUFFER_SIZE_BEFORE_WRITES = writer.MAX_TIME_BETWEEN_WRITES = sys.maxsize
-    return writer
+
+
+def _finish(file: Path, journal: Path) -> None:
+    """Make the log of its journal, which then has done its duty."""
+    import can
+
+    from eurobot_od.logs.binary import write_table
+
+    with can.LogReader(journal) as messages:
+        if file.suffix.lower() == TABLE:
+            write_table(file, messages)
+        else:
+            with _writer(file) as log:
+                for message in messages:
+                    log(message)
+    journal.unlink()
+
+
+class Lines:
+    """Writes frames to a `file` of lines, and keeps it on the disk; `failure` is what went wrong first.
+
+    `tell` is called with it; with `ends` the main thread is interrupted then.
+    """
+
+    def __init__(self, file: Path, writer: Any, ends: bool, tell: Callable[[str], object]) -> None:
+        self._file, self._writer, self._ends, self._tell = file, writer, ends, tell
+        self.failure: OSError | None = None
+        self._lock, self._over = threading.Lock(), threading.Event()
+        self._thread = threading.Thread(target=self._keep_on_disk, name="log", daemon=True)
+        self._thread.start()
+
+    @property
+    def told(self) -> str:
+        """What went wrong, and with which file."""
+        return f"{self._file}: {self.failure and (self.failure.strerror or self.failure)}"
+
+    def write(self, time: float, frame: Frame) -> None:
+        """Write a frame, unless that is over."""
+        from can import Message
+
+        message = Message(timestamp=time, arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
+        with self._lock:
+            if self.failure is None and not self._over.is_set():
+                self._try(lambda: self._writer(message))
+
+    def end(self, finish: Callable[[], object]) -> None:
+        """Close the file, and `finish` if all that was written is there."""
+        self._over.set()
+        self._thread.join()
+        self._try(self._writer.stop)
+        if self.failure is None:
+            self._try(finish)
+
+    def _keep_on_disk(self) -> None:
+        while self.failure is None and not self._over.wait(PERIOD):
+            with self._lock:
+                self._try(self._writer.file.flush)
+            if self.failure is None and self._file.is_file():  # a pipe has no disk
+                # without the lock: a disk may take its time, and the bus does not wait for it
+                self._try(lambda: os.fsync(self._writer.file.fileno()))
+
+    def _try(self, step: Callable[[], object]) -> None:
+        try:
+            step()
+        except OSError as error:
+            if self.failure is not None:
+                return
+            self.failure = error
+            self._tell(f"{self.told}: nothing more is logged")
+            if self._ends and not self._over.is_set():
+                interrupt_main()

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
+from eurobot_od.escaping import cell
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.logs.output import Output, WriteLine
@@ -29,10 +30,10 @@ class JsonOutput(Output):
             data["text"] = meaning.text
         if meaning.defects:
             data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
-        return json.dumps(data, ensure_ascii=False)[1:]
+        return _json(data)[1:]
 
     def writer(self, log: str) -> WriteLine:
-        start, quoted = f'{{"log": {_quoted(log)}, "line":', lru_cache(_quoted)
+        start, quoted = f'{{"log": {_json(log)}, "line":', lru_cache(_json)
         return lambda number, time, channel, row: (
             f'{start} {number}, "time": {time:.6f}, "channel": {quoted(channel)}, {row}\n'
         )
@@ -57,8 +58,10 @@ def _fields(meaning: Meaning) -> dict[str, Any]:
     return {field: written[field].plain(value) for field, value in meaning.message._asdict().items()}
 
 
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+def _json(data: Any) -> str:
+    """Write data as it is for people to read, unless it has characters that a terminal might act on."""
+    text = json.dumps(data, ensure_ascii=False)
+    return text if text.isprintable() else json.dumps(data)
 
 
 FRAME = ("id", "data", "message", "protocol")
@@ -85,5 +88,5 @@ class CsvOutput(Output):
 
 def _joined(values: Sequence[Any]) -> str:
     text = io.StringIO()
-    csv.writer(text, lineterminator="").writerow(values)
+    csv.writer(text, lineterminator="").writerow(map(cell, values))
     return text.getvalue()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from eurobot_od.escaping import one_line
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.meaning import Defect
 
@@ -43,4 +44,5 @@ class DamageCounts:
         for damage in Damage:
             if damage in self.counts:
                 count = self.counts[damage]
-                yield f"{count.number:8} x {damage.value:18} first at {count.log}:{count.line}: {count.text}"
+                where = one_line(f"{count.log}:{count.line}: {count.text}")
+                yield f"{count.number:8} x {damage.value:18} first at {where}"

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from datetime import datetime, timedelta, timezone
 
-from eurobot_od.logs.entries import Damage, Foreign, Raw, frame, shortened
-from eurobot_od.logs.lines import LATEST, LineFormat
+from eurobot_od.logs.entries import LATEST, Damage, Foreign, Raw, frame, shortened
+from eurobot_od.logs.lines import LineFormat
 
 COLUMNS = {"1.0": "N,O,I,L,D", "1.1": "N,O,T,I,L,D", "1.2": "N,O,B,T,I,L,D", "1.3": "N,O,B,T,I,R,L,D"}
 """Columns of the versions that do not list theirs; letters as in version 2: number, offset, type, identifier, ..."""
@@ -40,9 +40,9 @@ class TrcFormat(LineFormat):
     def _set_columns(self, columns: str) -> None:
         """Note where each column is after the number and the offset; the data is the last one."""
         letters = columns.strip().split(",")[2:]
+        self._identifier, self._length = letters.index("I"), letters.index("l" if "l" in letters else "L")
         self._data = len(letters) - 1
         self._bus, self._type = (letters.index(each) if each in letters else None for each in "BT")
-        self._identifier, self._length = letters.index("I"), letters.index("l" if "l" in letters else "L")
 
     def comment(self, line: bytes) -> bool:
         text = line.decode("latin-1").strip()

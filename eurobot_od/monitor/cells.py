@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 
+from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import with_defects
 from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
 
@@ -26,7 +27,8 @@ def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
-    return identifier, row.name, str(row.count), every, f"{max(now - row.last, 0.0):.1f}", values(row)
+    age = f"{max(now - row.last, 0.0):.1f}"
+    return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
 
 
 def values(row: TrafficRow) -> str:
@@ -37,7 +39,7 @@ def values(row: TrafficRow) -> str:
 def health(name: str, node: NodeHealth, now: float) -> str:
     """Write how a node is."""
     state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
-    return f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}"
+    return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
 
 
 def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:

@@ -5,7 +5,7 @@ Rule of this file: the only one that imports rich, which is an extra.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -29,13 +29,15 @@ BAR_WIDTH = 20
 HEAVY_LOAD = 0.8
 
 
-def screen(traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], height: int) -> RenderableType:
-    """Return everything that is shown on `height` lines."""
+def screen(
+    traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], height: int, notes: Sequence[str] = ()
+) -> RenderableType:
+    """Return everything that is shown on `height` lines; of the `notes` the last."""
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     room = max(height - 8, 1)
     colours = {CANOPEN: SERVICE_COLOUR} | dict(zip(traffic.groups, COLOURS))
     table = _table(rows[:room], now, colours)
-    return Group(_top(traffic, load), _nodes(traffic, now), table, _bottom(controls, len(rows) - room))
+    return Group(_top(traffic, load), _nodes(traffic, now), table, _bottom(controls, len(rows) - room, notes))
 
 
 def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
@@ -65,7 +67,7 @@ def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str]) -> Ta
         ratio = 1 if heading == HEADINGS[-1] else None
         table.add_column(heading, justify="right" if align is str.rjust else "left", no_wrap=True, ratio=ratio)
     for row in rows:
-        table.add_row(*cells(row, now), style=_style(row, now, colours))
+        table.add_row(*map(Text, cells(row, now)), style=_style(row, now, colours))
     return table
 
 
@@ -78,10 +80,12 @@ def _style(row: TrafficRow, now: float, colours: Mapping[str, str]) -> str:
     return f"{colour} {OLD}" if old else colour
 
 
-def _bottom(controls: Controls, hidden: int) -> Text:
+def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:
     text = Text(f"\n{HELP}   sort: {controls.sort}   filter: {controls.part}{'_' if controls.typing else ''}", OLD)
     if hidden > 0:
         text.append(f"   {hidden} rows do not fit")
     if controls.paused:
         text.append("   PAUSED", "bold reverse")
+    if notes:
+        text.append(f"   {notes[-1]}", WRONG)
     return text

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Watch
+from eurobot_od.live import Opener, Watch
 from eurobot_od.logs.binary import of_message
-from eurobot_od.logs.entries import Raw
+from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
 
 if TYPE_CHECKING:
     import can
@@ -28,23 +28,54 @@ AT_ONCE = 20_000
 
 
 class BusSource:
-    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them."""
+    """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
+
+    A bus that is lost is opened again by `opener`, if there is one. `notes` say when it was lost, for how long,
+    and how many frames were lost because the driver's queue was full.
+    """
 
     ended = False
 
-    def __init__(self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(
+        self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic, opener: Opener | None = None
+    ) -> None:
+        self.notes: list[str] = []
+        self._clock, self._opener = clock, opener
         self._came: deque[Timed] = deque()
         self._failures: list[BusError] = []
         self._last, self._seen = 0.0, clock()
-        self._watch = ExitStack()
-        self._watch.enter_context(Watch(bus, self._take, None, self._failures.append, self._take_foreign))
+        self._overflow = 0
+        self._leaving = ExitStack()
+        watch = Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+        self._watch = self._leaving.enter_context(watch)
+
+    def _fail(self, why: BusError) -> None:
+        if self._opener is None:
+            self._failures.append(why)
+        else:
+            self.notes.append(f"{why}; it is opened again")
+
+    def _note_gap(self, gap: float) -> None:
+        self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
+
+    def _note_overflow(self) -> None:
+        self._overflow = self._watch.overflow()
+        self.notes.append(
+            f"{self._overflow} frames have found no room in the driver's queue so far, and are missing here"
+        )
 
     def _take(self, time: float, frame: Frame) -> None:
         self._came.append((time, frame))
 
-    def _take_foreign(self, message: can.Message) -> None:
-        self._came.append((message.timestamp, of_message(message)))
+    def _take_foreign(self, message: can.Message | None) -> None:
+        if message is None:
+            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver can make no sense of it")))
+            return
+        try:
+            raw = of_message(message)
+        except ValueError:
+            raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
+        self._came.append((message.timestamp, raw))
 
     @property
     def now(self) -> float:
@@ -61,16 +92,22 @@ class BusSource:
             timed = self._came.popleft()
             self._last, self._seen = timed[0], self._clock()
             yield timed
+        if self._watch.overflow().bit_length() > self._overflow.bit_length():
+            self._note_overflow()
         if self._failures:
             raise self._failures[0]
 
     def close(self) -> None:
         """Let the bus go."""
-        self._watch.close()
+        if self._watch.overflow() > self._overflow:
+            self._note_overflow()
+        self._leaving.close()
 
 
 class LogSource:
     """Entries of logs, played so many times faster than they were recorded."""
+
+    notes: Sequence[str] = ()
 
     def __init__(
         self, entries: Generator[Timed, None, None], speed: float, clock: Callable[[], float] = time.monotonic

@@ -191,7 +191,7 @@ def with_values(
         rewriting.set(info, "FileName", f"{eds.rpartition('.')[0]}.dcf")
     if device.commissioning:
         rewriting.drop(device.commissioning)
-    own = {"NodeID": node_id, "NodeName": node_name, "Baudrate": baudrate_kbit}
+    own = {"NodeID": node_id, "NodeName": node_name if is_text(node_name, "utf-8") else "", "Baudrate": baudrate_kbit}
     rewriting.append(COMMISSIONING, own | NOT_SAID)
     return rewriting.text()
 

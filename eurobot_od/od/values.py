@@ -261,8 +261,8 @@ SYNCHRONOUS, EVENT_DRIVEN = range(241), 255
 MAPPABLE = {PdoDirection.RPDO: ("wo", "rww", "rw"), PdoDirection.TPDO: ("ro", "const", "rwr", "rw")}
 """Access types of objects that a PDO may write, or read (CiA 301, Table 42)."""
 
-SLICE = re.compile(r"(?P<name>.+) \[(?P<high>\d+):(?P<low>\d+)\]$")
-"""ParameterName of a part of a value: `X position [11:4]` is its bits 11 down to 4."""
+SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$")
+"""ParameterName of a part of a value: `X position (11:4)` is its bits 11 down to 4; `[11:4]` says the same."""
 
 # COB-IDs
 

@@ -61,6 +61,13 @@ class Binding:
                 raws = self.layout.raws[field]
                 yield field, Limits(max(entry.limits.low, raws[0]), min(entry.limits.high, raws[-1]))
 
+    @property
+    def too_narrow(self) -> list[str]:
+        """Fields with values to be sent that do not fit into the bits they are mapped with."""
+        limits = {f: entry.limits for entry, (f, *_) in zip(self.pdo.mapping, self.layout.slots) if f is not None}
+        extremes = {field: self.kinds[field].extremes(each) for field, each in limits.items()}
+        return [f for f, each in extremes.items() if any(raw not in self.layout.raws[f] for raw in each)]
+
     def message(self, /, **values: Any) -> Message:
         """Return the message with these meanings of its fields, unchecked; raises TypeError for a field too many."""
         make: Callable[..., Message] = self.type

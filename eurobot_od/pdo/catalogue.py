@@ -36,7 +36,7 @@ class Catalogue:
     """
 
     def __init__(self, errors: Mapping[int, str] = MappingProxyType({})) -> None:
-        self.errors = errors
+        self.errors = dict(errors)
         self._entries: dict[str, CatalogueEntry] = {}
 
     def message(self, group: str = NO_GROUP, *, always: bool = False) -> Callable[[_Class], _Class]:

@@ -8,7 +8,7 @@ which kind a field has. Widths and limits are the EDS's and come in as arguments
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from enum import IntEnum
+from enum import Enum, IntEnum
 from math import isfinite
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,6 +21,18 @@ class OutOfRange(int):
 
     def __repr__(self) -> str:
         return f"OutOfRange({int(self)})"
+
+
+class ColumnForm(Enum):
+    """What a field's values are in a column of a table; what has no such value is null there, and flagged beside it."""
+
+    NUMBER = "number"
+    BITS = "bits"
+    BOOLEAN = "boolean"
+    WORD = "word"
+    REAL = "real"
+    TEXT = "text"
+    OCTETS = "octets"
 
 
 class KeyedForm(NamedTuple):
@@ -47,6 +59,9 @@ class Kind:
     keyed_form: KeyedForm | None = None
     """How people may write the value in YAML as a mapping; `parse` then takes `key:word,key:word`, or `none`."""
 
+    column_form: ClassVar = ColumnForm.NUMBER
+    """What the values are in a column: the raw values in `numbers`, all raw BITS, or what the form says."""
+
     def __init__(self, unit: str = "") -> None:
         self.unit = unit
 
@@ -69,13 +84,17 @@ class Kind:
         """Return the values that are their own raw value, which `write` need not be asked about."""
         return self.numbers(limits)
 
+    def extremes(self, limits: Limits) -> Limits:
+        """Return the lowest and the highest raw value that there is to be sent."""
+        return limits
+
     def named_values(self) -> Mapping[int, str]:
         """Return the raw values that have a name of their own, whatever the other fields of the message are."""
         return {}
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return None if text == "unknown" and self.unknown_as_a_whole is not None else int(text, 0)
+        return None if text == "unknown" and self.unknown_as_a_whole is not None else parsed_number(text)
 
     def text(self, value: Any) -> str:
         """Write the value for a person: the name of an enum's member, or a number with its unit."""
@@ -97,6 +116,8 @@ class Kind:
 class Choice(Kind):
     """One of the members of an enum; a reserved number is read as OutOfRange."""
 
+    column_form = ColumnForm.WORD
+
     def __init__(self, enum: type[IntEnum]) -> None:
         super().__init__()
         self.enum = enum
@@ -107,12 +128,15 @@ class Choice(Kind):
     def numbers(self, limits: Limits) -> range:
         return range(0)
 
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(min(self.enum), max(self.enum))
+
     def write(self, value: Any, limits: Limits) -> int:
         return int(self.enum(whole_number(value)))
 
     def parse(self, text: str) -> Any:
         names = {words_of(member): member for member in self.enum}
-        return names[text] if text in names else self.enum(int(text, 0))
+        return names[text] if text in names else self.enum(parsed_number(text))
 
     def allowed(self, limits: Limits) -> str:
         return ", ".join(f"{words_of(member)} ({member.value})" for member in self.enum)
@@ -126,6 +150,8 @@ class Choice(Kind):
 
 class Boolean(Kind):
     """A BOOLEAN; mapped with more than its one bit, any other number than 0 and 1 is out of range."""
+
+    column_form = ColumnForm.BOOLEAN
 
     WORDS: ClassVar = {"false": False, "true": True, "0": False, "1": True}
 
@@ -153,6 +179,8 @@ class Boolean(Kind):
 
 class Real(Kind):
     """A floating-point number: REAL32 or REAL64. An EDS's limits of one are not looked at."""
+
+    column_form = ColumnForm.REAL
 
     def __init__(self, type_: DataType) -> None:
         super().__init__()
@@ -189,6 +217,8 @@ class Real(Kind):
 class Text(Kind):
     """A VISIBLE_STRING of whole bytes, without the zeros that fill it up; any byte is a character of Latin-1."""
 
+    column_form = ColumnForm.TEXT
+
     def __init__(self, length: int) -> None:
         super().__init__()
         self.length = length
@@ -216,6 +246,8 @@ class Text(Kind):
 
 class Octets(Text):
     """An OCTET_STRING of whole bytes; a person writes two hexadecimal digits for each."""
+
+    column_form = ColumnForm.OCTETS
 
     def read(self, raw: int, limits: Limits) -> Any:
         return raw.to_bytes(self.length, "little")
@@ -258,6 +290,13 @@ def kind_of(type_: DataType, bits: int) -> Kind:
     whole = type_ is values.BOOLEAN or (bits == type_.bits if type_.bits else bits % 8 == 0)
     make = _OF_TYPE.get(type_)
     return make(bits) if make and whole else Kind()
+
+
+def parsed_number(text: str) -> int:
+    """Read a whole number: decimal, 0x hexadecimal, 0b binary; raises ValueError, also where no field is so long."""
+    if len(text) > values.LONGEST_NUMBER:
+        raise ValueError(text)
+    return int(text, 0)
 
 
 def whole_number(value: Any) -> int:

@@ -1,7 +1,7 @@
 """Where the bits of each field lie in a PDO, for any mapping of 1 to 64 bits at any offset (CiA 301, 7.4.8.2).
 
 The first mapped object has the least significant bits, and bytes follow in little-endian order. A value may also be
-mapped in slices, `X position [11:4]` and so on, at any places: some controllers send the most significant bit first.
+mapped in slices, `X position (11:4)` and so on, at any places: some controllers send the most significant bit first.
 """
 
 from __future__ import annotations
@@ -85,7 +85,8 @@ class Layout:
         self.widths = {field: len(places) for field, places in self._places.items()}
         self.signed = frozenset(slot.field for slot in self.slots if slot.signed)
         self.raws = {field: _raws(width, field in self.signed) for field, width in self.widths.items()}
-        runs: dict[ByteOrder, dict[str, tuple[Run, ...]]] = {"little": self._runs("little"), "big": self._runs("big")}
+        orders: tuple[ByteOrder, ...] = ("little", "big")
+        runs = {order: self.runs_in(order) for order in orders}
         # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
         self.byte_order: ByteOrder = min(runs, key=lambda order: sum(map(len, runs[order].values())))
         self.runs = runs[self.byte_order]
@@ -100,7 +101,8 @@ class Layout:
             offset += bits
         return found
 
-    def _runs(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
+    def runs_in(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
+        """Return each field's runs in a frame that is read in either byte order."""
         flip = 8 * (self.length - 1) if order == "big" else 0
         return {
             field: _merge([abs(flip - place // 8 * 8) + place % 8 for place in places])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec
@@ -19,6 +19,7 @@ from eurobot_od.device.flow import Call, Result
 from eurobot_od.live.signals import EndedBySigterm
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes.core import Core
+from eurobot_od.robot.nodes.equipment import Actuators, DistanceSensor
 
 Arguments = ParamSpec("Arguments")
 
@@ -51,9 +52,11 @@ class Robot:
         robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
-    What is left out comes from python-can's configuration; without one, it is the in-process bus. However the block is
-    left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is closed;
-    NotStanding if it was not. Raises BusError, DictionaryError, UnknownName.
+    `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
+    What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
+    block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the
+    bus is closed; NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError,
+    DictionaryError, UnknownName.
     """
 
     def __init__(
@@ -62,9 +65,12 @@ class Robot:
         channel: str | None = None,
         bitrate: int | None = None,
         dialect: str | Path | None = None,
+        sensor: DistanceSensor | None = None,
+        actuators: Actuators | None = None,
     ) -> None:
-        self.core = Core(dialects.load("core", dialect))
-        self.live = runtime.Live.node(runtime.open_bus(interface, channel, bitrate), self.core)
+        self.core = Core(dialects.load("core", dialect), sensor, actuators)
+        opener = partial(runtime.open_bus, interface, channel, bitrate)
+        self.live = runtime.Live.node(opener(), self.core, opener=opener)
 
     def __enter__(self) -> Robot:
         self._leaving = ExitStack()
@@ -89,3 +95,5 @@ class Robot:
     stop = _waited_for(Core.stop)
     emergency_stop = _waited_for(Core.emergency_stop)
     emergency_shutdown = _waited_for(Core.emergency_shutdown)
+    obstacle = _waited_for(Core.obstacle)
+    act = _waited_for(Core.act)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from eurobot_od.od.values import Limits
-from eurobot_od.pdo.kinds import KeyedForm, Kind, whole_number, words_of
+from eurobot_od.pdo.kinds import ColumnForm, KeyedForm, Kind, parsed_number, whole_number, words_of
 from eurobot_od.robot.values import BARRIER_NAMES, Barriers, GotoFault, Passage, barrier_number
 
 
@@ -27,6 +27,9 @@ class Angle(Kind):
     def numbers(self, limits: Limits) -> range:
         return range(self.modulus)
 
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, self.modulus - 1)
+
 
 class Heading(Angle):
     """An angle that may be unknown, alone or together with its coordinates (document Table 2)."""
@@ -39,6 +42,9 @@ class Heading(Angle):
 
     def write(self, value: Any, limits: Limits) -> int:
         return self.UNKNOWN if value is None else super().write(value, limits)
+
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, self.UNKNOWN)
 
     def named_values(self) -> Mapping[int, str]:
         return {self.UNKNOWN: self.text(None)}
@@ -74,6 +80,9 @@ class Remaining(Kind):
     def numbers(self, limits: Limits) -> range:
         return range(self.UNKNOWN)
 
+    def extremes(self, limits: Limits) -> Limits:
+        return Limits(0, max(self.MEANING))
+
     def write(self, value: Any, limits: Limits) -> int:
         return self.CODE[value] if value in self.CODE else super().write(value, Limits(0, self.UNKNOWN - 1))
 
@@ -92,6 +101,7 @@ class Remaining(Kind):
 class BarrierFlags(Kind):
     """Barrier flags: any 16 bits; a person writes `fire-1:forced,pool-2:normal`, `none` or a number."""
 
+    column_form = ColumnForm.BITS
     keyed_form = KeyedForm("barrier", BARRIER_NAMES, "passage", tuple(map(words_of, Passage)))
 
     def read(self, raw: int, limits: Limits) -> Any:
@@ -105,7 +115,7 @@ class BarrierFlags(Kind):
 
     def parse(self, text: str) -> Any:
         if text == "none" or text[:1].isdigit():
-            return Barriers(0 if text == "none" else int(text, 0))
+            return Barriers(0 if text == "none" else parsed_number(text))
         return Barriers.of(dict(map(_barrier, text.split(","))))
 
     def text(self, value: Any) -> str:

@@ -90,8 +90,9 @@ class MatchOptions:
 
     `emergency_at` is the match time at which the mushroom is hit, None for never. `duration` None takes the core's
     setting. `errors` are those of the instruments in the simulated world, `faults` the names of the faults that our
-    nodes have. `falling`: once in a match a thing falls over in front of our robot. `settings` are values in place of
-    the EDS files' for our nodes, as a person writes them: `("drive.Motion.Maximum speed", "600")`.
+    nodes have. `settings` are values in place of the EDS files' for our nodes, as a person writes them:
+    `("drive.Motion.Maximum speed", "600")`. `falling`: once in a match a thing falls over in front of our robot. With
+    `solid` False robots drive through everything but the border and never stall, as on a test bench.
     """
 
     team: TeamColour = TeamColour.RED
@@ -104,4 +105,5 @@ class MatchOptions:
     errors: Errors = Errors()
     faults: tuple[str, ...] = ()
     falling: bool = True
+    solid: bool = True
     settings: tuple[tuple[str, str], ...] = ()

@@ -27,6 +27,9 @@ from eurobot_od.od.values import Address, label
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
 
+UNANNOUNCED = 1 << 20
+"""Bytes, or segments, that are taken of an object whose size the server does not say; more never ends."""
+
 FRUITLESS_BLOCKS = 2
 """So many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
 
@@ -135,9 +138,12 @@ class Transfer:
         return requests
 
 
-def upload(address: Address, wait: float, progress: Progress = unwatched) -> Transfer:
-    """Read an object; the server has `wait` seconds for each answer."""
-    return Transfer(address, _upload(address, progress), wait)
+def upload(address: Address, wait: float, progress: Progress = unwatched, unannounced: int = UNANNOUNCED) -> Transfer:
+    """Read an object; the server has `wait` seconds for each answer.
+
+    An object whose size it does not say may have `unannounced` bytes; one of which more comes is an odd answer.
+    """
+    return Transfer(address, _upload(address, progress, unannounced), wait)
 
 
 def download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
@@ -146,10 +152,14 @@ def download(address: Address, content: bytes, wait: float, progress: Progress =
 
 
 def block_upload(
-    address: Address, wait: float, segments: int = wire.BLOCK_SEGMENTS, progress: Progress = unwatched
+    address: Address,
+    wait: float,
+    segments: int = wire.BLOCK_SEGMENTS,
+    progress: Progress = unwatched,
+    unannounced: int = UNANNOUNCED,
 ) -> Transfer:
     """Read an object in blocks of up to 127 segments. A server without block transfer aborts."""
-    return Transfer(address, _block_upload(address, segments, progress), wait)
+    return Transfer(address, _block_upload(address, segments, progress, unannounced), wait)
 
 
 def block_download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
@@ -160,18 +170,20 @@ def block_download(address: Address, content: bytes, wait: float, progress: Prog
 # Expedited and segmented
 
 
-def _upload(address: Address, progress: Progress) -> ClientSteps:
+def _upload(address: Address, progress: Progress, unannounced: int) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
     initiated = _initiated(answer, ServerCommand.UPLOAD, address)
     if initiated.command & wire.EXPEDITED:
         return Ended(initiated.rest[: initiated.size], [])
-    content, toggle, last = bytearray(), 0, 0
+    content, toggle, last, count = bytearray(), 0, 0, 0
+    most = unannounced if initiated.size is None else initiated.size
     while not last:
         answer = yield [wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)]
         _check_segment(answer, ServerCommand.UPLOAD_SEGMENT, toggle)
         content += wire.part_in(answer)
-        last, toggle = answer[0] & wire.LAST, toggle ^ wire.TOGGLE
+        last, toggle, count = answer[0] & wire.LAST, toggle ^ wire.TOGGLE, count + 1
         _check_size(answer, content, initiated.size, complete=bool(last))
+        _check_end(answer, max(count - 1, len(content)), most)  # one that is announced as empty has a segment, too
         progress(len(content), initiated.size)
     return Ended(bytes(content), [])
 
@@ -191,7 +203,7 @@ def _download(address: Address, content: bytes, progress: Progress) -> ClientSte
 # Blocks
 
 
-def _block_upload(address: Address, segments: int, progress: Progress) -> ClientSteps:
+def _block_upload(address: Address, segments: int, progress: Progress, unannounced: int) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
@@ -201,6 +213,7 @@ def _block_upload(address: Address, segments: int, progress: Progress) -> Client
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
         progress(len(content) if size is None else min(len(content), size), size)
+        _check_end(latest, len(content) - wire.SEGMENT_SIZE, unannounced if size is None else size)
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
@@ -285,6 +298,12 @@ def _check_segment(answer: bytes, specifier: ServerCommand, toggle: int) -> None
     _check(answer, specifier)
     if answer[0] & wire.TOGGLE != toggle:
         raise OddAnswer(answer, "with the toggle bit of the request", AbortCode.TOGGLE_BIT)
+
+
+def _check_end(answer: bytes, moved: int, most: int) -> None:
+    """Refuse a content that does not end."""
+    if moved > most:
+        raise OddAnswer(answer, f"the end of an object of at most {most} bytes", AbortCode.TOO_LONG)
 
 
 def _check_size(answer: bytes, content: bytearray, size: int | None, complete: bool) -> None:

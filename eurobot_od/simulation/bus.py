@@ -247,7 +247,7 @@ class Bus:
             offers = {
                 each: frame
                 for each in self.controllers
-                if each.may_send(now) and (frame := each.source.urgent()) is not None
+                if (frame := each.source.urgent()) is not None and each.may_send(now)
             }
             if offers:
                 self._begin(now, offers)

@@ -211,11 +211,10 @@ class Network:
 
     def _has_new(self, bus: Bus) -> bool:
         """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
-        return bus.is_free(self.now) and any(
-            place.mailboxes.next_expiry is not None
+        return any(
+            place.mailboxes.waits and place.controller.may_send(self.now) and place.controller in bus.controllers
             for place in self._places.values()
-            if place.controller.may_send(self.now) and place.controller in bus.controllers
-        )
+        ) and bus.is_free(self.now)
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
@@ -280,7 +279,7 @@ class Network:
     def _arbitrate(self) -> None:
         """Load the mailboxes, and let the most urgent frame of them all have the bus, if it is free."""
         for place in self._places.values():
-            if place.controller.silent_until <= self.now:
+            if place.mailboxes.waits and place.controller.silent_until <= self.now:
                 place.mailboxes.load(self.now)
         for bus in self._buses:
             bus.arbitrate(self.now)

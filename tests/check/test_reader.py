@@ -79,6 +79,15 @@ WRONG_STEPS = {
     "no bytes": ("- sdo: {write: 0x1017, data: ^12 3}", "'12 3' is not hexadecimal bytes such as 'E8 03'"),
     # counts
     "no times": ("- {wait: 1 s, repeat: ^0}", "0 is not in 1..100000"),
+    "too many times": (
+        "- ^repeat: 400\n  steps: [{repeat: 251, wait: 1 s}]",
+        "with the repetitions inside it 100400 steps",
+    ),
+    "more digits than a number has": (f"- {{wait: 1 s, repeat: ^{'9' * 4400}}}", "expected a whole number"),
+    "longer than a day": ("- wait: ^86401 s", "86401 s is too long: at most 86400 s, a day"),
+    "for ever": (f"- wait: ^{'9' * 400} s", "'999"),
+    "a value of two lines": ('- expect: {Goto XY: {x: ^"a\\nb"}}', "'a\\nb' is not allowed"),
+    "hexadecimal for ever": (f"- expect: {{Goto XY: {{x: ^0x{'F' * 5000}}}}}", "'0xFFF"),
     "half a time": ("- {wait: 1 s, repeat: ^1.5}", "expected a whole number"),
     # variables
     "no name": ("- save: {^a-b: Goto State Response.time}", "expected a name of letters, digits and _, found 'a-b'"),
@@ -246,3 +255,10 @@ def test_a_suite_is_read_by_its_own_dialect() -> None:
     assert "unknown field of Goto XY 'route'" in read(text)[1][0]
     assert read(text, "firmware2014")[1] == []
     assert read(text.replace("node:", "dialect: firmware2014\nnode:"))[1] == []
+
+
+@pytest.mark.parametrize("text", ["a" + " " * 80_000 + "b", "{" + " " * 80_000, "x" * 80_000, "1" + ".." * 40_000])
+def test_a_long_text_is_refused_in_a_time_that_does_not_grow_with_its_square(text: str) -> None:
+    """It took 83 s; a whole suite of tests would notice."""
+    for step in (f"- expect: {{Goto XY: {{x: '{text}'}}}}", f"- sdo: {{read: '{text}'}}", f"- expect: '{text}'"):
+        assert len(read(document(step))[1]) == 1

@@ -9,12 +9,13 @@ import pytest
 
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status
-from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import NodeUnderTest, run_simulated
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.node import Node
 from eurobot_od.od.dictionary import Dictionary
-from tests.check.suites import document, results
+from eurobot_od.robot.check.partners import nodes_under_test
+from tests.check.suites import document, results, suite
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 FILES = ("clean", "crlf_io_module", "editor_with_comments", "generated", "old")
@@ -54,3 +55,12 @@ def test_how_long_a_node_takes_to_answer_comes_from_the_seed() -> None:
     steps = document("- send: Check Drive Request\n- expect: Check Drive Response")
     seconds = {round(results(steps, seed=seed).steps[1].seconds, 6) for seed in range(1, 9)}
     assert len(seconds) > 2
+
+
+def test_an_interrupt_ends_what_is_repeated_without_waiting() -> None:
+    """A loop in which nothing is waited for gave the interrupt no turn."""
+    interrupt = Interrupt()
+    steps = "- wait: 1 ms\n- repeat: 1000\n  steps: [{answer: {Goto State Request: Goto Confirm}, repeat: 100}]"
+    options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())
+    result = run_simulated(suite(document(steps)), options, nodes_under_test)
+    assert [step.status for step in result.steps] == [Status.PASSED, Status.INTERRUPTED]

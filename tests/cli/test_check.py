@@ -249,3 +249,31 @@ steps:
     (tmp_path / "suite.yaml").write_text(text, encoding="ascii")
     words = ["check", str(tmp_path / "suite.yaml"), "--simulate", "--network", str(tmp_path / "network.yaml")]
     assert (cli.main(words), cli.main([*words, "--fault", "sdo-not-answered"])) == (0, 1)
+
+
+def test_a_suite_whose_nodes_have_to_share_a_world_is_skipped_by_name_on_a_bus(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    done = run(capsys, "check", "flows", "-i", "virtual", "-c", "apart")
+    assert done.status == 0
+    assert "skipped: its nodes have to share a world (--shared-world: they do)" in done.out
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_seeds_at_once_come_to_the_same_as_one_after_the_other(
+    form: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["check", "bytes-navigation", "--simulate", "--repeat", "3", *form]
+    one, other = run(capsys, *words), run(capsys, *words, "--jobs", "2")
+    assert (one.status, other.status, one.err) == (0, 0, "")
+    assert without_seconds(other.out) == without_seconds(one.out)
+
+
+def without_seconds(text: str) -> str:
+    """What a report says, but for how long it took."""
+    return re.sub(r"\d+\.\d+( s)?", "", text)
+
+
+def test_seeds_at_once_are_for_simulated_nodes(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", "--jobs", "2")
+    assert (said.status, said.complaint) == (2, "eurobot-od: --jobs goes with --simulate --repeat only")

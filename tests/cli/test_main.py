@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType
 
 import pytest
@@ -126,3 +128,45 @@ def test_a_reader_that_leaves_is_no_error() -> None:
         process.stdout.close()
         assert process.stderr.read() == ""
     assert process.returncode == 0
+
+
+# Standard streams
+
+
+STREAMS = [
+    ("decode <&-", 2, "eurobot-od: standard input is closed\n"),
+    ("show >&-", 3, "eurobot-od: standard output is closed\n"),
+    ("decode nowhere.log 2>&-", 3, ""),
+    ("decode nowhere.log 2>/dev/full", 3, ""),
+]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a shell, and a device that is always full")
+@pytest.mark.parametrize(("words", "status", "said"), STREAMS)
+def test_a_closed_or_full_stream_is_one_line_and_no_traceback(words: str, status: int, said: str) -> None:
+    done = subprocess.run(f"{sys.executable} -m eurobot_od {words}", shell=True, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (status, "", said)
+
+
+def test_what_a_stream_cannot_write_becomes_an_escape(tmp_path: Path) -> None:
+    file = tmp_path / "name\udc80.log"
+    file.write_text("(1.0) can0 00C#\n")
+    words = [sys.executable, "-m", "eurobot_od", "decode", str(file), str(file)]
+    environment = os.environ | {"PYTHONIOENCODING": "ascii:strict"}
+    done = subprocess.run(words, capture_output=True, text=True, check=True, env=environment)
+    assert done.stdout.startswith(str(tmp_path) + "/name\\udc80.log:")
+
+
+HUGE = [
+    (["send", "Goto XY", f"x=0x{'F' * 5000}"], "is not allowed; allowed: 0..3000 mm"),
+    (["read", "9" * 4400, "0x1000", "-i", "virtual"], "is not in 1..127"),
+    (["node", "core", "--duration", "9" * 4400 + " s"], "is not a duration"),
+]
+
+
+@pytest.mark.parametrize(("words", "what"), HUGE, ids=["field", "node-ID", "duration"])
+def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
+    words: list[str], what: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, *words)
+    assert (said.status, what in said.err, said.err.count("\n")) == (2, True, 1)

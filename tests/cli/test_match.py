@@ -116,6 +116,19 @@ def test_an_unknown_format_leaves_a_file_alone(capsys: pytest.CaptureFixture[str
     assert notes.read_text() == "precious"
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device that is always full, as Linux has one")
+def test_a_match_goes_on_without_its_log_on_a_full_disk_and_says_so(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    log = tmp_path / "match.log"
+    log.symlink_to("/dev/full")
+    said = run(capsys, *SHORT, "--log", str(log))
+    assert said.status == 3
+    assert "the robot stands at" in said.out
+    full = f"eurobot-od: {log}: No space left on device: "
+    assert said.err == f"{full}nothing more is logged\n{full}the log is not whole\n"
+
+
 @pytest.mark.parametrize("suffix", [".log", ".db"])
 def test_a_log_in_a_missing_folder_is_one_line(capsys: pytest.CaptureFixture[str], tmp_path: Path, suffix: str) -> None:
     log = tmp_path / "missing" / f"match{suffix}"
@@ -277,7 +290,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         (["--seeds", "3", "--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["--seeds", "3", "--seed", "1"], 2, "--seed 1 is for one match, and does not go with --seeds"),
         (["--seeds", "3", "--speed", "real"], 2, "--speed real is for one match, and does not go with --seeds"),
-        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log is for one match, and does not go with --seeds"),
+        (["--seeds", "3", "--log", "a.log"], 2, "--log a.log: write {seed} where each match's seed is to stand"),
         (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
         (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
@@ -398,3 +411,35 @@ def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixt
     assert "dropped" not in said.out
     assert "failed" not in said.out
     assert count(log) == total(said.out) > 30
+
+
+def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
+    results = ["--results", str(tmp_path / "results"), "--json", "--jobs", "1"]
+    words = ["match", "--duration", "2", *results]
+    first = run(capsys, *words, "--seeds", "2", "--log", str(tmp_path / "{seed}.log"))
+    assert (first.status, first.err) == (0, "")
+    assert sorted(file.name for file in tmp_path.glob("*.log")) == ["1.log", "2.log"]
+    again = run(capsys, *words, "--seeds", "3", "--resume", "--log", str(tmp_path / "again-{seed}.log"))
+    assert again.out.splitlines()[:2] == first.out.splitlines()
+    assert [file.name for file in tmp_path.glob("again-*")] == ["again-3.log"]
+    assert run(capsys, *words, "--seeds", "3").complaint.endswith("holds a campaign already: --resume goes on with it")
+    other = run(capsys, *words, "--seeds", "3", "--resume", "--enemies", "0")
+    assert other.complaint.endswith("holds a campaign with other settings: enemies was '2', and is '0'")
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--results", "x"], "--results goes with --seeds only"),
+        (["--seeds", "2", "--resume"], "--resume needs --results: the folder to go on with"),
+        (["--seeds", "2", "--executor", "x"], "'x' is no executor: dask://HOST:PORT, or --jobs"),
+        (["--seeds", "2", "--executor", "dask://x:1", "--jobs", "2"], "does not go with --executor"),
+    ],
+)
+def test_campaigns_that_cannot_be_are_one_line(
+    words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "match", "--duration", "2", *words)
+    assert (said.status, said.out, len(said.err.splitlines())) == (2, "", 1)
+    assert complaint in said.complaint

@@ -130,6 +130,20 @@ def test_a_drill_that_is_terminated_leaves_a_robot_that_stands(shared_bus: str) 
         assert drive.device.emergencies.errors == {}
 
 
+def test_a_drill_ends_with_the_duration(shared_bus: str) -> None:
+    bus = ("-i", "remote", "-c", shared_bus)
+    with partners(shared_bus) as drive, node("core", "--drill", "--duration", "1 s", *bus) as core:
+        assert core.wait(PATIENCE) == 0
+        assert drive.stopped_by is None  # its first goto would have come after 10 s
+
+
+def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
+    with node("drive", "-i", "socketcan", "-c", "nosuch0") as drive:
+        _, error = drive.communicate(timeout=PATIENCE)
+    assert error.startswith("eurobot-od: cannot open the socketcan bus nosuch0: ")
+    assert len(error.splitlines()) == 1
+
+
 @pytest.mark.parametrize(
     ("words", "status", "complaint"),
     [

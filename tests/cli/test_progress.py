@@ -25,6 +25,7 @@ class Terminal(io.StringIO):
         (0, 100, 0.0, "x  ░░░░░░░░░░░░░░░░░░░░░░░░░░░░░░   0%  0 of 100 bytes"),
         (50, 100, 0.01, "x  ███████████████░░░░░░░░░░░░░░░  50%  50 of 100 bytes  5.0 kB/s"),
         (100, 100, 1.0, "x  ██████████████████████████████ 100%  100 of 100 bytes  0.1 kB/s"),
+        (25, 100, 2.0, "x  ███████░░░░░░░░░░░░░░░░░░░░░░░  25%  25 of 100 bytes  0.0 kB/s, about 6 s left"),
         (500, None, 1.0, "x  500 bytes  0.5 kB/s"),  # a server need not say how many there are
     ],
 )

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from eurobot_od.sdo.client import UNANNOUNCED
 from tests.cli.console import run
 from tests.client.test_watch import Beating, beats
 from tests.client.wired import WiredBus
@@ -17,7 +18,7 @@ def bus(monkeypatch: pytest.MonkeyPatch) -> WiredBus:
     bus = WiredBus(Beating([(0.5, b"\0"), *beats(1, 2, 3)]))
     monkeypatch.setattr("eurobot_od.cli.options.open_bus", lambda _: bus)
     monkeypatch.setattr("eurobot_od.client.master.time.monotonic", lambda: bus.now)
-    monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now))
+    monkeypatch.setattr("eurobot_od.client.master.Master.__init__.__defaults__", (0.5, lambda: bus.now, UNANNOUNCED))
     return bus
 
 

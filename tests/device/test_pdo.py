@@ -6,15 +6,28 @@ from math import inf
 from typing import Any
 
 import pytest
+from canopen import SdoAbortedError
 
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.errors import StateError
+from eurobot_od.errors import FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import Address
-from eurobot_od.robot.messages import CheckDriveResponse, GotoStateResponse, GotoXY, KalmanPositionResponse, StopDrive
-from eurobot_od.robot.values import Source
+from eurobot_od.pdo.message import Message, flagged_fields
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import (
+    CheckDriveResponse,
+    EmergencyStop,
+    Enemy2PositionResponse,
+    GotoStateResponse,
+    GotoXY,
+    KalmanPositionResponse,
+    StartConfigurationSet,
+    StopDrive,
+)
+from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode
-from tests.device.master import Wire, wired
+from tests.device.master import NodeWire, Wire, wired
 
 NOT_VALID = 1 << 31
 GOTO_RPDO = 0x1403
@@ -210,6 +223,64 @@ def test_what_does_not_hold_together_does_not_become_valid(
     assert wire.refused((GOTO_TPDO, 1), cob_id, size=4) == code, why
     assert wire.device.protocol is before
     assert wire.read(GOTO_TPDO, 1) == NOT_VALID | 0x008
+
+
+POSITIONS = [(0, 0, 0), (3000, 2000, 359), (255, 255, 254), (254, 255, None), (None, None, None)]
+VALUES: list[Message] = [
+    *(KalmanPositionResponse(*place, source) for place in POSITIONS for source in Source),
+    *(Enemy2PositionResponse(*place, source) for place in POSITIONS for source in Source),
+    *map(GotoStateResponse, (0, 1, 0x0FFFFE, None, *GotoFault)),
+    *(EmergencyStop(each) for each in Obstacle),
+    *(GotoXY(x, y, angle, speed, Barriers(0xFFFF)) for x, y, angle, speed in ((0, 0, 0, 0), (3000, 2000, 359, 100))),
+    *(StartConfigurationSet(each, 2, 1, 50, 50) for each in TeamColour),
+]
+"""The extremes of every field, and what means "unknown"."""
+
+SENDERS = [
+    ("drive", KalmanPositionResponse),
+    ("drive", GotoStateResponse),
+    ("navigation", Enemy2PositionResponse),
+    ("core", EmergencyStop),
+    ("core", GotoXY),
+    ("core", StartConfigurationSet),
+]
+
+
+def refusal_of(wire: Wire, index: int, cob_id: int, widths: list[int]) -> AbortCode | None:
+    """Map a PDO's own objects with these bits; return why the device does not take that, None if it does."""
+    objects = [wire.read(index + 0x200, sub) & 0xFFFFFF00 for sub in range(1, len(widths) + 1)]
+    try:
+        wire.map_pdo(index, cob_id, *(each | bits for each, bits in zip(objects, widths)))
+    except SdoAbortedError as refusal:
+        return AbortCode(refusal.code)
+    return None
+
+
+@pytest.mark.parametrize(("node", "kind"), SENDERS, ids=lambda each: getattr(each, "__name__", each))
+def test_a_mapping_that_sdo_accepts_encodes_every_value(node: str, kind: type[Message]) -> None:
+    wire = wired(node)
+    own = wire.device.protocol.binding(kind)
+    values = [each for each in VALUES if type(each) is kind]
+    bits = [entry.bits for entry in own.pdo.mapping]
+    most = [entry.type.size * 8 for entry in own.pdo.mapping]
+    for place, top in enumerate(most):
+        for width in range(1, min(top, bits[place] + 64 - sum(bits)) + 1):
+            widths = [*bits[:place], width, *bits[place + 1 :]]
+            refusal = refusal_of(wire, own.pdo.index, own.cob_id, widths)
+            if refusal is None:
+                assert [wire.device.protocol.decode(*wire.device.transmit(each)) for each in values] == values, widths
+            else:
+                assert (refusal, width < bits[place]) == (AbortCode.INCOMPATIBLE, True)
+
+
+def test_a_position_in_natural_widths_is_sent_when_it_is_known_unknown_and_asked_for() -> None:
+    wire = NodeWire(Drive(dialects.load("drive")))
+    assert refusal_of(wire, 0x1802, 0x100, [16, 16, 16, 8]) is None
+    assert wire.send(Frame(0x0C0)).frames == [Frame(0x100, bytes.fromhex("ff00ff00ff0300"))]
+    read = wire.device.protocol.decode(0x100, bytes.fromhex("a10ff00a100007"))
+    assert flagged_fields(read) == ["x", "y", "source"]
+    with pytest.raises(FieldError):
+        wire.device.transmit(read)
 
 
 # Values

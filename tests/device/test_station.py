@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 
-from eurobot_od.device.station import Station
+from eurobot_od.device.station import OnError, Station
 from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, GotoConfirm, GotoXY, StopDrive
 from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.protocol import EurobotProtocol
 
 PROTOCOL = EurobotProtocol.load()
@@ -112,3 +115,70 @@ def test_a_node_wakes_nobody_for_an_answer_that_goes_out_at_once(station: Statio
     assert woken == []
     station.node.offer(GotoConfirm())  # from outside: nobody else would see to it
     assert woken == [1.0]
+
+
+class FailingDrive(Drive):
+    """Fails whenever it is checked."""
+
+    HANDLERS: ClassVar[Handlers] = {**Drive.HANDLERS, CheckDriveRequest: lambda *_: 1 / 0}  # type: ignore[dict-item]
+
+
+def failing(on_error: OnError | None) -> tuple[Station, list[Report]]:
+    reports: list[Report] = []
+    station = Station(FailingDrive(dialects.load("drive")), report=reports.append, on_error=on_error)
+    station.gatekeeper.start()
+    station.start(0.0)
+    return station, reports
+
+
+def check(station: Station, now: float) -> list[Frame]:
+    """Have the node fail; give what leaves then."""
+    sent(station, now)
+    station.gatekeeper.receive(PROTOCOL.encode(CheckDriveRequest()), now)
+    return sent(station, now)
+
+
+EMCY = Frame(0x082, bytes.fromhex("0061010000000000"))
+
+
+def test_a_node_that_fails_is_restarted_after_pauses_that_grow_until_it_is_steady() -> None:
+    station, reports = failing(OnError.RESTART)
+    for now, pause in ((1.0, 0.1), (2.0, 0.2), (3.0, 0.4), (30.0, 0.1)):
+        assert check(station, now) == [EMCY]
+        assert station.next_wakeup == now + pause
+        assert check(station, now) == []  # it is down
+        station.tick(now + pause)
+        assert sent(station, now + pause) == [BOOT_UP]
+        assert str(reports.pop()) == (
+            f"node failed: drive: ZeroDivisionError: division by zero; it is restarted in {pause} s"
+        )
+    assert station.failure is None
+
+
+def test_a_node_that_fails_is_ended() -> None:
+    station, reports = failing(OnError.END)
+    assert check(station, 1.0) == [EMCY]
+    assert station.next_wakeup == math.inf
+    station.tick(100.0)
+    assert sent(station, 100.0) == []
+    assert str(station.failure) == "drive has failed and ended: ZeroDivisionError: division by zero"
+    assert str(reports[-1]).endswith("division by zero; it has ended")
+
+
+def test_in_a_simulation_a_frame_that_makes_a_node_fail_is_reported_and_nothing_else() -> None:
+    station, reports = failing(None)
+    assert check(station, 1.0) == []
+    assert [report.event for report in reports] == [Event.LISTENER_FAILED]
+
+
+def test_a_flood_of_sdo_blocks_leaves_one_transfer_and_a_drive_that_answers(station: Station) -> None:
+    """The queue grew without a bound, and the drive did not answer for half a minute."""
+    station.start(0.0)
+    blocks = [Frame(0x602, bytes.fromhex(data)) for data in ("a4211000 7f000000", "a300000000000000")]
+    for _ in range(500):
+        for request in blocks:
+            station.gatekeeper.receive(request, 0.5)
+    assert station.gatekeeper.mailboxes.statistics().waiting <= 127 + 1  # a block, and the boot-up message
+    sent(station, 0.5)
+    station.gatekeeper.receive(Frame(0x602, bytes.fromhex("4000100000000000")), 0.5)
+    assert [frame.data[:4].hex() for frame in sent(station, 0.5)] == ["43001000"]

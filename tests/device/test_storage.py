@@ -11,9 +11,10 @@ import canopen
 import pytest
 
 from eurobot_od.device.device import SAVE, Device
+from eurobot_od.device.node import Node
 from eurobot_od.device.storage import FileStore, MemoryStore
-from eurobot_od.errors import DictionaryError
-from eurobot_od.files import write_whole
+from eurobot_od.errors import DamagedFile, DictionaryError
+from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
@@ -67,15 +68,10 @@ def test_nothing_is_left_beside_the_file(store: FileStore) -> None:
 
 def test_a_file_half_written_beside_is_no_matter(store: FileStore) -> None:
     store.save(SETTINGS, 9)
-    store.file.with_name("drive.dcf.new").write_text("[FileInfo]\nFileNa")
+    store.file.with_name("drive.dcf.0123abcd.new").write_text("[FileInfo]\nFileNa")
     assert store.load() == SETTINGS
     store.save({}, 2)
     assert store.load() == {}
-
-
-def test_a_folder_that_is_not_there_is_an_error_and_no_file(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        write_whole(tmp_path / "nowhere" / "drive.dcf", b"")
 
 
 def test_the_settings_of_another_device_are_refused(store: FileStore) -> None:
@@ -84,13 +80,78 @@ def test_the_settings_of_another_device_are_refused(store: FileStore) -> None:
         store.load()
 
 
+def without_checksum(store: FileStore) -> bytes:
+    """Return what the file holds after its first line, as another program would have written it."""
+    return store.file.read_bytes().partition(b"\n")[2]
+
+
 @pytest.mark.parametrize("part", [0.2, 0.5, 0.9, 0.98])
 def test_a_file_that_was_cut_off_is_refused(store: FileStore, part: float) -> None:
     store.save(SETTINGS, 9)
-    content = store.file.read_bytes()
-    store.file.write_bytes(content[: int(len(content) * part)])
-    with pytest.raises(DictionaryError, match=r"drive\.dcf"):
+    for content in (store.file.read_bytes(), without_checksum(store)):
+        store.file.write_bytes(content[: int(len(content) * part)])
+        with pytest.raises(DictionaryError, match=r"drive\.dcf"):
+            store.load()
+
+
+def test_a_dcf_of_another_program_has_no_checksum_and_is_loaded(store: FileStore) -> None:
+    store.save(SETTINGS, 9)
+    store.file.write_bytes(without_checksum(store))
+    assert store.load() == SETTINGS
+
+
+@pytest.mark.parametrize("place", [0.01, 0.3, 0.6, 0.999], ids=str)
+@pytest.mark.parametrize("bit", [0, 2, 6])
+def test_a_stored_file_with_a_flipped_bit_is_refused_by_name_and_the_defaults_are_taken(
+    store: FileStore, place: float, bit: int
+) -> None:
+    store.save(SETTINGS, 9)
+    content = bytearray(store.file.read_bytes())
+    start = content.index(b"\n") + 1
+    content[start + int((len(content) - start) * place)] ^= 1 << bit
+    store.file.write_bytes(content)
+    with pytest.raises(DamagedFile):
         store.load()
+    device = Device(DRIVE, store)
+    (said,) = device.refused
+    assert said.startswith(f"{store.file}: damaged: ")
+    assert device.setting("Motion.Maximum speed") == 800
+
+
+OUT_OF_LIMITS = [
+    ("drive", (0x2101, 6), 0, "0x2101:6 Control period = 0, allowed: 1..255"),
+    ("drive", (0x2103, 4), 1001, "0x2103:4 Gate = 1001, allowed: 0..1000"),
+    ("core", (0x2103, 1), 0, "0x2103:1 Polling period = 0, allowed: 1..65535"),
+    ("core", (0x1017, 0), 70_000, "0x1017:0 Producer heartbeat time = 70000, allowed: 0..65535"),
+]
+
+
+@pytest.mark.parametrize(("role", "address", "value", "what"), OUT_OF_LIMITS, ids=[row[3] for row in OUT_OF_LIMITS])
+def test_a_stored_value_outside_the_limits_of_the_eds_is_refused_by_name_and_the_default_taken(
+    tmp_path: Path, role: str, address: Address, value: int, what: str
+) -> None:
+    dictionary = dialects.load(role)
+    store = FileStore(tmp_path / "stored.dcf", dictionary)
+    store.save({address: value, (0x1400, 5): 7}, dictionary.node_id)
+    device = Device(dictionary, store)
+    assert device.refused == (f"stored value refused: {what}; the default is taken",)
+    assert device.objects.value(address) == dictionary.default(address)
+    assert device.objects.value((0x1400, 5)) == 7
+
+
+def test_refused_values_are_told_by_emcy_at_each_start_until_the_device_stores_again(store: FileStore) -> None:
+    store.save({(0x2101, 6): 0}, 2)
+    node = Node(DRIVE, store=store)
+    alarms: list[str] = []
+    node.alarm = alarms.append
+    refused = Frame(0x082, bytes.fromhex("0063010000000000"))
+    assert refused in node.start(0.0)
+    assert len(alarms) == 1
+    assert refused in node.receive(Frame(0x000, b"\x81\x02"), 1.0)
+    node.device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+    assert node.device.refused == ()
+    assert refused not in node.receive(Frame(0x000, b"\x81\x02"), 2.0)
+    assert Node(DRIVE, store=store).device.refused == ()
 
 
 def test_a_file_that_is_no_dcf_is_refused(store: FileStore) -> None:

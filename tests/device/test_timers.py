@@ -24,7 +24,8 @@ def due(timers: Timers, now: float) -> list[float]:
         ([], 1.0, []),
         ([1.0], 0.999, []),  # not yet
         ([1.0], 1.0, [1.0]),  # on the dot
-        ([1.0], 5.0, [1.0]),  # late: it still gets the time it was set for
+        ([1.0], 2.0, [1.0]),  # late: it still gets the time it was set for
+        ([1.0], 5.0, [5.0]),  # missed: what repeats itself goes on from here
         ([3.0, 1.0, 2.0], 2.0, [1.0, 2.0]),  # soonest first, the rest stays
     ],
 )
@@ -49,12 +50,12 @@ def test_what_becomes_due_meanwhile_is_due_too() -> None:
 
     def again(time: float) -> None:
         called.append(time)
-        timers.at(time + 1.0, again)
+        timers.at(time + 0.25, again)
 
     timers.at(1.0, again)
-    due(timers, 3.5)
-    assert called == [1.0, 2.0, 3.0]
-    assert timers.next == 4.0
+    due(timers, 1.6)
+    assert called == [1.0, 1.25, 1.5]
+    assert timers.next == 1.75
 
 
 def test_a_cancelled_timer_is_never_called_and_wakes_nobody() -> None:

@@ -194,3 +194,31 @@ def test_mailboxes_hold_a_frame_from_its_submission_until_it_was_sent() -> None:
         step()
         held.append(boxes.holds(frame))
     assert held == [False, True, True, True, True, False]
+
+
+def test_while_the_bus_is_away_only_what_is_lasting_is_kept_and_the_rest_is_counted() -> None:
+    boxes, reports = mailboxes(2)
+    stop, goto = frames("004#", "008#01")
+    boxes.submit(goto, 0.0)
+    boxes.submit(stop, 0.0, lasting=True)
+    submit(boxes, 0.0, "00C#", "340#")
+    boxes.load(0.0)  # the stop and the goto are in mailboxes
+    boxes.leave()
+    submit(boxes, 5.0, "701#05", "008#02")
+    boxes.leave()  # noticed once more
+    assert boxes.come_back() == 5
+    assert boxes.load(6.0) == []
+    assert boxes.urgent() == stop
+    assert boxes.statistics() == TransmitStatistics(submitted=6, completed=0, dropped=5, waiting=0, loaded=1)
+    assert reports == []
+    submit(boxes, 6.0, "008#03")
+    assert boxes.load(6.0) == frames("008#03")
+
+
+def test_what_is_withdrawn_is_what_waits_and_not_what_the_controller_has() -> None:
+    boxes, _ = mailboxes(1)
+    submit(boxes, 0.0, "582#01", "582#02", "582#03", "701#05")
+    boxes.load(0.0)
+    boxes.withdraw(0x582)
+    assert boxes.statistics() == TransmitStatistics(submitted=4, completed=0, dropped=2, waiting=1, loaded=1)
+    assert boxes.urgent() == Frame(0x582, b"\x01")

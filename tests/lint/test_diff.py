@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
+from pathlib import Path
 
 import pytest
 
@@ -153,3 +155,16 @@ def test_our_own_node_is_as_its_eds_says() -> None:
 def test_a_node_that_is_not_there_is_told() -> None:
     with master_on(new_channel(), 0.01) as master, pytest.raises(NoAnswer, match="0x1000:0"):
         read_bytes(master.node(9), [(0x1000, 0)])
+
+
+def test_memory_is_that_of_what_is_shown(tmp_path: Path) -> None:
+    """A file of 4 MB may describe 12 million sub-indices."""
+    file = tmp_path / "compact.eds"
+    each = "[{:X}]\nParameterName=A\nObjectType=8\nDataType=7\nAccessType=rw\nCompactSubObj=254\n"
+    file.write_text("".join(each.format(index) for index in range(0x2000, 0x2020)))
+    device = read_device(str(file))
+    tracemalloc.start()
+    assert compare(device, device) == []
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 2 << 20

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event
@@ -17,9 +16,9 @@ from can.interfaces.virtual import VirtualBus
 from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
-from eurobot_od.gatekeeper import Gatekeeper, Report
+from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live, Watch, open_bus
-from eurobot_od.live.reader import POLL
+from eurobot_od.live.reader import ENDURED
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
@@ -36,10 +35,9 @@ from eurobot_od.robot.messages import (
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import Obstacle
+from tests.live.loose import LONG, Reports
 
 PROTOCOL = EurobotProtocol.load()
-LONG = 10.0
-"""Seconds after which a test gives up; what it waits for comes at once."""
 
 
 @pytest.fixture
@@ -354,6 +352,68 @@ def test_a_watch_sees_every_frame(channel: str) -> None:
     assert seen == [(7.0, Frame(0x123, b"\x01")), (7.0, Frame(0x7FF))]
 
 
+HOSTILE = {
+    "300 bytes": can.Message(arbitration_id=0x008, data=bytes(300), dlc=44, is_extended_id=False),
+    "negative identifier": can.Message(arbitration_id=-1, is_extended_id=False),
+    "identifier too high": can.Message(arbitration_id=0x800, is_extended_id=False),
+}
+"""What a peer of python-can-remote can send, and no adapter can receive."""
+
+
+@pytest.mark.parametrize("message", HOSTILE.values(), ids=HOSTILE)
+def test_what_no_adapter_can_receive_is_counted_and_acted_on_by_nobody(channel: str, message: can.Message) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    answers = gatekeeper.add_queue(CheckDriveResponse)
+    with (
+        virtual(channel) as other,
+        Live.node(virtual(channel), Drive(dialects.load("drive"))) as drive,
+        Live(virtual(channel), gatekeeper) as tester,
+    ):
+        other.send(message)
+        tester.send(CheckDriveRequest())
+        assert answers.get(LONG) is not None
+        assert drive.foreign == 1
+    assert drive.gatekeeper.statistics().listeners[0].failed == 0
+
+
+class Babble(VirtualBus):
+    """A driver that can make no sense of what comes, so many times."""
+
+    def __init__(self, channel: str, times: int) -> None:
+        self.left = times
+        super().__init__(channel)
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        if self.left:
+            self.left -= 1
+            raise ValueError("invalid frame")
+        return super().recv(timeout)
+
+
+def test_a_driver_that_can_make_no_sense_of_a_frame_is_read_on(channel: str) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    queue = gatekeeper.add_queue(StopDrive)
+    with virtual(channel) as other, Live(Babble(channel, ENDURED - 1), gatekeeper) as live:
+        other.send(can.Message(arbitration_id=PROTOCOL.cob_id(StopDrive), is_extended_id=False))
+        assert queue.get(LONG) is not None
+        assert (live.foreign, live.failure) == (ENDURED - 1, None)
+
+
+def test_a_driver_that_never_makes_sense_has_failed(channel: str) -> None:
+    reports = Reports()
+    with Live(Babble(channel, ENDURED), Gatekeeper(PROTOCOL, report=reports)):
+        assert reports.wait_for(What.BUS_FAILED).text.endswith("failed: invalid frame")
+
+
+def test_bus_off_is_told_with_what_helps_and_the_drive_brakes(channel: str) -> None:
+    reports, node = Reports(), Drive(dialects.load("drive"))
+    with virtual(channel) as other, Live.node(virtual(channel), node, report=reports) as live:
+        other.send(can.Message(arbitration_id=0x040, is_error_frame=True, is_extended_id=False, data=bytes(8)))
+        assert "restart-ms" in reports.wait_for(What.BUS_OFF).text
+        assert node.stopped_by == StopDrive()
+        assert live.failure is None
+
+
 # Drivers that do not behave
 
 
@@ -412,25 +472,6 @@ class Driver(can.BusABC):
             self.attempt.clear()
             if len(self.tries) < wanted:
                 assert self.attempt.wait(LONG)
-
-
-class Reports:
-    """Reports as they come; on a slow machine there may be others of slow listeners."""
-
-    def __init__(self) -> None:
-        self._reports: SimpleQueue[Report] = SimpleQueue()
-
-    def __call__(self, report: Report) -> None:
-        self._reports.put(report)
-
-    def wait_for(self, event: What) -> Report:
-        """Give the next report of an event."""
-        while (report := self._reports.get(timeout=LONG)).event is not event:
-            pass
-        return report
-
-    def empty(self) -> bool:
-        return self._reports.empty()
 
 
 @pytest.fixture
@@ -601,36 +642,3 @@ def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
         live.send(CheckDriveRequest())
         assert answers.get(LONG) is not None
         assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"
-
-
-def test_an_exception_in_what_a_node_does_at_a_time_is_reported_and_ends_nothing(channel: str) -> None:
-    reports, drive = Reports(), Drive(dialects.load("drive"))
-
-    def broken(_: float) -> None:
-        raise ValueError("lamp is gone")
-
-    gatekeeper = Gatekeeper(PROTOCOL)
-    answers = gatekeeper.add_queue(CheckDriveResponse)
-    with Live.node(virtual(channel), drive, report=reports) as live, Live(virtual(channel), gatekeeper) as other:
-        with drive.guard:
-            drive.soon(broken)
-        assert str(reports.wait_for(What.LISTENER_FAILED)) == "listener failed: drive: ValueError: lamp is gone"
-        other.send(CheckDriveRequest())
-        assert answers.get(LONG) is not None
-    assert live.gatekeeper.statistics().listeners[0].failed == 1
-
-
-class TiredDrive(Drive):
-    """Fails whenever something is due, and that is always."""
-
-    next_wakeup = 0.0
-
-    def tick(self, now: float) -> list[Frame]:
-        raise ValueError("never again")
-
-
-def test_a_node_that_fails_whenever_it_is_called_is_called_at_intervals(channel: str) -> None:
-    reports = Reports()
-    with Live.node(virtual(channel), TiredDrive(dialects.load("drive")), report=reports):
-        times = [reports.wait_for(What.LISTENER_FAILED).timestamp for _ in range(3)]
-    assert all(later - earlier >= POLL for earlier, later in pairwise(times))

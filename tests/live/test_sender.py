@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import threading
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from eurobot_od.gatekeeper import Mailboxes, Report
 from eurobot_od.gatekeeper import mailboxes as mailboxes_module
 from eurobot_od.live import Driver
 from eurobot_od.live import sender as sender_module
-from eurobot_od.live.sender import FIRST_PAUSE, LONGEST_PAUSE, Sender
+from eurobot_od.live.sender import FIRST_PAUSE, LONGEST_PAUSE, STUCK_AFTER, Sender
 
 FRAMES = [Frame(cob_id) for cob_id in (0x008, 0x004, 0x3C0, 0x002, 0x010)]
 """More than there are mailboxes."""
@@ -46,9 +47,10 @@ class Scene:
         self.reports: list[Report] = []
         self.failures: list[BusError] = []
         self.woken = 0
+        self.now = 0.0
         self.mailboxes = Mailboxes(self.reports.append)
         lock = threading.RLock()
-        self.sender = Sender(Driver(self.wire), self.mailboxes, lock, lambda: 0.0, self.failures.append, self.wake)
+        self.sender = Sender(Driver(self.wire), self.mailboxes, lock, lambda: self.now, self.failures.append, self.wake)
 
     def wake(self) -> None:
         self.woken += 1
@@ -92,6 +94,47 @@ def test_a_driver_that_takes_nothing_is_tried_after_growing_pauses_and_only_by_r
     scene.wire.error = None
     scene.sender.retry()
     assert (scene.wire.sent, scene.sender.pause) == (sorted(FRAMES), 0.0)
+
+
+def test_a_driver_that_takes_no_frame_for_a_second_has_failed_in_its_words(scene: Scene) -> None:
+    scene.wire.error = can.CanOperationError("Transmit buffer full")
+    scene.submit(*FRAMES)
+    for now in (0.0, 0.5, 0.999):
+        scene.now = now
+        scene.sender.retry()
+    assert scene.failures == []
+    scene.now = STUCK_AFTER
+    scene.sender.retry()
+    assert [str(each) for each in scene.failures] == ["the bus wire has taken no frame for 1.0 s: Transmit buffer full"]
+
+
+def test_a_driver_that_takes_one_frame_in_between_has_not_failed(scene: Scene) -> None:
+    scene.submit(*FRAMES)
+    for now in (0.0, 0.9, 1.8):
+        scene.now, scene.wire.error = now, None
+        scene.submit(Frame(0x001))
+        scene.sender.retry()
+        scene.wire.error = can.CanOperationError("Transmit buffer full")
+        scene.submit(Frame(0x001))
+        scene.sender.retry()
+    assert scene.failures == []
+
+
+KERNEL = {
+    "no room": (OSError(errno.ENOBUFS, "No buffer space available"), False),
+    "down": (OSError(errno.ENETDOWN, "Network is down"), True),
+    "gone": (OSError(errno.ENODEV, "No such device"), True),
+}
+"""What the kernel says when SocketCAN sends, and whether the bus is lost then; python-can makes a CanError of both."""
+
+
+@pytest.mark.parametrize(("cause", "lost"), KERNEL.values(), ids=KERNEL)
+def test_what_the_kernel_says_tells_a_full_buffer_from_a_lost_bus(scene: Scene, cause: OSError, lost: bool) -> None:
+    scene.wire.error = can.CanOperationError(f"Failed to transmit: {cause.strerror}", cause.errno)
+    scene.wire.error.__cause__ = cause
+    scene.submit(*FRAMES)
+    scene.sender.pump()
+    assert [str(each).startswith("the bus wire failed: Failed to transmit") for each in scene.failures] == [True] * lost
 
 
 class Interrupt:

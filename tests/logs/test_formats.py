@@ -5,6 +5,8 @@ from __future__ import annotations
 import gzip
 import io
 import sqlite3
+import struct
+import tracemalloc
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -197,12 +199,14 @@ def test_what_is_no_blf_file(tmp_path: Path, content: bytes) -> None:
 @pytest.mark.parametrize(
     ("place", "value", "damage"),
     [
-        # the size of the first container, and of the first object in it: nothing, and more than there is
+        # the size of the first container, and of the first object in it: nothing, too much, and more than there is
         (144 + 8, 0, Damage.UNREADABLE),
-        (144 + 8, 1 << 31, Damage.CUT_OFF),
+        (144 + 8, 1 << 31, Damage.UNREADABLE),
         (144 + 32 + 8, 0, Damage.UNREADABLE),
-        (144 + 32 + 8, 16, Damage.CUT_OFF),
-        (144 + 32 + 8, 1 << 31, Damage.CUT_OFF),
+        (144 + 8, 1 << 19, Damage.CUT_OFF),
+        (144 + 32 + 8, 16, Damage.UNREADABLE),
+        (144 + 32 + 8, 1 << 19, Damage.CUT_OFF),
+        (144 + 32 + 8, 1 << 31, Damage.UNREADABLE),
         # no container, and no object
         (144, 0, Damage.UNREADABLE),
         (144 + 32, 0, Damage.UNREADABLE),
@@ -262,7 +266,7 @@ def test_a_packed_log_that_cannot_be_unpacked_ends_with_an_entry_that_says_so(
 
 
 def test_unknown_suffix() -> None:
-    with pytest.raises(UnknownName, match=r"unknown log format 'xyz'; known: log, asc"):
+    with pytest.raises(UnknownName, match=r"unknown log format 'xyz'; known: log, candump, asc"):
         formats.read(io.BytesIO(), "xyz")
 
 
@@ -285,3 +289,135 @@ def test_mf4_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 def test_some_formats_must_be_files(form: str) -> None:
     with pytest.raises(LocalError, match="must be a file"):
         formats.read(io.BytesIO(), form)
+
+
+# One bad entry costs no other
+
+
+def test_a_frame_that_cannot_be_in_a_blf_file_costs_no_other(tmp_path: Path) -> None:
+    impossible = can.Message(timestamp=3.0, arbitration_id=0x7FF, data=b"\xff", is_extended_id=False)
+    impossible.arbitration_id = 0x900
+    found = raws(write(tmp_path, "blf", [*SENT, impossible, SENT[-1]]))
+    assert found == [*FRAMES, Foreign(Damage.UNREADABLE, "2304"), FRAMES[-1]]
+
+
+GOOD_ROW = (1.0, 0x014, 0, 0, 0, 3, b"\x01\x02\x03")
+BAD_ROWS = [
+    ("late", *GOOD_ROW[1:]),
+    (float("inf"), *GOOD_ROW[1:]),
+    (None, *GOOD_ROW[1:]),
+    (1.0, "x", *GOOD_ROW[2:]),
+    (1.0, -5, *GOOD_ROW[2:]),
+    (1.0, 0x900, *GOOD_ROW[2:]),
+    (*GOOD_ROW[:5], "three", b"\x01"),
+    (*GOOD_ROW[:5], None, None),
+    (*GOOD_ROW[:6], 3.5),
+    (None,) * 7,
+]
+
+
+@pytest.mark.parametrize("row", BAD_ROWS, ids=str)
+def test_a_row_with_values_of_wrong_types_costs_no_other(tmp_path: Path, row: tuple[object, ...]) -> None:
+    file = tmp_path / "bus.db"
+    write_table(file, [])
+    with closing(sqlite3.connect(file)) as connection, connection:
+        connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", (GOOD_ROW, row, GOOD_ROW))
+    first, bad, last = raws(file)
+    assert (first, last) == (Frame(0x014, b"\x01\x02\x03"),) * 2
+    assert isinstance(bad, Foreign)
+    assert bad.damage is Damage.UNREADABLE
+
+
+HUGE = "9" * 4400
+"""More digits than Python makes a number of."""
+
+BAD_HEADERS = [";$STARTTIME=abc", ";$STARTTIME=1e300", ";$STARTTIME=nan", f";$STARTTIME={HUGE}", ";$COLUMNS=X"]
+BAD_NUMBERS = {
+    "asc": [f" 2.5 1 {HUGE} Rx d 1 00", f" {HUGE} 1 8 Rx d 1 00", f" 2.5 {HUGE} 8 Rx d 1 00", f"2.5 1 8 Rx d {HUGE} 0"],
+    "csv": [f"1.5,0x{HUGE},0,0,0,0,", f"{HUGE},0x8,0,0,0,0,", f"1.5,0x8,0,0,0,{HUGE},"],
+    "trc": [f" 9  1.0 DT  1  0008 Rx -  {HUGE}  01", *BAD_HEADERS],
+    "log": [f"({HUGE}) can0 008#00", f"(1.5) can0 {HUGE}#00"],
+}
+
+
+@pytest.mark.parametrize(("form", "line"), [(form, line) for form, lines in BAD_NUMBERS.items() for line in lines])
+def test_numbers_that_are_none_are_counted_and_reading_goes_on(tmp_path: Path, form: str, line: str) -> None:
+    file = write(tmp_path, form, SENT)
+    text = file.read_text().splitlines(keepends=True)
+    file.write_text("".join([*text[:-2], line + "\n", *text[-2:]]))
+    found = raws(file)
+    assert [raw.damage for raw in found if isinstance(raw, Foreign)] == [Damage.UNREADABLE]
+    assert [raw for raw in found if isinstance(raw, Frame)] == FRAMES
+
+
+# What a log is, is what it begins with
+
+
+@pytest.mark.parametrize("packed", [False, True], ids=["as it is", "packed"])
+@pytest.mark.parametrize("form", WRITTEN)
+def test_a_log_is_judged_by_what_it_begins_with(tmp_path: Path, form: str, packed: bool) -> None:
+    content = write(tmp_path, form, SENT).read_bytes()
+    if packed and form in formats.BY_NAME:
+        pytest.skip("a database cannot be read through gzip")
+    file = tmp_path / "bus.wrong"
+    file.write_bytes(gzip.compress(content) if packed else content)
+    assert [raw for raw in raws(file) if isinstance(raw, Frame)] == FRAMES
+
+
+@pytest.mark.parametrize("suffix", ["candump", "log"])
+def test_a_log_that_does_not_say_what_it_is_goes_by_its_name(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.write_text("garbage\n(1.0) can0 014#010203\n")
+    assert raws(file) == [Foreign(Damage.UNREADABLE, "garbage"), Frame(0x014, b"\x01\x02\x03")]
+
+
+def test_what_was_asked_for_counts_more_than_what_a_log_says(tmp_path: Path) -> None:
+    file = write(tmp_path, "blf", SENT)
+    with file.open("rb") as opened:
+        assert {type(raw) for *_, raw in formats.read(opened, "csv")} == {Foreign}
+
+
+# Sizes
+
+
+FRAME_LINE, LONG = b"(1.0) can0 014#010203\n", 5000
+
+
+@pytest.mark.parametrize("line", [b"x" * LONG, b"(1.0) can0 008#" + b"00" * LONG, b"(1.0) " + b"c" * LONG + b" 014#01"])
+def test_of_a_line_that_is_too_long_the_rest_is_passed_over(line: bytes) -> None:
+    content = io.BytesIO(FRAME_LINE + line + b"\n" + FRAME_LINE)
+    (_, *_, first), (_, *_, long), (number, *_, last) = formats.read(content, "log", 1000)
+    assert (first, last, number) == (Frame(0x014, b"\x01\x02\x03"), first, 3)
+    assert isinstance(long, Foreign)
+    assert (long.damage, len(long.text) <= 60) == (Damage.UNREADABLE, True)
+
+
+def test_a_larger_bound_reads_longer_lines() -> None:
+    content = io.BytesIO(b"(1.0) can0" + b" " * LONG + b"014#010203\n")
+    ((*_, raw),) = formats.read(content, "log", 2 * LONG)
+    assert raw == Frame(0x014, b"\x01\x02\x03")
+
+
+@pytest.mark.parametrize("form", ["log", "blf", "pcap"])
+def test_memory_does_not_grow_with_what_is_packed(tmp_path: Path, form: str) -> None:
+    """A megabyte of gzip may stand for a gigabyte, and so may a container of BLF."""
+    heads = {"log": b"", "blf": write(tmp_path, "blf", SENT).read_bytes(), "pcap": b"\xd4\xc3\xb2\xa1" + bytes(20)}
+    packed = io.BytesIO(gzip.compress(heads[form] + bytes(40 << 20), 1))
+    tracemalloc.start()
+    entries = sum(1 for _ in formats.read(packed, form, 1 << 16))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert entries >= 1
+    assert most < 4 << 20
+
+
+def test_a_blf_container_is_unpacked_piece_by_piece() -> None:
+    content = zlib.compress(bytes(64 << 20), 1)
+    container = struct.pack("<4sHHLLH6xL4x", b"LOBJ", 16, 1, 32 + len(content), 10, 2, 0) + content
+    packed = io.BytesIO(struct.pack("<4sL136x", b"LOGG", 144) + container)
+    tracemalloc.start()
+    (*_, last) = (raw for *_, raw in formats.read(packed, "blf"))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert last == Foreign(Damage.UNREADABLE, "no object where one should begin")
+    assert most < 4 << 20

@@ -101,3 +101,9 @@ def test_keys(keys: str, expected: Controls) -> None:
     for key in keys:
         controls.key(key)
     assert controls == expected
+
+
+def test_a_name_that_looks_like_markup_or_an_escape_is_shown_as_it_is(traffic: Traffic) -> None:
+    row = next(iter(traffic.rows.values()))
+    row.meaning = row.meaning._replace(text="[red]x[/nonsense]\x1b[2J")
+    assert "[red]x[/nonsense]\\x1b[2J" in shown(traffic)

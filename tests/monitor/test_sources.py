@@ -88,3 +88,15 @@ def test_times_are_the_drivers_until_the_bus_fails() -> None:
     assert found == [(5.0, Frame(0x00C)), (5.5, Foreign(Damage.REMOTE, "00C#"))]
     assert source.now == 5.5
     source.close()
+
+
+def test_a_bus_that_is_opened_again_is_read_on_and_the_gap_noted() -> None:
+    first, second = (can.Message(timestamp=at, arbitration_id=0x00C, is_extended_id=False) for at in (5.0, 6.0))
+    too_long = can.Message(timestamp=7.0, arbitration_id=0x00C, data=bytes(300), is_extended_id=False)
+    source = BusSource(Driver(first), opener=lambda: Driver(second, too_long))
+    found: list[Timed] = []
+    receive(source, found, 3)
+    assert [(time, type(raw)) for time, raw in found] == [(5.0, Frame), (6.0, Frame), (7.0, Foreign)]
+    assert source.notes[0] == "the bus driver failed: pulled out; it is opened again"
+    assert source.notes[1].startswith("the bus is back after a gap of 0.")
+    source.close()

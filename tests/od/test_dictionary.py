@@ -131,7 +131,7 @@ def test_reads_a_pdo_that_is_not_valid() -> None:
 def test_a_slice_has_the_limits_of_its_whole() -> None:
     drive = Dictionary.load(EDS.parent / "firmware2014" / "drive.eds")
     first = pdo(drive, 0x1403).mapping[0]
-    assert (first.name, first.bits, first.limits) == ("X position [11:4]", 8, Limits(0, 3000))
+    assert (first.name, first.bits, first.limits) == ("X position (11:4)", 8, Limits(0, 3000))
     assert any(each.is_padding for each in pdo(drive, 0x1403).mapping)
 
 

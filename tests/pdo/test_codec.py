@@ -123,6 +123,7 @@ def test_gaps_overlaps_and_too_many_bits_make_no_layout(slots: list[Slot], what:
 
 SLOTS = [
     ("X position", 12, Slot("x", 0, 12)),
+    ("X position (11:4)", 8, Slot("x", 4, 8)),
     ("X position [11:4]", 8, Slot("x", 4, 8)),
     ("Enemy 1 diameter [1:0]", 2, Slot("enemy_1_diameter", 0, 2)),
     ("Barriers [3:3]", 1, Slot("barriers", 3, 1)),

@@ -541,7 +541,7 @@ MISFITS: list[tuple[list[tuple[str, str, str, str | None]], str, int, str]] = [
 
 # The same for slices: entry of the mapping or name of the slice, in core.eds of the 2014 robot.
 BAD_SLICES = [
-    ("1A03sub1", "DefaultValue", "0x30000107", "X position [11:4] is mapped with 7 bits"),
+    ("1A03sub1", "DefaultValue", "0x30000107", "X position (11:4) is mapped with 7 bits"),
     ("3000sub3", "ParameterName", "X position [4:1]", "x: bit 0 is mapped nowhere"),
     ("3000sub1", "ParameterName", "X position [10:3]", "x: bits are mapped twice"),
     ("3000sub1", "ParameterName", "X position [12:5]", "x: bit 4 is mapped nowhere"),

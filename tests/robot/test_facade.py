@@ -25,9 +25,10 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.nodes import Core, Drive, Navigation
+from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.standstill import NotStanding
-from eurobot_od.robot.values import Outcome, TeamColour
+from eurobot_od.robot.values import Obstacle, Outcome, TeamColour
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import PROTOCOL
 
@@ -259,3 +260,28 @@ def test_a_goto_nobody_confirms_is_no_answer(nobody: Partners) -> None:
     with pytest.raises(NotStanding) as not_standing, robot_on(nobody) as robot:
         robot.goto(*FAR)
     assert isinstance(not_standing.value.__context__, NoAnswer)
+
+
+class Equipment:
+    """A distance sensor that sees an enemy, and an arm that turns over two fires at once."""
+
+    def look(self, _now: float) -> Detection:
+        return Detection(Obstacle.ENEMY, 321.0, -4.0)
+
+    def begin(self, _task: str) -> float:
+        return 0.01
+
+    def finish(self, _task: str) -> int:
+        return 2
+
+
+def test_sensor_and_actuators_are_reached_by_calls() -> None:
+    equipment = Equipment()
+    with Robot("virtual", new_channel(), sensor=equipment, actuators=equipment) as robot:
+        assert robot.obstacle() == Detection(Obstacle.ENEMY, 321.0, -4.0)
+        assert robot.act("fire 1") == 2
+
+
+def test_a_robot_without_a_sensor_sees_nothing() -> None:
+    with Robot("virtual", new_channel()) as robot:
+        assert robot.obstacle() is None

@@ -9,6 +9,7 @@ from math import inf
 
 import pytest
 
+from eurobot_od.sdo import wire
 from eurobot_od.sdo.client import (
     OddAnswer,
     Refused,
@@ -20,7 +21,7 @@ from eurobot_od.sdo.client import (
     upload,
 )
 from eurobot_od.sdo.server import SdoServer
-from eurobot_od.sdo.wire import BLOCK_SEGMENTS, SEGMENT_SIZE, AbortCode
+from eurobot_od.sdo.wire import BLOCK_SEGMENTS, SEGMENT_SIZE, AbortCode, ClientCommand, ServerCommand
 from tests.device.shelf import NUMBER, TEXT, Shelf
 from tests.sdo.line import WAIT, Line
 
@@ -297,3 +298,42 @@ def test_each_answer_gives_the_server_more_time() -> None:
     assert transfer.tick(20.0) == []
     with pytest.raises(Silence):
         transfer.result()
+
+
+class Endless:
+    """A server whose object never ends; its segments have `filled` bytes, and it announces no size."""
+
+    deadline = inf
+
+    def __init__(self, filled: int) -> None:
+        self.filled, self.toggle, self.sent = filled, 0, 0
+
+    def tick(self, now: float) -> list[bytes]:
+        return []
+
+    def receive(self, data: bytes, now: float) -> list[bytes]:
+        specifier = data[0] >> 5
+        if data[0] == wire.ABORT:
+            return []
+        if specifier == ClientCommand.UPLOAD:
+            return [wire.initiate(ServerCommand.UPLOAD << 5, NUMBER)]
+        if specifier == ClientCommand.BLOCK_UPLOAD and not data[0] & 3:
+            return [wire.initiate(ServerCommand.BLOCK_UPLOAD << 5, NUMBER)]
+        if specifier == ClientCommand.BLOCK_UPLOAD:
+            self.sent += 127
+            return [bytes([number, *range(7)]) for number in range(1, 128)]
+        self.sent += 1
+        self.toggle ^= wire.TOGGLE
+        return [bytes([self.toggle ^ wire.TOGGLE | 7 - self.filled << 1]) + bytes(7)]
+
+
+@pytest.mark.parametrize(
+    ("read", "filled"),
+    [(upload, 7), (upload, 1), (upload, 0), (block_upload, 7)],
+    ids=["full", "short", "empty", "block"],
+)
+def test_an_endless_upload_ends_the_client(read: Callable[..., Transfer], filled: int) -> None:
+    server = Endless(filled)
+    with pytest.raises(OddAnswer, match="is not the end of an object of at most 1000 bytes"):
+        Line(server).run(read(NUMBER, WAIT, unannounced=1000))
+    assert server.sent <= 1000 + 2

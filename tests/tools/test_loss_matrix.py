@@ -40,8 +40,8 @@ def test_every_message_and_every_loss_has_its_cells() -> None:
 
 def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Drive, "heartbeat_lost", lambda *_: None)
-    result = loss_matrix.attempt(Cell("core", "killed", 4.0, seed=5))
-    assert "uncommanded" in result.wrong
+    results = [loss_matrix.attempt(Cell("core", "killed", 15.0, seed=seed)) for seed in (2, 4)]
+    assert any("uncommanded" in result.wrong for result in results)
 
 
 def test_the_exit_status_and_the_last_line_tell_how_it_went(capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from bench.measure import Series
-from bench.rows import bus, codec, configure, echo, lint, logs, match, monitor, receive, socketcan, startup
+from bench.rows import bus, codec, configure, echo, lint, logs, match, monitor, receive, season, socketcan, startup
 
 GROUPS: tuple[Sequence[Series], ...] = (
     codec.SERIES,
@@ -17,6 +17,7 @@ GROUPS: tuple[Sequence[Series], ...] = (
     socketcan.SERIES,
     monitor.SERIES,
     logs.SERIES,
+    season.SERIES,
     startup.SERIES,
     lint.SERIES,
     configure.SERIES,

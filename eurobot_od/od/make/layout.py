@@ -3,7 +3,7 @@
 CiA 301 fills a frame from the least significant bit of its first byte on, and cannot say anything else (7.5.2.36). A
 device with another bit order is described in these words all the same: its fields are cut into slices, each a run of
 bits that are neighbours both in the value and in the frame, and the slices are mapped in the order that gives the
-device's bytes. What loads such an EDS joins the slices again by their names, `X position [11:4]`.
+device's bytes. What loads such an EDS joins the slices again by their names, `X position (11:4)`.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class Slice(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The slice's ParameterName, `X position [11:4]`; padding has no value whose bits could be named."""
-        return PADDING if self.field == PADDING else f"{self.field} [{self.high}:{self.low}]"
+        """The slice's ParameterName, `X position (11:4)`; padding has no value whose bits could be named."""
+        return PADDING if self.field == PADDING else f"{self.field} ({self.high}:{self.low})"
 
 
 def whole_fields(fields: dict[Text, Field]) -> tuple[Slice, ...]:

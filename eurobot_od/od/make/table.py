@@ -16,6 +16,7 @@ import yaml
 
 from eurobot_od import durations, yaml_places
 from eurobot_od.errors import EurobotError
+from eurobot_od.escaping import one_line
 from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
 from eurobot_od.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
 
@@ -214,7 +215,8 @@ class TableError(EurobotError):
     def __init__(self, file: str | Path, problems: Iterable[Problem]) -> None:
         """Sort the problems; one that shows in several nodes or dialects is still one."""
         self.problems = sorted(set(problems))
-        super().__init__("\n".join(f"{file}:{line}:{column}: {what}" for (line, column), what in self.problems))
+        lines = (one_line(f"{file}:{line}:{column}: {what}") for (line, column), what in self.problems)
+        super().__init__("\n".join(lines))
 
 
 READERS: dict[Any, NodeReader[Any]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from eurobot_od.check.simulated import NodeUnderTest
@@ -11,6 +12,9 @@ from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.check.drill import drill
 from eurobot_od.robot.nodes import KINDS, Core, Node, role_of
 from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
+
+ON_A_BENCH = MatchOptions(errors=NOISE_ONLY, falling=False, solid=False)
+"""Where nodes are checked: suites send the robot from place to place as if nothing stood there."""
 
 
 def nodes_under_test(
@@ -23,5 +27,5 @@ def nodes_under_test(
     nodes = [kinds[role_of(dictionary)](dictionary) for dictionary in dictionaries.values()]
     # A core that is checked drives nothing, and would only be stopped by the robots that come along.
     in_the_world = [node for node in nodes if not isinstance(node, Core)]
-    assemble(in_the_world, MatchOptions(seed=seed, errors=NOISE_ONLY), clock)
+    assemble(in_the_world, replace(ON_A_BENCH, seed=seed), clock)
     return [NodeUnderTest(node, partial(drill, node) if isinstance(node, Core) else None) for node in nodes]

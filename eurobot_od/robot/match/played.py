@@ -9,9 +9,12 @@ import sys
 from collections.abc import Iterable
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import RemoteError
+from eurobot_od.logs.recorder import recording
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.strategies import Players
 from eurobot_od.robot.match.summary import Summary
@@ -89,7 +92,8 @@ class PlayedMatch:
             texts.append(f"the strategy raised {self.summary.failure.splitlines()[-1]}")
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
         texts += [f"touched {touch.thing} at {touch.time:.1f} s" for touch in self.touches if touch.is_wrong]
-        texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved else []
+        pushed = any(touch.driven_into for touch in self.touches)  # also when it stood, and by what it did not come at
+        texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved and not pushed else []
         return texts + [f"gatekeeper: {report}" for report in (self.summary.reports if self.summary else ())]
 
     def as_data(self) -> dict[str, Any]:
@@ -100,16 +104,17 @@ class PlayedMatch:
         return {"seed": self.seed, "wrong": self.wrong, **figures, **rows, "summary": summary}
 
 
-def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED) -> PlayedMatch:
+def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log: Path | None = None) -> PlayedMatch:
     """Play a match in simulated time; a node that does not answer is a result of the match, not an error.
 
-    What a strategy prints goes to standard error.
+    What a strategy prints goes to standard error. All frames are written to `log`; raises as `logs.recorder.recording`.
     """
     events: list[MatchEvent] = []
     summary, failure = None, None
-    with redirect_stdout(sys.stderr):
+    tell = partial(print, file=sys.stderr)
+    with recording(log, tell=tell) as write, redirect_stdout(sys.stderr):
         try:
-            summary, _ = play_simulated(options, events.append, lambda _time, _frame: None, files, *players)
+            summary, _ = play_simulated(options, events.append, write, files, *players)
         except RemoteError as error:
             failure = str(error)
     return PlayedMatch(

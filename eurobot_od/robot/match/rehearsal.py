@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +48,8 @@ def rehearse(
             frames: list[tuple[float, Frame]] = []
             network.observers.append(lambda time, frame: frames.append((time, frame)))
             stack.callback(draw, Path(picture), frames, options, world)
-        network.observers.append(stack.enter_context(recording(None if log is None else Path(log))))
+        network.observers.append(
+            stack.enter_context(recording(None if log is None else Path(log), tell=partial(print, file=sys.stderr)))
+        )
         network.run(POWER_UP)
         return loop.run(network, strategy(nodes[0]))

@@ -1,107 +1,91 @@
-"""Plays a match for each of many seeds, on as many processes as are wanted.
+"""Plays a match for each of many seeds, by whatever workers there are.
 
-Rule of this file: matches are given in the order of their seeds, and are the same on any number of processes; each
-process reads the EDS files and the strategies once.
-
-Each process gets one seed at a time, as matches differ in length, over a pipe of its own. The pools of the standard
-library would do, but for one thing: their processes wait for work for ever when the parent was killed. Ours wait for
-the parent's end as well (see `_work`).
+Rule of this file: matches are given in the order of their seeds, and are the same whoever plays them; each process
+reads the EDS files and the strategies once.
 """
 
 from __future__ import annotations
 
-import os
-import signal
-from collections.abc import Generator, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import replace
-from multiprocessing import Pipe, Process, parent_process
-from multiprocessing.connection import Connection, wait
-from typing import cast
+import hashlib
+from collections.abc import Generator
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
 
+from eurobot_od.campaign import blocks
+from eurobot_od.campaign.executors import HERE, Workers
+from eurobot_od.robot import dialects
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles, Performance
-from eurobot_od.robot.match.strategies import StrategyFiles
+from eurobot_od.robot.match.strategies import Players, StrategyFiles
 from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world import World
 
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
+if TYPE_CHECKING:
+    from eurobot_od.campaign.results import Results
 
 SHIPPED = StrategyFiles()
 
+SEED = "{seed}"
+"""What stands for the seed in the name of a log."""
+
 
 def play_many(
-    options: MatchOptions, seeds: range, jobs: int, strategies: StrategyFiles = SHIPPED
+    options: MatchOptions,
+    seeds: range,
+    workers: Workers = HERE,
+    strategies: StrategyFiles = SHIPPED,
+    results: Results[PlayedMatch] | None = None,
+    log: str | None = None,
 ) -> Generator[PlayedMatch, None, None]:
-    """Play a match for each seed on `jobs` processes, 1: in this one. Closing the iterator ends the processes.
+    """Play a match for each seed; `results` keeps them, and those that it has already are not played again.
+
+    `log` is the name of a file for the frames of each match, with `{seed}` in it.
 
     Raises UnknownName, DictionaryError, LocalError before anything is played, ChildProcessError if a process dies.
     """
-    files, players = EdsFiles.read(options.dialect), strategies.load()
-    Performance(options, files, World(options, lambda: 0.0))  # complains here, once
-    if jobs == 1 or len(seeds) == 1:
-        return (play(replace(options, seed=seed), files, players) for seed in seeds)
-    return _spread(options, seeds, min(jobs, len(seeds)), strategies)
+    player = SeedPlayer(options, strategies, _digest(options, strategies), log)
+    Performance(options, stage(player)[0], World(options, lambda: 0.0))  # complains here, once
+    return blocks.run(player, seeds, workers, results)
 
 
-# Processes
+@dataclass(frozen=True)
+class SeedPlayer:
+    """Plays the match of a seed; `digest` is that of the files that are read for it.
+
+    `log` is the name of a file for the frames, with `{seed}` in it.
+    """
+
+    options: MatchOptions
+    strategies: StrategyFiles
+    digest: str
+    log: str | None = None
+
+    def __call__(self, seed: int) -> PlayedMatch:
+        """Play."""
+        log = None if self.log is None else Path(self.log.replace(SEED, str(seed)))
+        return play(replace(self.options, seed=seed), *stage(self), log)
 
 
-def _spread(
-    options: MatchOptions, seeds: range, jobs: int, strategies: StrategyFiles
-) -> Generator[PlayedMatch, None, None]:
-    """Play on several processes, and hold back a match that is over before its turn."""
-    early: dict[int, PlayedMatch] = {}
-    turn = seeds.start
-    with ExitStack() as stack:
-        workers = [stack.enter_context(_worker(options, strategies)) for _ in range(jobs)]
-        try:
-            for match in _hand_out(workers, iter(seeds)):
-                early[match.seed] = match
-                while turn in early:
-                    yield early.pop(turn)
-                    turn += 1
-        except (EOFError, ConnectionError):
-            raise ChildProcessError("a process that played matches has died") from None
+@lru_cache(1)
+def stage(player: SeedPlayer) -> tuple[EdsFiles, Players]:
+    """Read the EDS files and the strategies: once in each process, unless they change."""
+    return EdsFiles.read(player.options.dialect), player.strategies.load()
 
 
-def _hand_out(workers: list[Connection], seeds: Iterator[int]) -> Iterator[PlayedMatch]:
-    """Give each worker a seed, and another one whenever it has played one; no more workers than seeds."""
-    for worker, seed in zip(workers, seeds):
-        worker.send(seed)
-    busy = list(workers)
-    while busy:
-        for worker in cast(list[Connection], wait(busy)):
-            match: PlayedMatch = worker.recv()
-            if (following := next(seeds, None)) is None:
-                busy.remove(worker)
-            else:
-                worker.send(following)
-            yield match
+def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]:
+    """Return all that the matches of any seeds depend on: the options, and what the files have in them.
+
+    Raises UnknownName, LocalError.
+    """
+    given = {name: str(value) for name, value in asdict(options).items() if name != "seed"}
+    return {"campaign": "matches", **given, "files": _digest(options, strategies)}
 
 
-@contextmanager
-def _worker(options: MatchOptions, strategies: StrategyFiles) -> Iterator[Connection]:
-    """Start a process, and give our end of the line to it: seeds go in, matches come out."""
-    ours, theirs = Pipe()
-    process = Process(target=_work, args=(theirs, options, strategies), daemon=True)
-    process.start()
-    theirs.close()  # so that the line ends when the process does
-    try:
-        yield ours
-    finally:
-        process.terminate()
-        process.join()
-        ours.close()
-
-
-def _work(line: Connection, options: MatchOptions, strategies: StrategyFiles) -> None:
-    """Play the seeds that come over the line, as long as the parent lives."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
-    files, players, parent = EdsFiles.read(options.dialect), strategies.load(), parent_process()
-    while parent and line in wait([line, parent.sentinel]):
-        line.send(play(replace(options, seed=line.recv()), files, players))
+def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
+    """Return what tells the EDS files and the strategies from all others."""
+    digest = hashlib.blake2b(digest_size=8)
+    for file in (*sorted(dialects.folder(options.dialect).glob("*.eds")), *strategies):
+        digest.update(file.read_bytes() if file and file.is_file() else b"-")
+    return digest.hexdigest()

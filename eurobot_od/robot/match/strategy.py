@@ -14,14 +14,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from eurobot_od.errors import RemoteError, StateError
+from eurobot_od.robot import messages
 from eurobot_od.robot.field import START_POSES, Point, Pose
-from eurobot_od.robot.messages import (
-    ConfederatePositionResponse,
-    Enemy1PositionResponse,
-    Enemy2PositionResponse,
-    KalmanPositionResponse,
-    PositionResponse,
-)
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.route import Clearances, Disc, find_route
 from eurobot_od.robot.tasks import Task, Worth, tasks
@@ -32,7 +26,7 @@ PACE = 400.0  # mm/s on average, braking and turning included
 OVERHEAD = 1.5  # s for every goto
 RADIUS = 140.0  # of our own robot and, as nobody says it, of the confederate, mm
 MARGIN = 40.0  # mm between us and a barrier
-BERTH = 160.0  # mm between us and another robot: from nearer, the sensor would stop us
+BERTH = 200.0  # mm between us and another robot: from nearer, the sensor would stop us
 STALE = 2.0  # s after which a position says nothing any more
 PUT_OFF = 6.0  # s until a task is tried again
 PAUSE = 0.5  # s to come to rest, and to see whether something goes away
@@ -58,15 +52,15 @@ class Strategy:
     @property
     def here(self) -> Point:
         """Where we were last."""
-        place = self.core.positions[KalmanPositionResponse].position
+        place = self.core.positions[messages.KalmanPositionResponse].position
         return self.home.point if place.x is None or place.y is None else Point(place.x, place.y)
 
     def others(self) -> Iterator[Disc]:
         """Yield where the other robots are, as far as it is known, as places to stay out of."""
-        radii: dict[type[PositionResponse], float] = {
-            Enemy1PositionResponse: self.start.enemy_1_diameter * 5,
-            Enemy2PositionResponse: self.start.enemy_2_diameter * 5,
-            ConfederatePositionResponse: RADIUS,
+        radii: dict[type[messages.PositionResponse], float] = {
+            messages.Enemy1PositionResponse: self.start.enemy_1_diameter * 5,
+            messages.Enemy2PositionResponse: self.start.enemy_2_diameter * 5,
+            messages.ConfederatePositionResponse: RADIUS,
         }
         for kind, radius in radii.items():
             seen = self.core.positions.get(kind)
@@ -101,8 +95,9 @@ class Strategy:
         return is_due and takes < self.core.time_left and not any(disc.contains(there) for disc in self.others())
 
     def best(self) -> Task | None:
-        """Choose the task that brings most for its time; None if there is none."""
-        return max(filter(self.is_possible, self.todo.values()), key=self.value, default=None)
+        """Choose the task that brings most for its time; None if there is none that brings anything."""
+        best = max(filter(self.is_possible, self.todo.values()), key=self.value, default=None)
+        return best if best and self.value(best) else None
 
     async def drive(self, there: Pose) -> bool:
         """Drive to a place, round other robots if need be; tell whether we arrived."""

@@ -473,7 +473,7 @@ class Core(RobotNode):
         yield from startup.check_nodes(self)
         yield from self._configure(configuration)
         self.offer(messages.NaviPositionRequest())
-        yield Pause(self.seconds("Goto handshake.State request period"))
+        yield Pause(self.period("Goto handshake.State request period"))
         here, there = (yield from drive_position(self))[:3], self._place
         if there is not None and not is_near(there, here, self.setting("Recovery.Displacement"), ANY_ANGLE):
             self._lost = "the drive has lost its place"
@@ -498,7 +498,7 @@ class Core(RobotNode):
             why = f"{detection.obstacle.name.lower()} ahead"
             self._stop(messages.EmergencyStop(detection.obstacle), Outcome.STOPPED, why)
         else:
-            self._looking = self.at(now + self.seconds("Obstacle.Sensing period"), partial(self._look_ahead, approach))
+            self._looking = self.at(now + self.period("Obstacle.Sensing period"), partial(self._look_ahead, approach))
 
     def _look_away(self) -> None:
         if self._looking is not None:
@@ -547,7 +547,7 @@ class Core(RobotNode):
     def _poll(self, request: Message, series: int, due: float) -> None:
         if series == self._polling:
             self.offer(request)
-            again = due + self.seconds("Position polling.Polling period")
+            again = due + self.period("Position polling.Polling period")
             self.at(again, partial(self._poll, request, series))
 
     # The other nodes
@@ -569,6 +569,12 @@ class Core(RobotNode):
         """Stop the drive when a master takes the node out of OPERATIONAL: it cannot ask for its state any more."""
         if self.is_commanding:
             self._stop(messages.StopDrive(), Outcome.STOPPED, "the core was taken out of OPERATIONAL")
+
+    def cut_off(self) -> None:
+        """Stop the drive as soon as the bus is back; the next goto begins with a recovery."""
+        self._lost = "the bus was lost"
+        if self._stopped is not None:
+            self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     # Messages
 

@@ -201,7 +201,7 @@ class Drive(RobotNode):
     def _step(self, now: float) -> None:
         """Do one control step: ask the motion, tell the wheels, follow what they did."""
         motion, pose = self._motion, self.estimate.pose
-        dt = self.seconds("Motion.Control period")
+        dt = self.period("Motion.Control period")
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)

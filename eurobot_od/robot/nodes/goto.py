@@ -59,7 +59,7 @@ def until_ended(core: RobotNode, goto: messages.GotoXY) -> Script[End]:
             odd.append(NO_GOTO)
         else:
             odd.clear()
-        yield Pause(core.seconds("Goto handshake.State request period"))
+        yield Pause(core.period("Goto handshake.State request period"))
     return End(Outcome.LOST, odd[-1])
 
 

@@ -67,7 +67,12 @@ class Disc(NamedTuple):
 
     def meets(self, start: Point, end: Point) -> bool:
         """Tell whether the straight leg from `start` to `end` has a point inside."""
-        (start_x, start_y), (end_x, end_y), (x, y) = start, end, self.centre
+        (start_x, start_y), (end_x, end_y), (x, y), reach = start, end, self.centre, self.radius
+        # Most legs pass far off on one side; this is asked for some hundred thousand times in a match.
+        if (start_x < x - reach and end_x < x - reach) or (start_x > x + reach and end_x > x + reach):
+            return False
+        if (start_y < y - reach and end_y < y - reach) or (start_y > y + reach and end_y > y + reach):
+            return False
         dx, dy = end_x - start_x, end_y - start_y
         along = (x - start_x) * dx + (y - start_y) * dy
         share = min(max(along / (dx * dx + dy * dy or 1.0), 0.0), 1.0)
@@ -125,24 +130,30 @@ def _on_field(point: Point, edge: float) -> bool:
 
 
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:
-    """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come."""
-    frontier = [(math.dist(start, goal), 0.0, start, (goal,) if start == goal else ())]
+    """Search the visibility graph: Dijkstra, with the straight distance to the goal as the part still to come.
+
+    Most legs are never looked at again: what a leg's tolls are is asked when it is the next one on a cheapest way.
+    """
+    frontier: list[tuple[float, float, tuple[Point, ...], bool]] = [(0.0, 0.0, (start,), True)]
     settled: set[Point] = set()
     while frontier:
-        _, cost, here, way = heappop(frontier)
-        if here == goal:
-            return way
+        estimate, cost, way, has_paid = heappop(frontier)
+        here = way[-1]
         if here in settled:
             continue
+        if not has_paid and (toll := _toll(way[-2], here, discs)):
+            if toll < math.inf:
+                heappush(frontier, (estimate + toll, cost + toll, way, True))
+            continue
+        if here == goal:
+            return way[1:] or (goal,)
         settled.add(here)
         for point in {goal, *corners} - settled:
-            further = cost + _price(here, point, discs)
-            # A leg with an infinite toll is not an edge; left in, it would be found when there is no other way.
-            if further < math.inf:
-                heappush(frontier, (further + math.dist(point, goal), further, point, (*way, point)))
+            further = cost + math.dist(here, point)
+            heappush(frontier, (further + math.dist(point, goal), further, (*way, point), False))
     return None
 
 
-def _price(start: Point, end: Point, discs: list[Disc]) -> float:
-    """Sum up a straight leg's length and the tolls of all discs it meets, mm."""
-    return math.dist(start, end) + sum(disc.toll for disc in discs if disc.meets(start, end))
+def _toll(start: Point, end: Point, discs: list[Disc]) -> float:
+    """Sum up the tolls of all discs that a straight leg meets, mm."""
+    return sum(disc.toll for disc in discs if disc.meets(start, end))

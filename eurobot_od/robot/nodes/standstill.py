@@ -57,7 +57,7 @@ def until_standing(
 
 def _standing_place(core: RobotNode) -> Script[messages.KalmanPositionResponse | None]:
     """Look at the drive for two stop periods; return where it stands, None if it does not, or does not answer."""
-    period = core.seconds("Standstill.Stop period")
+    period = core.period("Standstill.Stop period")
     ask_position = Ask(messages.KalmanPositionRequest(), messages.KalmanPositionResponse, period, 1)
     yield Pause(period)
     try:

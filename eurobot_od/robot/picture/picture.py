@@ -126,7 +126,7 @@ def _ticks(recording: Recording) -> Iterator[str]:
     """Mark the path every PATH_TICK seconds, but not under the marks of gotos and stops."""
     taken = [place(each.message.x, each.message.y) for each in recording.gotos]
     taken += [place(each.place.x, each.place.y + SIGN / 2) for each in recording.stops if each.place]
-    for time in range(PATH_TICK, int(recording.end) + 1, PATH_TICK):
+    for time in style.ticks(PATH_TICK, recording.end):
         where = at(recording.path, time)
         if where is not None and all(dist(place(where.x, where.y), other) > CLEAR for other in taken):
             centre = place(where.x, where.y)

@@ -14,6 +14,9 @@ from eurobot_od.robot import messages
 from eurobot_od.robot.values import Outcome, Passage, TeamColour
 from eurobot_od.svg import PaperPoint
 
+MOST_TICKS = 60
+"""So many times are marked at most: one far timestamp in a log is no reason to draw for ever."""
+
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 TEXT, SMALL = 38, 31
 
@@ -47,6 +50,12 @@ OUTCOMES: Mapping[Outcome | None, str] = {
 
 RAMP = ((0x7F, 0xCD, 0xEE), (0x2F, 0x8F, 0xD0), (0x34, 0x57, 0xA6), (0x2A, 0x1F, 0x6B))
 """Colours of the time from start to end; they get darker, so that the order is seen in grey as well."""
+
+
+def ticks(tick: int, end: float) -> range:
+    """Return the times up to the end that are marked: every `tick` seconds, more seldom where that were too many."""
+    step = tick * max(math.ceil(end / tick / MOST_TICKS), 1)
+    return range(step, int(end) + 1, step)
 
 
 def colour_at(share: float) -> str:

@@ -163,7 +163,7 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
     for piece in range(pieces):
         start = WIDTH * piece / pieces
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
-    for time in range(0, int(end) + 1, TIME_TICK):
+    for time in (0, *style.ticks(TIME_TICK, end)):
         yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=style.GRID, stroke_width=3)
         yield style.label((x(time), TIME_Y - 14), str(time), fill=style.PALE, size=style.SMALL)
 

@@ -14,9 +14,9 @@ from eurobot_od.robot.field import WIDTH, Point, Pose
 from eurobot_od.robot.values import Source, TeamColour
 
 ROUNDS: dict[Source, Sequence[Point]] = {
-    Source.ENEMY_1: (Point(2750, 1750), Point(1850, 1700), Point(1500, 1250), Point(2350, 1600)),
-    Source.ENEMY_2: (Point(2750, 250), Point(1700, 300), Point(1500, 650), Point(2400, 500)),
-    Source.CONFEDERATE: (Point(250, 300), Point(600, 250), Point(250, 550)),
+    Source.ENEMY_1: (Point(2750, 1750), Point(1750, 1700), Point(1500, 1350), Point(2550, 1250)),
+    Source.ENEMY_2: (Point(2750, 300), Point(1500, 300), Point(1500, 500), Point(2600, 500)),
+    Source.CONFEDERATE: (Point(300, 300), Point(1200, 300), Point(1200, 500), Point(450, 500)),
 }
 """Where the others drive when our team is red, clear of the pools; yellow is the mirror image."""
 

@@ -23,14 +23,14 @@ from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
 from eurobot_od.robot.tasks import tasks
 from eurobot_od.robot.values import Source, TeamColour
-from eurobot_od.robot.world.bodies import ROBOT_RADIUS, RobotBody, Weight, things
+from eurobot_od.robot.world.bodies import ROBOT_RADIUS, RobotBody, Weight, inside, things
 from eurobot_od.robot.world.contact import Contacts, Touch
 from eurobot_od.robot.world.fallen import FallenThing
 from eurobot_od.robot.world.game import Game, find
 from eurobot_od.robot.world.patrols import Patrol
 from eurobot_od.robot.world.sight import nearest_ahead
 
-PACE = 0.04
+PACE = 0.1
 """Seconds of a step of the robots on their rounds."""
 
 LOOK_OUT = 120.0
@@ -73,6 +73,7 @@ class World:
         self.robots: dict[str, RobotBody] = {}
         self._patrols: dict[str, Patrol] = {}
         self._contacts = Contacts(self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name))
+        self._go = self._contacts.move if options.solid else self._pass
         self._fallen = FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
         self._put(OURS, START_POSES[options.team], ROBOT_RADIUS)
@@ -132,13 +133,17 @@ class World:
         body = self.robots[name]
         body.speed = wanted.distance / dt if dt else 0.0
         before, there = body.pose, body.pose.moved(*wanted)
-        self._contacts.move(body, there)
+        self._go(body, there)
         if name == OURS and self._options.falling:
             self._fallen.look_at(body, self.clock())
-        if body.point == there.point:
+        if body.point == there.point or not self._options.solid:
             return wanted.distance
         heading = math.radians(before.angle + wanted.turn / 2)
         return (body.point.x - before.x) * math.cos(heading) + (body.point.y - before.y) * math.sin(heading)
+
+    def _pass(self, body: RobotBody, wanted: Pose) -> None:
+        """Move a robot to a pose whatever is there; the border holds it."""
+        body.go(inside(wanted.point, 0), wanted.angle, self.clock())
 
     def _tell(self, touch: Touch) -> None:
         self.touches.append(touch)
@@ -161,7 +166,7 @@ class World:
             return
         before, wanted = body.point, patrol.advance(body.point, PACE)
         body.speed = patrol.speed
-        self._contacts.move(body, wanted)
+        self._go(body, wanted)
         if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
             patrol.held_up(PACE)
 

@@ -50,7 +50,7 @@ def field_name(parameter_name: str) -> str:
 
 def run(od: Any, entry: int) -> Run:
     name, bits = od[entry >> 16][entry >> 8 & 0xFF].name, entry & 0xFF
-    part = re.fullmatch(r"(.+) \[\d+:(\d+)\]", name)
+    part = re.fullmatch(r"(.+) \(\d+:(\d+)\)", name)
     return Run(field_name(part[1]), int(part[2]), bits) if part else Run(field_name(name), 0, bits)
 
 

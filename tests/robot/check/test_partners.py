@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.robot import dialects, faults
 from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.nodes import ANY_DEVICE, Core, Drive, Navigation
+from eurobot_od.robot.nodes.motion import Command
+from eurobot_od.robot.values import Source
 
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
 
@@ -15,7 +19,15 @@ def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
     assert isinstance(core.node, Core)
     assert isinstance(drive.node, Drive)
     assert isinstance(navigation.node, Navigation)
-    assert len({id(drive.node.chassis), id(navigation.node.beacons)}) == 1
+    assert navigation.node.beacons is not None
+    before = navigation.node.beacons.locate(Source.INTERNAL, 0.0)
+    for _ in range(10):
+        drive.node.chassis.advance(Command(500.0, 0.0), 0.1)
+    after = navigation.node.beacons.locate(Source.INTERNAL, 0.0)
+    assert before is not None
+    assert after is not None
+    assert after.x - before.x == pytest.approx(500, abs=50)
+    assert core.node.sensor is None, "what comes along would stop it"
     assert [each.program is None for each in (core, drive, navigation)] == [False, True, True]
 
 

@@ -35,7 +35,6 @@ def driven(start: Pose, steps: int) -> World:
         (Pose(1300, 900, 180), "pool 1", Point(1050, 900)),
         (Pose(1500, 1700, 90), "border", Point(1500, 2000)),
         (Pose(1300, 1400, 180), "fire 1", Point(900 + 81, 1400)),
-        (Pose(300, 700, 180), "tree 1", Point(75, 700)),
     ],
 )
 def test_a_touch_is_where_the_two_met(start: Pose, words: str, place: Point) -> None:

@@ -129,6 +129,7 @@ def ended(end: str) -> PlayedMatch:
         (PlayedMatch(1, touches=[RobotTouch(2.5, "pool 1", True, False)]), ["touched pool 1 at 2.5 s"]),
         (PlayedMatch(1, touches=[RobotTouch(2.5, "fire 1", True, False)]), []),
         (PlayedMatch(1, moved=0.25, summary=summary()), ["moved 0.25 mm after it had stopped"]),
+        (PlayedMatch(1, moved=9.0, touches=[RobotTouch(80.0, "enemy 1", False, True)]), []),  # it was pushed
         (PlayedMatch(1, summary=summary(reports=["dropped"])), ["gatekeeper: dropped"]),
         (PlayedMatch(1, failure="no answer"), ["no answer"]),
     ],

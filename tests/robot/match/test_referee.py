@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 
 import pytest
 
@@ -120,7 +121,7 @@ def test_an_exception_ends_the_match_with_the_robot_standing(strategy: Strategy)
 
 
 def test_the_mushroom_ends_everything() -> None:
-    events, summary, world = play(to_and_fro, MatchOptions(duration=8.0, emergency_at=4.0, seed=3))
+    events, summary, world = play(to_and_fro, replace(ALONE, emergency_at=4.0))
     emergency = next(event for event in events if event.kind is EventKind.EMERGENCY)
     assert emergency.time - events[4].time == pytest.approx(4.0, abs=0.001)
     later = [event for event in events if event.time > emergency.time]

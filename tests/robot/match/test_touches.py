@@ -6,7 +6,8 @@ import pytest
 
 from eurobot_od.robot.match.touches import RobotTouch, Touched, counts, kind_of, touches_of
 from eurobot_od.robot.world.bodies import BORDER, things
-from eurobot_od.robot.world.world import NAMES, OURS, Touch
+from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.world import NAMES, OURS
 
 FAST, STANDS = 300.0, 0.0
 
@@ -44,7 +45,6 @@ def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None
         (RobotTouch(1.0, "pool 1", False, False, forced=True), True),
         (RobotTouch(1.0, "pool 1", False, False), False),
         (RobotTouch(1.0, "pool 1", True, False), True),
-        (RobotTouch(1.0, "tree 1", True, False), True),
         (RobotTouch(1.0, BORDER, True, False), True),
         (RobotTouch(1.0, "enemy 1", True, False), True),
         (RobotTouch(1.0, "enemy 1", True, True), False),

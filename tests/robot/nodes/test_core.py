@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
@@ -173,6 +175,21 @@ def test_a_newer_start_configuration_replaces_one_that_is_not_confirmed(bench: B
     bench.check()
     assert new.done()
     assert bench.core.configuration == yellow
+
+
+PERIODS = {
+    "Position polling.Polling period": "2103sub1",
+    "Goto handshake.State request period": "2102sub4",
+    "Standstill.Stop period": "2107sub1",
+}
+
+
+@pytest.mark.parametrize(("name", "section"), PERIODS.items())
+def test_no_step_of_time_is_0_whatever_the_eds_says(spoil_eds: Callable[..., Path], name: str, section: str) -> None:
+    folder = spoil_eds(("core", section, "DefaultValue", "0"), ("core", section, "LowLimit", "0"))
+    core = Core(Dictionary.load(folder / "core.eds"))
+    assert core.setting(name) == 0
+    assert core.period(name) == 0.001
 
 
 # Position polling (document 4.2.2, 5.2; periods and offsets of the 2014 robot)

@@ -280,3 +280,8 @@ def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     with pytest.raises(LocalError, match=r"needs the extra `png`"):
         save(SEEN, tmp_path / "match.png", "Match")
     assert not (tmp_path / "match.png").exists()
+
+
+def test_one_far_timestamp_does_not_draw_for_ever() -> None:
+    far: list[tuple[float, Message]] = [*EVENTS, (9e10, KalmanPositionResponse(700, 1100, 300, Source.INTERNAL))]
+    assert len(picture(record(far), "far")) < 100_000

@@ -9,7 +9,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
@@ -159,9 +159,10 @@ def saying(answer: bytes | None) -> Iterator[Address]:
                 return
             waiting.append(connection)
             if answer is not None:
-                connection.recv(1)
-                connection.sendall(answer)
-                connection.shutdown(socket.SHUT_WR)
+                with suppress(OSError):  # who asked may have gone
+                    connection.recv(1)
+                    connection.sendall(answer)
+                    connection.shutdown(socket.SHUT_WR)
 
     thread = threading.Thread(target=accept, daemon=True)
     thread.start()

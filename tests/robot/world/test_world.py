@@ -274,3 +274,16 @@ def test_a_task_takes_its_time_and_scores_where_the_robot_truly_is() -> None:
 def test_an_unknown_task_is_named() -> None:
     with pytest.raises(UnknownName, match="unknown task 'fire 11'"):
         Place().vehicle.begin("fire 11")
+
+
+# A test bench
+
+
+def test_on_a_bench_nothing_is_in_the_way_but_the_border() -> None:
+    place = Place(solid=False)
+    place.put(*BEFORE_POOL)
+    assert place.drive(400, 3.0) == pytest.approx(1200)
+    assert place.here == pytest.approx((100, 900))
+    assert place.drive(400, 1.0) == pytest.approx(400), "wheels that hang free do not stall"
+    assert place.here.x == 0
+    assert place.touched() == []

@@ -1,0 +1,97 @@
+"""Compare two logs of what should be the same: which frames are missing, extra, late, or have other values.
+
+Exit status 1 if they differ: a regression test for a node's program.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from eurobot_od import durations
+from eurobot_od.cli import ExitStatus, logs, options
+from eurobot_od.cli.decode import add_filters, filters
+from eurobot_od.errors import LocalError, UnknownName
+
+if TYPE_CHECKING:
+    from eurobot_od.compare import Difference, Timed
+    from eurobot_od.logs.filters import Wanted
+    from eurobot_od.logs.meaning import Decoder
+    from eurobot_od.pdo.protocol import Protocol
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    from eurobot_od.logs.formats import FORMATS
+
+    parser.add_argument("first", metavar="LOG", help="what it should be")
+    parser.add_argument("second", metavar="LOG", help="what it is")
+    parser.add_argument("--format", choices=FORMATS, help="format of both; left out: by suffix")
+    parser.add_argument("--time", type=durations.seconds, default="1 ms", metavar="TIME", help="between times (1 ms)")
+    parser.add_argument(
+        "--tolerance",
+        action="append",
+        default=[],
+        metavar="[MESSAGE.]FIELD=NUMBER",
+        help="between two values of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object a difference")
+    add_filters(parser)
+    options.add_network(parser)
+
+
+def run(arguments: argparse.Namespace) -> ExitStatus:
+    """Compare; print the differences in the order of time, and how many there are."""
+    from eurobot_od.compare import Tolerances, compare
+
+    decoder = options.decoder(arguments)
+    fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)
+    wanted = filters(arguments, decoder)
+    first, second = (_read(log, arguments, decoder, wanted) for log in (arguments.first, arguments.second))
+    differences = compare(first, second, decoder, Tolerances(arguments.time, fields))
+    for each in differences:
+        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if arguments.json else _line(each))
+    if not arguments.json:
+        print(_summary(differences, len(first), len(second)))
+    return ExitStatus.FOUND if differences else ExitStatus.FINE
+
+
+def tolerances(given: list[tuple[str, str]], protocol: Protocol) -> dict[tuple[str, str], float]:
+    """Return the tolerances by message and field; raises UnknownName, LocalError."""
+    found: dict[tuple[str, str], float] = {}
+    for name, text in given:
+        message, _, field = name.rpartition(".")
+        bindings = [protocol.binding(message)] if message else protocol.bindings
+        having = [each.name for each in bindings if field in each.kinds]
+        if not having:
+            raise UnknownName("field", name, dict.fromkeys(field for each in bindings for field in each.kinds))
+        found |= dict.fromkeys(((each, field) for each in having), _number(name, text))
+    return found
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = -1.0
+    if not 0 <= number < float("inf"):
+        raise LocalError(f"--tolerance {name}={text}: not a number from 0 on")
+    return number
+
+
+def _read(log: str, arguments: argparse.Namespace, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
+    entries = (entry for _, entry in logs.entries([log], arguments.format))
+    return [(time, raw) for _, time, _, raw in entries if wanted is None or wanted(decoder(raw))]
+
+
+def _line(difference: Difference) -> str:
+    time, kind, name, text = difference
+    return f"{time:13.6f}  {kind.value:<8} {name:<29} {text}".rstrip()
+
+
+def _summary(differences: list[Difference], *counts: int) -> str:
+    frames = " and ".join(map(str, counts))
+    kinds = Counter(each.kind.value for each in differences)
+    return f"{frames} frames: {', '.join(f'{count} {kind}' for kind, count in kinds.items()) or 'no difference'}"

@@ -1,0 +1,32 @@
+"""Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses where a message says one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from eurobot_od.cli import extras, logs, options
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    from eurobot_od.logs.formats import FORMATS
+
+    parser.add_argument("log", metavar="LOG", help="log in any format; -: standard input")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file")
+    parser.add_argument("--format", choices=FORMATS, help="format of the log; left out: by suffix")
+    options.add_network(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Write the file; say what is in it."""
+    with extras.needed("mcap"):
+        from eurobot_od.export.mcap import write
+        from eurobot_od.robot.poses import drawings
+    decoder = options.decoder(arguments)
+    with logs.opened(arguments.log) as log, arguments.output.open("wb") as file:
+        from eurobot_od.logs import formats
+
+        entries = formats.read(log, arguments.format)
+        messages, poses, damage = write(file, entries, decoder, drawings(decoder.protocol))
+    print(f"{arguments.output}: {messages} messages, {poses} poses, {damage} damaged")

@@ -1,0 +1,129 @@
+"""Ask a season: by SQL, one view for each message, or by a ready report. Without a question: what there is.
+
+DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, and one for each message, such as `goto_xy`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.cli import extras, options, output
+from eurobot_od.errors import LocalError, UnknownName
+
+if TYPE_CHECKING:
+    import polars as pl
+
+    from eurobot_od.season.reports import Report
+    from eurobot_od.season.season import Season
+
+BIT_RATE = 500_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    parser.add_argument("season", type=Path, metavar="SEASON", help="folder that `archive` has made")
+    parser.add_argument("sql", nargs="?", metavar="SQL", help="a query; left out: the tables")
+    parser.add_argument("--report", metavar="NAME", help="a ready question; `--report list` lists them")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="one JSON object a row")
+    form.add_argument("--csv", action="store_true", help="comma-separated values")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="also draw the answer as SVG")
+    parser.add_argument(
+        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for the load; left out: %(default)s"
+    )
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Ask, print, draw."""
+    if arguments.sql and arguments.report:
+        raise LocalError("a question is SQL or --report, not both")
+    with extras.needed("season"):
+        from eurobot_od.season.season import Season
+    if arguments.report == "list":
+        width = max(map(len, reports()))
+        print("\n".join(f"{name:{width}}  {report.title}" for name, report in reports().items()))
+        return
+    season, report = Season.open(arguments.season), _report(arguments.report)
+    values = {"bitrate": arguments.bitrate}
+    rows = season.sql(report.sql if report else arguments.sql, values) if report or arguments.sql else _tables(season)
+    if arguments.plot is not None:
+        output.write(arguments.plot, _picture(season, report, rows, arguments.sql, values))
+    written = _json if arguments.json else _csv if arguments.csv else _table
+    sys.stdout.write(written(rows))
+
+
+def reports() -> Mapping[str, Report]:
+    """Return all reports by name."""
+    from eurobot_od.robot.season import REPORTS as OF_THE_ROBOT
+    from eurobot_od.season.reports import REPORTS
+
+    return {**OF_THE_ROBOT, **REPORTS}
+
+
+def _report(name: str | None) -> Report | None:
+    if name is not None and name not in reports():
+        raise UnknownName("report", name, reports())
+    return None if name is None else reports()[name]
+
+
+def _tables(season: Season) -> pl.DataFrame:
+    """Return the tables, how many rows each has, and its columns."""
+    import polars as pl
+
+    rows = []
+    for name in season.files:
+        frames = season.frames(name)
+        number = frames.select(pl.len()).collect().item()
+        rows.append((name, number, ", ".join(frames.collect_schema().names())))
+    return pl.DataFrame(rows, ["table", "rows", "columns"], orient="row")
+
+
+def _picture(season: Season, report: Report | None, rows: pl.DataFrame, sql: str, values: Mapping[str, Any]) -> str:
+    from eurobot_od.season.chart import chart_of, draw
+
+    if report is None:
+        return draw(rows, chart_of(rows), sql or "tables")
+    shown = season.sql(report.chart.sql, values) if report.chart.sql else rows
+    return draw(shown, report.chart, report.title)
+
+
+# Forms
+
+
+def _json(rows: pl.DataFrame) -> str:
+    return _plain(rows).write_ndjson()
+
+
+def _csv(rows: pl.DataFrame) -> str:
+    return _plain(rows).write_csv()
+
+
+def _plain(rows: pl.DataFrame) -> pl.DataFrame:
+    """Return rows with bytes as hexadecimal digits, which CSV and JSON have no form for."""
+    import polars as pl
+    import polars.selectors as cs
+
+    return rows.with_columns(cs.binary().bin.encode("hex").str.to_uppercase(), cs.categorical().cast(pl.String))
+
+
+def _table(rows: pl.DataFrame) -> str:
+    return "".join(f"{line}\n" for line in _lines(_plain(rows)))
+
+
+def _lines(rows: pl.DataFrame) -> Iterator[str]:
+    """Yield aligned lines: numbers to the right, all else to the left."""
+    columns = [[name, *map(_shown, rows[name].to_list())] for name in rows.columns]
+    widths = [max(map(len, column)) for column in columns]
+    aligned: list[Callable[[str, int], str]] = [
+        str.rjust if rows[name].dtype.is_numeric() else str.ljust for name in rows.columns
+    ]
+    for cells in zip(*columns):
+        yield "  ".join(align(cell, width) for cell, width, align in zip(cells, widths, aligned)).rstrip()
+
+
+def _shown(value: object) -> str:
+    return "" if value is None else f"{value:.6f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)

@@ -1,0 +1,65 @@
+"""Replay a log onto a bus at its old times, so that one real node meets yesterday's others.
+
+`--except drive` leaves out what the drive sent in the log: the drive on the bus is to say it itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import logs, options
+
+if TYPE_CHECKING:
+    from eurobot_od.frame import Frame
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    logs.add_log(parser)
+    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N", help="so many times as fast (default: 1)")
+    whose = parser.add_mutually_exclusive_group()
+    whose.add_argument("--only", action="append", default=[], metavar="NODE", help="what this node sent; repeatable")
+    whose.add_argument(
+        "--except",
+        dest="without",
+        action="append",
+        default=[],
+        metavar="NODE",
+        help="all but what this node sent; repeatable",
+    )
+    options.add_network(parser)
+    options.add_bus(parser)
+
+
+def _speed(text: str) -> float:
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0 < speed < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
+    return speed
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Send the frames; say how many, and how late."""
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.replay import LATE, replay
+    from eurobot_od.logs.senders import by_sender
+
+    decoder = options.decoder(arguments)
+    wanted = by_sender(decoder.outlines, decoder.protocol, arguments.only, arguments.without)
+    with Master(options.open_bus(arguments)) as master:
+        frames, late, worst = replay(master, _frames(arguments, wanted), arguments.speed)
+    print(f"{frames} frames sent, {late} of them later than {LATE * 1000:g} ms, {worst * 1000:.1f} ms at most")
+
+
+def _frames(arguments: argparse.Namespace, wanted: Callable[[Frame], bool]) -> Iterator[tuple[float, Frame]]:
+    """Give the wanted frames with their times; logs follow each other."""
+    from eurobot_od.frame import Frame
+
+    for _, (_, time, _, raw) in logs.entries(arguments.logs, arguments.format):
+        if isinstance(raw, Frame) and wanted(raw):
+            yield time, raw

@@ -1,0 +1,157 @@
+"""A log as MCAP, which Foxglove and PlotJuggler open: a channel for each message, JSON with a schema.
+
+Rule of this file: a message has the words and numbers that `decode --json` gives it, unknown is null. What a message
+draws, such as a pose, goes into a channel of its own; which message draws what is handed in.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from typing import IO, Any, NamedTuple
+
+from mcap.writer import Writer
+
+from eurobot_od.logs.entries import LogEntry
+from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.kinds import ColumnForm, Kind
+from eurobot_od.pdo.message import Message, kinds
+
+NANOSECONDS = 1_000_000_000
+JSON = "json"
+SCHEMA = "jsonschema"
+DAMAGE = "damage"
+
+TYPES: Mapping[ColumnForm, str] = {
+    ColumnForm.NUMBER: "number",
+    ColumnForm.BITS: "string",
+    ColumnForm.BOOLEAN: "boolean",
+    ColumnForm.WORD: "string",
+    ColumnForm.REAL: "number",
+    ColumnForm.TEXT: "string",
+    ColumnForm.OCTETS: "string",
+}
+"""JSON's types of the values of fields, as `Kind.plain` writes them."""
+
+
+class Drawing(NamedTuple):
+    """What a message draws: a well-known schema's name, its properties, and what is drawn of a message; None: nothing.
+
+    `of` gets the message and the time as MCAP's schemas write it.
+    """
+
+    schema: str
+    properties: Mapping[str, Any]
+    of: Callable[[Message, dict[str, int]], dict[str, Any] | None]
+
+
+Drawings = Mapping[str, Drawing]
+"""What messages draw, by their names."""
+
+
+class Written(NamedTuple):
+    """How many messages and drawings a file got, and how many entries with damage."""
+
+    messages: int = 0
+    drawings: int = 0
+    damage: int = 0
+
+
+def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawings: Drawings) -> Written:
+    """Write the entries of a log; services become text, and what is damaged goes to the channel `damage`."""
+    writer = Writer(file)
+    writer.start(library="eurobot-od")
+    channels = _Channels(writer, decoder, drawings)
+    written = Written()
+    for line, time, channel, raw in entries:
+        meaning = decoder(raw)
+        place = {"line": line, "channel": channel}
+        made = channels.of(meaning, place, time)
+        for name, content in made:
+            channels.add(name, content, time)
+        names = [name for name, _ in made]
+        written = Written(
+            written.messages + (meaning.message is not None),
+            written.drawings + sum(name.endswith(DRAWN) for name in names),
+            written.damage + (DAMAGE in names),
+        )
+    writer.finish()  # type: ignore[no-untyped-call]
+    return written
+
+
+DRAWN = "/drawing"
+"""Ends the name of a drawing's channel."""
+
+
+class _Channels:
+    """The channels of a file; each is made when there is something for it."""
+
+    def __init__(self, writer: Writer, decoder: Decoder, drawings: Drawings) -> None:
+        self._writer, self._drawings = writer, drawings
+        self._bindings = {each.name: each for each in decoder.protocol.bindings}
+        self._ids: dict[str, int] = {}
+
+    def of(self, meaning: Meaning, place: dict[str, Any], time: float) -> list[tuple[str, dict[str, Any]]]:
+        """Return what an entry is in each of its channels."""
+        made: list[tuple[str, dict[str, Any]]] = []
+        if meaning.message is not None:
+            made.append((meaning.name, _values(meaning.message) | {"_": place}))
+            drawing = self._drawings.get(meaning.name)
+            drawn = drawing.of(meaning.message, _stamp(time)) if drawing else None
+            if drawn is not None:
+                made.append((f"{meaning.name}{DRAWN}", drawn))
+        elif not meaning.defects:
+            made.append((meaning.name, {"text": meaning.text, "_": place}))
+        if meaning.defects:
+            made.append((DAMAGE, {"text": with_defects(meaning), "_": place}))
+        return made
+
+    def add(self, name: str, content: Mapping[str, Any], time: float) -> None:
+        """Write a message to a channel."""
+        if name not in self._ids:
+            self._ids[name] = self._register(name)
+        now = round(time * NANOSECONDS)
+        self._writer.add_message(self._ids[name], now, json.dumps(content, ensure_ascii=False).encode(), now)
+
+    def _register(self, name: str) -> int:
+        title, schema = self._schema(name)
+        schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
+        return self._writer.register_channel(f"/{name}", JSON, schema_id, self._metadata(name))
+
+    def _schema(self, name: str) -> tuple[str, dict[str, Any]]:
+        drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
+        if drawing is not None:
+            return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
+        binding = self._bindings.get(name)
+        properties = {"text": {"type": "string"}} if binding is None else _properties(binding)
+        return name, {"type": "object", "title": name, "properties": properties | {"_": PLACE}}
+
+    def _metadata(self, name: str) -> dict[str, str]:
+        binding = self._bindings.get(name)
+        if binding is None:
+            return {}
+        return {"cob_id": f"0x{binding.cob_id:03X}", "senders": ", ".join(binding.senders)}
+
+
+PLACE = {"type": "object", "properties": {"line": {"type": "integer"}, "channel": {"type": "string"}}}
+
+
+def _stamp(time: float) -> dict[str, int]:
+    seconds, rest = divmod(round(time * NANOSECONDS), NANOSECONDS)
+    return {"sec": seconds, "nsec": rest}
+
+
+def _values(message: Message) -> dict[str, Any]:
+    written = kinds(type(message))
+    return {field: written[field].plain(value) for field, value in message._asdict().items()}
+
+
+def _properties(binding: Binding) -> dict[str, Any]:
+    return {field: _property(kind) for field, kind in binding.kinds.items()}
+
+
+def _property(kind: Kind) -> dict[str, Any]:
+    """Return the schema of a field; a code, or a value out of range, may stand for a number or a word."""
+    types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
+    return {"type": list(types)} | ({"description": f"in {kind.unit}"} if kind.unit else {})

@@ -1,0 +1,58 @@
+"""Who sends a frame, as far as the devices' files say it: for filters by sender.
+
+Rule of this file: only what an identifier says. NMT commands and SDO requests are a master's, who has no name here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.od import values
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.catalogue import plain_name
+from eurobot_od.pdo.protocol import Protocol
+
+OWN_SERVICES = (
+    ((0x1014, 0), values.EMCY_BASE),
+    ((0x1200, 2), values.SDO_RESPONSE_BASE),
+    (None, values.ERROR_CONTROL_BASE),
+)
+"""What a device sends besides messages: where its identifier stands, and what that is in the predefined set."""
+
+
+def senders(outlines: Iterable[Outline], protocol: Protocol) -> dict[int, frozenset[str]]:
+    """Return the names of the devices that send each identifier; one that nobody is known to send is left out."""
+    found: dict[int, set[str]] = {}
+    for outline in outlines:
+        for address, base in OWN_SERVICES:
+            said = outline.number(address) if address else None
+            cob_id = said if said is not None and not said & values.NOT_VALID else base + outline.node_id
+            found.setdefault(cob_id & values.BASE_IDENTIFIER, set()).add(outline.name)
+    messages = {each.cob_id: frozenset(each.senders) for each in protocol.bindings if each.senders}
+    return {cob_id: frozenset(names) for cob_id, names in found.items()} | messages
+
+
+def by_sender(
+    outlines: Collection[Outline], protocol: Protocol, only: Iterable[str], without: Iterable[str]
+) -> Callable[[Frame], bool]:
+    """Want what devices send: `only` these, or all but what none but those `without` sends; raises UnknownName.
+
+    A frame of which the sender is not known is wanted unless `only` some are.
+    """
+    known = {plain_name(each.name): each.name for each in outlines}
+    wanted, unwanted = ({_known(name, known) for name in names} for names in (only, without))
+    sent_by, nobody = senders(outlines, protocol), frozenset[str]()
+
+    def wants(frame: Frame) -> bool:
+        names = sent_by.get(frame.cob_id, nobody)
+        return not wanted.isdisjoint(names) if wanted else not names or not names <= unwanted
+
+    return wants
+
+
+def _known(name: str, known: dict[str, str]) -> str:
+    if plain_name(name) not in known:
+        raise UnknownName("node", name, known.values())
+    return known[plain_name(name)]

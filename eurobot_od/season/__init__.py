@@ -1,0 +1,9 @@
+"""A season of logs as columns: Parquet files that Polars, DuckDB and everything else in that world reads.
+
+    logs  ->  batches of columns      `batches`: any format, in streaming
+          ->  messages and defects    `columns`, `defects`: expressions on the data as a 64-bit integer
+          ->  SEASON/TABLE/RUN.parquet   `archive`: whole or not at all, each log once; names in `tables`
+    SEASON/  ->  lazy frames and SQL  `season`; ready questions in `reports`, their pictures in `chart`
+
+It needs the extra `season`: polars, duckdb and pyarrow. Nothing here knows which devices there are.
+"""

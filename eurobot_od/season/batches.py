@@ -1,0 +1,189 @@
+"""A log of any format to batches of columns: frames with line, time, channel, identifier and data; and what is none.
+
+Rule of this file: a batch says what `logs.formats.read` says of the same log, entry by entry. candump's format, which
+long logs are in, is taken apart by columns; a line in any other form than candump's and python-can's own goes through
+the format's reader, and so do all lines of the other formats. Memory holds one batch, however long the log is.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Iterable, Iterator
+from io import BytesIO
+from itertools import islice
+from typing import Any, BinaryIO, NamedTuple, cast
+
+import polars as pl
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs import formats
+from eurobot_od.logs.candump import CandumpFormat
+from eurobot_od.logs.entries import LARGEST, Damage, LogEntry
+from eurobot_od.logs.lines import read_lines
+
+CHUNK = 1 << 23
+"""Bytes of a log that are taken apart at once."""
+
+ENTRIES = 1 << 17
+"""Entries of a batch where a reader gives them one by one."""
+
+USUAL = (
+    r"^\((?<t>[0-9]{1,10}\.[0-9]{1,9})\) (?<channel>[!-~]+) "
+    r"(?<cob_id>[0-7][0-9A-Fa-f]{2})#(?<hex>(?:[0-9A-Fa-f]{2}){0,8})(?: [RT])?\r?$"
+)
+"""A line with a classic base data frame as candump and python-can write it."""
+
+ENTRY = {"line": pl.UInt64, "t": pl.Float64, "channel": pl.String}
+FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt16, "hex": pl.String})
+FOREIGN = pl.Schema({**ENTRY, "kind": pl.String, "text": pl.String})
+
+
+class Batch(NamedTuple):
+    """Entries of a log that follow each other: the `frames`, and the `foreign` ones that are none; `size` in bytes.
+
+    `size` is how much of the log was read for it, 0 where nobody can tell.
+    """
+
+    frames: pl.DataFrame
+    foreign: pl.DataFrame
+    size: int = 0
+
+
+def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
+    """Yield the batches of an open log; errors as `logs.formats.read`."""
+    suffix, packed = formats.form_of(file, form)
+    if suffix == formats.CANDUMP:
+        return _candump_batches(_unpacked_chunks(file) if packed else _chunks(file))
+    return _entry_batches(formats.read(file, form))
+
+
+# Entries one by one
+
+
+def _entry_batches(entries: Iterator[LogEntry]) -> Iterator[Batch]:
+    while taken := list(islice(entries, ENTRIES)):
+        yield _batch(taken)
+
+
+def _batch(entries: Iterable[LogEntry]) -> Batch:
+    frames: list[tuple[Any, ...]] = []
+    foreign: list[tuple[Any, ...]] = []
+    for line, time, channel, raw in entries:
+        if isinstance(raw, Frame):
+            frames.append((line, time, channel, raw.cob_id, raw.data.hex()))
+        else:
+            foreign.append((line, time, channel, raw.damage.value, raw.text))
+    return Batch(
+        pl.DataFrame(frames, FRAMES, orient="row"),
+        pl.DataFrame(foreign, FOREIGN, orient="row"),
+    )
+
+
+# candump
+
+
+class _Chunk(NamedTuple):
+    """Whole lines of a log; `cut` says why what comes after them cannot be unpacked."""
+
+    content: bytes
+    cut: str = ""
+
+
+def _chunks(file: BinaryIO) -> Iterator[_Chunk]:
+    """Yield a file's whole lines; what comes after the last line end is a line, too."""
+    left = b""
+    while new := file.read(CHUNK):
+        whole, end, left = (left + new).rpartition(b"\n")
+        yield _Chunk(whole + end)
+    yield _Chunk(left)
+
+
+def _unpacked_chunks(file: BinaryIO) -> Iterator[_Chunk]:
+    """Yield a packed file's whole lines, as far as it can be unpacked."""
+    unpacked = gzip.GzipFile(fileobj=file)
+    parts: list[bytes] = []
+    left, cut = b"", ""
+    try:
+        while part := unpacked.read1(CHUNK):
+            parts.append(part)
+            if sum(map(len, parts)) >= CHUNK:
+                whole, end, left = (left + b"".join(parts)).rpartition(b"\n")
+                parts.clear()
+                yield _Chunk(whole + end)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        cut = str(error)
+    rest = left + b"".join(parts)
+    if cut:  # a line that is there in part only is not there
+        rest = b"".join(rest.rpartition(b"\n")[:2])
+    yield _Chunk(rest, cut)
+
+
+def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[Batch]:
+    lines, time = 0, 0.0
+    for content, cut in chunks:
+        batch = _of_lines(content, lines, time)
+        lines += content.count(b"\n")
+        time = _latest(batch, time)
+        if cut:
+            end = pl.DataFrame([(lines + 1, time, "", Damage.CUT_OFF.value, cut)], FOREIGN, orient="row")
+            batch = batch._replace(foreign=pl.concat([batch.foreign, end]))
+        yield batch
+
+
+def _latest(batch: Batch, before: float) -> float:
+    """Return the time of a batch's last entry; `before` if it has none."""
+    ends = [(table["line"][-1], table["t"][-1]) for table in (batch.frames, batch.foreign) if len(table)]
+    return cast(float, max(ends)[1]) if ends else before
+
+
+def _of_lines(content: bytes, before: int, time: float) -> Batch:
+    """Take lines apart; `before` them were so many, and `time` is that of the entry before."""
+    text = content.removesuffix(b"\n").decode("ascii", "replace")
+    found = (
+        pl.DataFrame({"text": [text]})
+        .select(pl.col("text").str.split("\n").explode())
+        .with_row_index("line", before + 1)
+        .select(pl.col("line").cast(pl.UInt64), pl.col("text").str.extract_groups(USUAL).alias("groups"))
+        .unnest("groups")
+    )
+    usual = found.filter(pl.col("hex").is_not_null())
+    frames = usual.select(
+        "line",
+        pl.col("t").cast(pl.Float64),
+        "channel",
+        pl.col("cob_id").str.to_integer(base=16, dtype=pl.UInt16),
+        "hex",
+    )
+    if len(usual) == len(found) or not content:
+        return Batch(frames, pl.DataFrame(schema=FOREIGN), len(content))
+    odd = found.filter(pl.col("hex").is_null())["line"].to_list()
+    return _with_odd(frames, content, odd, before, time)
+
+
+def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int, time: float) -> Batch:
+    """Add the lines that candump's own reader has to look at; one that cannot be read has the time of that before."""
+    lines = _split(content)
+    entries = [entry for number in odd for entry in _read_line(lines[number - before - 1], number)]
+    batch = _batch(entries)
+    timed = pl.concat([frames.select("line", "t"), batch.frames.select("line", "t"), _timed(batch.foreign)])
+    known = timed.sort("line").with_columns(pl.col("t").fill_null(strategy="forward").fill_null(time))
+    foreign = batch.foreign.drop("t").join(known, on="line", how="left").select(FOREIGN.names())
+    return Batch(pl.concat([frames, batch.frames]).sort("line"), foreign, len(content))
+
+
+def _split(content: bytes) -> list[bytes]:
+    parts = content.split(b"\n")
+    return [part + b"\n" for part in parts[:-1]] + ([parts[-1]] if parts[-1] else [])
+
+
+def _read_line(line: bytes, number: int) -> Iterator[LogEntry]:
+    """Yield what the format's reader makes of a line, under its number."""
+    for _, time, channel, raw in read_lines(BytesIO(line), CandumpFormat(), LARGEST):
+        yield number, time, channel, raw
+
+
+def _timed(foreign: pl.DataFrame) -> pl.DataFrame:
+    """Return lines and times; null where there is no time because the line cannot be read."""
+    unread = pl.col("kind").is_in([Damage.UNREADABLE.value, Damage.CUT_OFF.value])
+    return foreign.select("line", pl.when(~unread).then("t"))

@@ -1,0 +1,225 @@
+"""A message's frames to columns, all at once: expressions on the eight data bytes, taken as one 64-bit integer.
+
+Rule of this file: a column says what `Protocol.decode` says of each frame. A value that is no plain number of the
+field's unit (unknown, a code such as `blocked`, out of range) is null in the field's column; the column `FIELD_flag`
+beside it, null for a plain value, says what it is: `unknown`, the code's word, or `out of range: ` and the raw value.
+
+A field is a few shifts and masks of the word, as its PDO is mapped. Polars has no shift: a division or multiplication
+by a power of two is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial, reduce
+from operator import add
+from typing import NamedTuple
+
+import polars as pl
+import pyarrow as pa
+
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import first_free
+from eurobot_od.pdo.kinds import ColumnForm
+from eurobot_od.pdo.layout import Layout, Run
+
+WORD, LENGTH = "word", "length"
+"""Columns that expressions are made of: the data as a little-endian integer, filled up with zeros, and its bytes."""
+
+UNKNOWN = "unknown"
+OUT_OF_RANGE = "out of range: "
+"""What a flag says: of a value that its sender does not know; before the raw value of one that cannot be."""
+
+SIGNED = {8: pl.Int8, 16: pl.Int16, 32: pl.Int32, 64: pl.Int64}
+"""Types of numbers; unsigned ones would make a difference of two of them an error in SQL."""
+
+
+REALS = {32: (pa.uint32(), pa.float32(), pl.Float32), 64: (pa.uint64(), pa.float64(), pl.Float64)}
+"""For each width of a floating-point number the types of its bits and of the number."""
+
+
+class FieldColumn(NamedTuple):
+    """A column of a message's table: its name, how it is computed, and what is known of it as text."""
+
+    name: str
+    expression: pl.Expr
+    metadata: Mapping[str, str]
+
+
+def message_columns(binding: Binding, taken: Iterable[str]) -> list[FieldColumn]:
+    """Return the columns of a message's mapped fields; `taken` are names that other columns have."""
+    names = list(taken)
+    columns: list[FieldColumn] = []
+    for field in binding.limits:
+        for column in _Field(binding, field).columns():
+            columns.append(column._replace(name=first_free(column.name, names)))
+            names.append(columns[-1].name)
+    return columns
+
+
+def readable(binding: Binding) -> pl.Expr:
+    """Return whether a frame is long enough to be read as this message; what is too long is."""
+    return (pl.col(LENGTH) >= binding.layout.length) | pl.col(LENGTH).is_in(binding.lengths)
+
+
+def flagged(binding: Binding, field: str) -> pl.Expr | None:
+    """Return the raw value where a field is out of range, null elsewhere; None if it always is in range."""
+    return _Field(binding, field).outside()
+
+
+class _Field:
+    """One field of a message, and the expressions on it."""
+
+    def __init__(self, binding: Binding, field: str) -> None:
+        self.binding, self.field, self.kind = binding, field, binding.kinds[field]
+        self.limits, self.raws = binding.limits[field], binding.layout.raws[field]
+        self.raw = _raw(binding, field)
+
+    def columns(self) -> Iterator[FieldColumn]:
+        """Give the column of the values, and one of flags if there can be any."""
+        flags = self._flags()
+        value = FORMS[self.kind.column_form](self)
+        said = {"unit": self.kind.unit, "allowed": self.kind.allowed(self.limits)}
+        said["null"] = f"see {self.field}_flag" if flags else "never"
+        whole = self._whole()
+        if whole is not None:
+            value = pl.when(~whole).then(value)
+        yield FieldColumn(self.field, value, {key: text for key, text in said.items() if text})
+        if flags:
+            words = ", ".join([*self._codes().values(), f"{OUT_OF_RANGE}RAW VALUE"])
+            yield FieldColumn(f"{self.field}_flag", pl.coalesce(flags), {"null": "a plain value", "words": words})
+
+    def outside(self) -> pl.Expr | None:
+        """Return the raw value where it is out of range, null elsewhere."""
+        ranges = self._plain_ranges()
+        if sum(map(_count, ranges)) == _count(self.raws):
+            return None
+        inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
+        whole = self._whole()
+        return pl.when(~pl.any_horizontal(*inside, *([] if whole is None else [whole]))).then(self.raw)
+
+    def _flags(self) -> list[pl.Expr]:
+        whole, outside = self._whole(), self.outside()
+        flags: list[pl.Expr] = [] if whole is None else [pl.when(whole).then(pl.lit(UNKNOWN))]
+        flags += [pl.when(self.raw == raw).then(pl.lit(word)) for raw, word in self._codes().items()]
+        return flags if outside is None else [*flags, pl.lit(OUT_OF_RANGE) + outside.cast(pl.String)]
+
+    def _plain_ranges(self) -> list[range]:
+        """Return the raw values that are plain values of the column."""
+        form = self.kind.column_form
+        if form is ColumnForm.WORD:
+            return [range(raw, raw + 1) for raw in self.kind.named_values() if raw in self.raws]
+        wanted = {ColumnForm.NUMBER: self.kind.numbers(self.limits), ColumnForm.BOOLEAN: range(2)}.get(form, self.raws)
+        return [range(max(wanted.start, self.raws.start), min(wanted.stop, self.raws.stop))]
+
+    def _codes(self) -> dict[int, str]:
+        """Return the raw values that stand for something else than a number, and the words for them."""
+        if self.kind.column_form is not ColumnForm.NUMBER:
+            return {}
+        (numbers,) = self._plain_ranges()
+        named = self.kind.named_values().items()
+        return {raw: word for raw, word in named if raw in self.raws and raw not in numbers}
+
+    def _whole(self) -> pl.Expr | None:
+        """Return whether this field is unknown together with others, None if it cannot be."""
+        unknown = self.binding.unknown
+        if unknown is None or self.field not in unknown.codes:
+            return None
+        return pl.all_horizontal(*(_raw(self.binding, field) == code for field, code in unknown.codes.items()))
+
+    # Values
+
+    def number(self) -> pl.Expr:
+        """Return the raw value where it is a number, in the smallest type that has all of them."""
+        (numbers,) = self._plain_ranges()
+        fits = (type_ for bits, type_ in SIGNED.items() if not numbers or _fits(numbers, bits))
+        value = pl.when(_between(self.raw, numbers)).then(self.raw)
+        return value.cast(next(fits, pl.UInt64))
+
+    def word(self) -> pl.Expr:
+        """Return the words for the raw values."""
+        words = self.kind.named_values()
+        return self.raw.replace_strict(list(words), list(words.values()), default=None, return_dtype=pl.String).cast(
+            pl.Categorical
+        )
+
+    def boolean(self) -> pl.Expr:
+        """Return whether the raw value is 1."""
+        return pl.when(_between(self.raw, range(2))).then(self.raw == 1)
+
+    def real(self) -> pl.Expr:
+        """Return the floating-point number with these bits."""
+        integer, real, type_ = REALS[self.binding.layout.widths[self.field]]
+
+        def seen_as(raws: pl.Series) -> pl.Series:
+            return pl.Series(raws.name, raws.to_arrow().cast(integer).view(real))
+
+        return self.raw.map_batches(seen_as, return_dtype=type_)
+
+    def read(self, type_: type[pl.DataType]) -> pl.Expr:
+        """Return what the kind reads; it is asked once for each raw value that there is."""
+        read = partial(self.kind.read, limits=self.limits)
+
+        def values(raws: pl.Series) -> pl.Series:
+            different = raws.unique().to_frame("raw").with_row_index()
+            meanings = pl.Series([read(raw) for raw in different["raw"]], dtype=type_)
+            return meanings.gather(raws.to_frame("raw").join(different, on="raw", maintain_order="left")["index"])
+
+        return self.raw.map_batches(values, return_dtype=type_)
+
+
+FORMS: Mapping[ColumnForm, Callable[[_Field], pl.Expr]] = {
+    ColumnForm.NUMBER: _Field.number,
+    ColumnForm.BITS: _Field.number,
+    ColumnForm.BOOLEAN: _Field.boolean,
+    ColumnForm.WORD: _Field.word,
+    ColumnForm.REAL: _Field.real,
+    ColumnForm.TEXT: lambda field: field.read(pl.String),
+    ColumnForm.OCTETS: lambda field: field.read(pl.Binary),
+}
+
+
+def _between(raw: pl.Expr, values: range) -> pl.Expr:
+    return raw.is_between(values.start, values.stop - 1) if values else pl.lit(False)
+
+
+def _count(values: range) -> int:
+    return values.stop - values.start  # `len` is for ranges of less than 64 bits
+
+
+def _fits(numbers: range, bits: int) -> bool:
+    most = 1 << bits - 1
+    return -most <= numbers.start and numbers.stop <= most
+
+
+# Raw values
+
+
+def _raw(binding: Binding, field: str) -> pl.Expr:
+    """Return a field's raw value; an optional one that the frame leaves out has its default's."""
+    raw = _mapped(binding.layout, field)
+    if field not in binding.defaults:
+        return raw
+    default = binding.raw(field, binding.defaults[field])
+    return pl.when(pl.col(LENGTH) < binding.layout.length).then(default).otherwise(raw)
+
+
+def _mapped(layout: Layout, field: str) -> pl.Expr:
+    bits = reduce(add, map(_bits, layout.runs_in("little")[field]))
+    if field not in layout.signed:
+        return bits
+    if layout.widths[field] == 64:
+        return bits.reinterpret(signed=True)
+    sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
+    return (bits.cast(pl.Int64) ^ sign) - sign
+
+
+def _bits(run: Run) -> pl.Expr:
+    """Return a run's bits at their place in the value."""
+    down = pl.col(WORD) // _unsigned(1 << run.offset) if run.offset else pl.col(WORD)
+    bits = down & _unsigned(run.mask)
+    return bits * _unsigned(1 << run.shift) if run.shift else bits
+
+
+def _unsigned(number: int) -> pl.Expr:
+    return pl.lit(number, dtype=pl.UInt64)

@@ -1,0 +1,116 @@
+"""A season that is there: its tables as lazy frames, and SQL over them.
+
+    season = Season.open("SEASON")
+    season.frames("goto_xy").filter(pl.col("speed") > 50).collect()
+    season.sql("SELECT message, count(*) FROM frames JOIN messages USING (cob_id) GROUP BY message")
+
+Rule of this file: nothing is written, and nothing is read before it is asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import polars as pl
+import pyarrow.parquet as pq
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.season import tables
+
+if TYPE_CHECKING:
+    import duckdb
+
+MESSAGES = "messages"
+"""The table of what is known of each message's table, made from its files."""
+
+KNOWN = ("message", "cob_id", "senders", "receivers", "answers")
+
+
+class SqlError(LocalError):
+    """A query that DuckDB does not take."""
+
+
+class Season:
+    """The Parquet files of a season, by table; raises LocalError for a folder without any."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.files = {
+            each.name: sorted(each.glob(f"*{tables.SUFFIX}"))
+            for each in sorted(folder.iterdir() if folder.is_dir() else ())
+            if each.is_dir() and not each.name.startswith(".")
+        }
+        if not self.files.get(tables.RUNS):
+            raise LocalError(f"{folder} is no season: no log is archived in it; `eurobot-od archive` makes one")
+
+    @classmethod
+    def open(cls, folder: str | Path) -> Season:
+        """Open a season; raises LocalError for a folder that is none."""
+        return cls(Path(folder))
+
+    def frames(self, table: str) -> pl.LazyFrame:
+        """Return a table, nothing of it read yet; raises UnknownName.
+
+        A column that only some logs have, as their EDS files map it, is null for the others.
+        """
+        if table not in self.files:
+            raise UnknownName("table", table, self.files)
+        return pl.concat([pl.scan_parquet(files) for files in self._alike(table)], how="diagonal")
+
+    def _alike(self, table: str) -> list[list[Path]]:
+        """Return the files of a table in groups that have the same columns: those of one network's logs."""
+        runs = pl.read_parquet(self.files[tables.RUNS], columns=["run", "eds"])
+        networks: Mapping[str, str] = dict(runs.rows())
+        groups: dict[str, list[Path]] = {}
+        for file in self.files[table]:
+            if file.stem in networks:
+                groups.setdefault(networks[file.stem], []).append(file)
+        return list(groups.values())
+
+    @cached_property
+    def messages(self) -> pl.DataFrame:
+        """What is known of the messages' tables: table, network, message, identifier, nodes, and what it answers."""
+        rows = []
+        for table in self.files.keys() - tables.SCHEMAS.keys():
+            for file, *_ in self._alike(table):
+                said = {key.decode(): text.decode() for key, text in (pq.read_schema(file).metadata or {}).items()}
+                eds = pl.read_parquet(tables.file_of(self.folder, tables.RUNS, file.stem), columns=["eds"]).item()
+                rows.append((table, eds, *(said.get(key, "") for key in KNOWN)))
+        made = pl.DataFrame(rows, ["table", "eds", *KNOWN], orient="row")
+        number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt16)
+        return made.with_columns(number).sort("cob_id", "eds")
+
+    def sql(self, query: str, values: Mapping[str, Any] | None = None) -> pl.DataFrame:
+        """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
+
+        `values` are those of `$name` in the query; those that it does not name are left out.
+        """
+        import duckdb
+
+        named = {name: value for name, value in (values or {}).items() if f"${name}" in query}
+        with duckdb.connect() as connection:
+            self._add_views(connection, query)
+            try:
+                answer = connection.sql(query, params=named or None)
+                return pl.DataFrame() if answer is None else answer.pl()
+            except duckdb.Error as error:
+                known = f"; tables: {', '.join([*self.files, MESSAGES])}" if "Table with name" in str(error) else ""
+                raise SqlError(str(error).partition("\n")[0] + known) from None
+
+    def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
+        """Add a view for each table that the query has in it: to look into all files takes its time."""
+        words = set(re.findall(r"\w+", query.lower()))
+        for table in words & self.files.keys():
+            parts = " UNION ALL BY NAME ".join(_read_files(files) for files in self._alike(table))
+            connection.execute(f'CREATE VIEW "{table}" AS {parts}')
+        if MESSAGES in words and MESSAGES not in self.files:
+            connection.register(MESSAGES, self.messages)
+
+
+def _read_files(files: list[Path]) -> str:
+    names = ", ".join("'" + str(file).replace("'", "''") + "'" for file in files)
+    return f"SELECT * FROM read_parquet([{names}])"

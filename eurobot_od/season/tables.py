@@ -1,0 +1,76 @@
+"""The tables of a season and where they lie: a folder of Parquet files for each, a file for each log in it.
+
+Rule of this file: names and columns only; nothing is read or computed. All tables begin with `run`, `line`, `t` and
+`channel`: which log, which line of it, when in seconds by the log's own clock, on which channel.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import pyarrow as pa
+
+from eurobot_od.pdo.catalogue import first_free
+
+RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
+"""The logs; all frames; what was wrong, with log and line. Every other table is of a message."""
+
+PLACE: Mapping[str, pa.DataType] = {
+    "run": pa.dictionary(pa.uint32(), pa.string()),
+    "line": pa.uint64(),
+    "t": pa.float64(),
+    "channel": pa.dictionary(pa.uint32(), pa.string()),
+}
+SAID = {
+    "run": "the log, a row of the table runs",
+    "line": "line of the log, or number of the entry where there are no lines",
+    "t": "time by the log's clock",
+    "channel": "channel as the log names it",
+}
+UNITS = {"t": "s"}
+
+SUFFIX = ".parquet"
+
+SCHEMAS: Mapping[str, pa.Schema] = {
+    RUNS: pa.schema(
+        [
+            ("run", pa.string()),
+            ("log", pa.string()),
+            ("format", pa.string()),
+            ("bytes", pa.int64()),
+            ("start", pa.float64()),
+            ("end", pa.float64()),
+            ("frames", pa.int64()),
+            ("damage", pa.int64()),
+            ("network", pa.string()),
+            ("eds", pa.string()),
+        ]
+    ),
+    FRAMES: pa.schema([*PLACE.items(), ("cob_id", pa.uint16()), ("data", pa.binary())]),
+    DAMAGE: pa.schema([*PLACE.items(), ("kind", pa.dictionary(pa.uint32(), pa.string())), ("text", pa.string())]),
+}
+
+
+def table_names(messages: Iterable[str]) -> dict[str, str]:
+    """Return the table of each message: `Goto XY` is in `goto_xy`; no two are one."""
+    taken = [RUNS, FRAMES, DAMAGE]
+    names: dict[str, str] = {}
+    for message in messages:
+        plain = re.sub(r"\W+", "_", message.lower(), flags=re.ASCII).strip("_") or "message"
+        names[message] = first_free(f"message_{plain}" if plain[0].isdigit() else plain, taken)
+        taken.append(names[message])
+    return names
+
+
+def file_of(season: Path, table: str, run: str) -> Path:
+    """Return the file with a run's rows of a table."""
+    return season / table / f"{run}{SUFFIX}"
+
+
+def with_metadata(schema: pa.Schema, said: Mapping[str, Mapping[str, str]]) -> pa.Schema:
+    """Return a schema whose columns say what is known of them: units, what null means, what is allowed."""
+    known = {name: {"meaning": text} | ({"unit": UNITS[name]} if name in UNITS else {}) for name, text in SAID.items()}
+    known |= {name: dict(texts) for name, texts in said.items()}
+    return pa.schema([field.with_metadata(known.get(field.name)) for field in schema], schema.metadata)

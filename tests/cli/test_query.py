@@ -1,0 +1,85 @@
+"""`eurobot-od query`: tables, CSV, JSON, pictures, reports by name, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+pytest.importorskip("duckdb", reason="the extra `season` is not installed")
+
+from tests.cli.console import run
+
+
+@pytest.fixture
+def season(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    log = tmp_path / "some.log"
+    log.write_text("(1.000000) can0 008#D27423592C0D9702\n(1.250000) can0 00C#\n")
+    folder = str(tmp_path / "season")
+    assert run(capsys, "archive", str(log), "-o", folder).status == 0
+    return folder
+
+
+SQL = "SELECT line, hex(data) AS hex, data, t, NULL AS nothing FROM frames ORDER BY line"
+
+
+def test_a_table_is_aligned_and_rounded(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "query", season, SQL).out == (
+        "line  hex               data                 t  nothing\n"
+        "   1  D27423592C0D9702  D27423592C0D9702     1\n"
+        "   2                                      1.25\n"
+    )
+
+
+def test_csv_and_json_have_all_rows(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "query", season, SQL, "--csv").out.splitlines()[:2] == [
+        "line,hex,data,t,nothing",
+        "1,D27423592C0D9702,D27423592C0D9702,1.0,",
+    ]
+    first, second = run(capsys, "query", season, SQL, "--json").out.splitlines()
+    assert json.loads(first) == {
+        "line": 1, "hex": "D27423592C0D9702", "data": "D27423592C0D9702", "t": 1.0, "nothing": None
+    }  # fmt: skip
+    assert json.loads(second)["line"] == 2
+
+
+def test_without_a_question_it_lists_the_tables(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = run(capsys, "query", season).out.splitlines()
+    assert "frames                            2  run, line, t, channel, cob_id, data" in lines
+
+
+def test_a_report_is_printed_and_drawn(season: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "latency.svg"
+    said = run(capsys, "query", season, "--report", "latency", "--plot", str(picture))
+    assert said.out.splitlines()[1].split() == ["1", "250", "250", "250", "250", "250"]
+    assert "From a goto to its confirm" in picture.read_text()
+
+
+def test_the_answer_to_any_query_is_drawn(season: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture = tmp_path / "some.svg"
+    assert run(capsys, "query", season, "SELECT t, line FROM frames", "--plot", str(picture)).status == 0
+    assert "<polyline" in picture.read_text()
+
+
+def test_reports_are_listed_without_a_season(capsys: pytest.CaptureFixture[str]) -> None:
+    names = [line.split()[0] for line in run(capsys, "query", "none", "--report", "list").out.splitlines()]
+    assert names == ["latency", "arrivals", "stops", "periods", "answers", "load", "damage"]
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["SELECT 1", "--report", "load"], "a question is SQL or --report, not both"),
+        (["--report", "latancy"], "unknown report 'latancy'; did you mean latency?"),
+        (["SELECT x FROM y"], "Table with name y does not exist"),
+        (["SELECT 'a' AS b", "--plot", "x.svg"], "nothing to draw"),
+    ],
+)
+def test_wrong_questions_are_one_line(
+    season: str, words: list[str], complaint: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = run(capsys, "query", season, *words)
+    assert (said.status, said.out) == (2, "")
+    assert complaint in said.complaint

@@ -1,0 +1,90 @@
+"""A connection: who is heard of several that notice a failure, and when a gap ends."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import can
+import pytest
+from can.interfaces.virtual import VirtualBus
+
+from eurobot_od.errors import BusError
+from eurobot_od.live import Driver
+from eurobot_od.live import connection as connection_module
+from eurobot_od.live.connection import STEADY, Connection, Gaps
+
+FAILED = BusError("it failed")
+
+
+class Scene:
+    """A connection whose clock stands; `refusals` are how often its bus does not open."""
+
+    def __init__(self, opens: bool = True, refusals: int = 0) -> None:
+        self.now, self.refusals = 0.0, refusals
+        self.told: list[object] = []
+        opener = self._open if opens else None
+        self.connection = Connection(
+            Driver(VirtualBus("connection")),
+            opener,
+            lambda: self.now,
+            lambda why, again: self.told.append((why, again)),
+            lambda: self.told.append("opened"),
+            self.told.append,
+        )
+
+    def close(self) -> None:
+        self.connection.driver.bus.shutdown()
+
+    def _open(self) -> can.BusABC:
+        if self.refusals:
+            self.refusals -= 1
+            raise BusError("not yet")
+        return VirtualBus("connection")
+
+
+@pytest.fixture(autouse=True)
+def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(connection_module, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(connection_module, "LONGEST_PAUSE", 0.002)
+
+
+def test_only_the_first_who_notices_is_heard() -> None:
+    with closing(Scene()) as scene:
+        for _ in range(3):
+            scene.connection.fail(FAILED)
+        assert scene.told == [(FAILED, True)]
+        assert not scene.connection.up
+
+
+def test_a_gap_ends_when_the_bus_was_read_and_not_when_it_was_opened() -> None:
+    with closing(Scene(refusals=3)) as scene:
+        scene.now = 1.0
+        scene.connection.fail(FAILED)
+        assert scene.connection.reopen()
+        scene.connection.fail(FAILED)  # opened, and still down
+        assert scene.connection.reopen()
+        assert scene.connection.failure is FAILED
+        scene.now = 4.5
+        scene.connection.works()
+        scene.connection.works()
+        assert scene.told == [(FAILED, True), "opened", "opened", 3.5]
+        assert scene.connection.gaps == Gaps(1, 3.5)
+        scene.now += STEADY
+        scene.connection.fail(FAILED)
+        assert scene.told[-1] == (FAILED, True)
+
+
+def test_without_an_opener_it_is_not_opened_again_and_sending_may_go_on() -> None:
+    with closing(Scene(opens=False)) as scene:
+        scene.connection.fail(FAILED)
+        assert scene.told == [(FAILED, False)]
+        assert scene.connection.up
+        assert not scene.connection.reopen()
+
+
+def test_what_is_closed_neither_fails_nor_opens() -> None:
+    with closing(Scene()) as scene:
+        scene.connection.close()
+        scene.connection.fail(FAILED)
+        assert not scene.connection.reopen()
+        assert scene.told == []

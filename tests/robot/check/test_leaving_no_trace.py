@@ -1,0 +1,63 @@
+"""Shipped suites put back what they change: the bus after a suite is the bus before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import pytest
+
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.simulated import NodeUnderTest, run_simulated
+from eurobot_od.check.suite import Suite
+from eurobot_od.device.nmt import NmtState
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.check.drill import drill
+from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.check.shipped import NETWORKS, shipped_suites
+from eurobot_od.robot.nodes import Core, Drive, Node
+
+SUITES: list[Suite] = SuiteReader(NETWORKS).read_files(shipped_suites().values())
+
+
+class Left(NamedTuple):
+    """What a suite leaves of a node: its NMT state, what is configured, which errors it has, what it does."""
+
+    state: NmtState
+    configuration: Mapping[Any, Any]
+    errors: Mapping[Any, int]
+    moving: bool
+    safe: bool
+
+
+def left(node: Node) -> Left:
+    device = node.device
+    return Left(
+        device.state,
+        device.objects.configuration(),
+        dict(device.emergencies.errors),
+        isinstance(node, Drive) and node.moving,
+        isinstance(node, Drive) and node.safe,
+    )
+
+
+@pytest.mark.parametrize("suite", SUITES, ids=lambda suite: suite.name)
+def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
+    nodes: list[Node] = []
+    before: dict[str, Left] = {}
+
+    def all_nodes(_: Mapping[str, Dictionary], seed: int, clock: Callable[[], float]) -> Sequence[NodeUnderTest]:
+        """Make the others, too, which a suite may touch; they do nothing by themselves."""
+        nodes[:] = [made.node for made in nodes_under_test(suite.dictionaries, seed, clock)]
+        before.update({node.name: left(node)._replace(state=NmtState.OPERATIONAL) for node in nodes})
+        tested = (partial(drill, node) if isinstance(node, Core) and "core" in suite.nodes else None for node in nodes)
+        return [NodeUnderTest(node, program) for node, program in zip(nodes, tested)]
+
+    run_simulated(suite, RunOptions(keep_going=True), all_nodes)
+    after = {node.name: left(node) for node in nodes}
+    if "core" in suite.nodes:  # its drill goes on, whatever the suite puts back
+        assert {name: each[:2] for name, each in after.items()} == {name: each[:2] for name, each in before.items()}
+    else:
+        assert after == before

@@ -1,0 +1,117 @@
+"""Archiving: each log once and whole, many at a time, and what each table holds."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.frame import Frame
+from eurobot_od.robot import dialects
+from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.season.archive import BEGUN, Network, archive, archive_log
+from eurobot_od.season.tables import table_names
+from tests.season.seasons import table, write_log
+
+NETWORK = Network(dialects.outlines(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
+FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E5, b"12345678")), (0.7, Frame(0x00C))]
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return write_log(tmp_path / "some.log", FRAMES)
+
+
+def test_a_log_becomes_a_row_of_runs_and_its_frames(log: Path, tmp_path: Path) -> None:
+    archived = archive_log(log, tmp_path / "season", NETWORK)
+    assert (archived.known, archived.frames, archived.damage) == (False, 3, 1)
+    (row,) = table_rows(tmp_path / "season")
+    assert row == {
+        "run": archived.run,
+        "log": str(log),
+        "format": "log",
+        "bytes": log.stat().st_size,
+        "start": 0.5,
+        "end": 0.7,
+        "frames": 3,
+        "damage": 1,
+        "network": "1=core 2=drive 3=navigation",
+        "eds": NETWORK.hash,
+    }
+    frames = table(tmp_path / "season", "frames")
+    assert frames.select("line", "t", "channel", "cob_id", "data").rows() == [
+        (number, time, "can0", *frame) for number, (time, frame) in enumerate(FRAMES, 1)
+    ]
+    assert table(tmp_path / "season", "damage").select("line", "kind", "text").rows() == [
+        (2, "unknown identifier", "7E5#3132333435363738")
+    ]
+
+
+def table_rows(season: Path) -> list[dict[str, object]]:
+    import polars as pl
+
+    return pl.read_parquet(season / "runs" / "*.parquet").rows(named=True)
+
+
+def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path) -> None:
+    season, other = tmp_path / "season", tmp_path / "copy.log"
+    shutil.copy(log, other)
+    first, second = (archive_log(each, season, NETWORK) for each in (log, other))
+    assert (second.known, second.run) == (True, first.run)
+    assert len(table_rows(season)) == 1
+
+
+def test_with_other_eds_files_it_is_another_run(log: Path, tmp_path: Path) -> None:
+    season = tmp_path / "season"
+    other = Network(dialects.outlines(dialects.names()[-1]), CATALOGUE)
+    runs = {archive_log(log, season, network).run for network in (NETWORK, other)}
+    assert len(runs) == len(table_rows(season)) == 2
+
+
+def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> None:
+    season = tmp_path / "season"
+    run = archive_log(log, season, NETWORK).run
+    (season / "runs" / f"{run}.parquet").unlink()  # as if it had ended before the last step
+    left = season / BEGUN / run / "frames"
+    left.mkdir(parents=True)
+    (left / f"{run}.parquet").write_bytes(b"half")
+    assert not archive_log(log, season, NETWORK).known
+    assert len(table(season, "frames")) == len(FRAMES)
+    assert list((season / BEGUN).iterdir()) == []
+
+
+def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
+    logs = [write_log(tmp_path / f"{n}.log", [(n + time, frame) for time, frame in FRAMES]) for n in range(4)]
+    one, other = tmp_path / "one", tmp_path / "other"
+    done = {each.log: each for each in archive(logs, one, NETWORK, None, jobs=2)}
+    assert done == {each.log: each for each in archive(logs, other, NETWORK, None, jobs=1)}
+    for name in ("runs", "frames", "damage", "goto_xy", "goto_confirm"):
+        assert table_files(one, name) == table_files(other, name) != []
+
+
+def table_files(season: Path, name: str) -> list[tuple[str, bytes]]:
+    return [(file.name, file.read_bytes()) for file in sorted((season / name).iterdir())]
+
+
+def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("x")
+    with pytest.raises(UnknownName, match="unknown log format 'txt'"):
+        list(archive([log, tmp_path / "notes.txt"], tmp_path / "season", NETWORK, None, 1))
+    assert not (tmp_path / "season").exists()
+
+
+@pytest.mark.parametrize(
+    ("messages", "tables"),
+    [
+        (["Goto XY", "Goto-XY"], ["goto_xy", "goto_xy_2"]),
+        (["frames", "Runs"], ["frames_2", "runs_2"]),
+        (["2nd axis", "\u00c4"], ["message_2nd_axis", "message"]),
+    ],
+)
+def test_tables_have_names_of_their_own(messages: list[str], tables: list[str]) -> None:
+    assert list(table_names(messages).values()) == tables

@@ -1,0 +1,116 @@
+"""Batches beside the readers of logs: the same entries, whatever stands in the log and wherever it is cut."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+
+from eurobot_od.frame import Frame
+from eurobot_od.logs import formats
+from eurobot_od.logs.entries import Foreign, LogEntry
+from eurobot_od.season import batches as module
+from eurobot_od.season.batches import batches
+
+LINES = (
+    b"(1.500000) can0 008#D27423592C0D9702\n",
+    b"(1.600000) can0 008#D27423592C0D9702 R\n",
+    b"(2.000000) can1 7ff# T\r\n",
+    b"(2.5) vcan0 123#00\n",
+    b"\n",
+    b"   \n",
+    b"garbage\n",
+    b"(3.000000) can1 123#R\n",
+    b"(3.100000) can1 123##1AB\n",
+    b"(3.200000) can1 00000123#AB\n",
+    b"(3.300000) can1 20000004#0004000000000000\n",
+    b"(3.400000)  can1   123#AB\n",
+    b"(3.500000) \xc3\xa9n 123#AB\n",
+    b"(3.600000) \xff\xfe 123#AB\n",
+    b"(3.700000) can1 123#ABC\n",
+    b"(3.800000) can1 123#000102030405060708\n",
+    b"(3.900000) can1 800#00\n",
+    b"(99999999999.5) can1 123#00\n",
+    b"(-1.5) can1 123#00\n",
+    b"(4.000000) can1 1_2#00\n",
+    b"(4.100000) can1 123#00 X\n",
+    b"(1.000000) can1 123#00\n",
+    b"\x0b\x0c(5.000000) can0 001#\n",
+    "(\u0661.\u0662) can0 001#\n".encode(),
+)
+"""Lines that each reader has to take the same way: frames, other things, and what cannot be read."""
+
+
+def entries(file: Path) -> list[LogEntry]:
+    """All entries of a log by its batches, in the order of the lines."""
+    return sorted(_entries(file), key=lambda entry: entry[0])
+
+
+def _entries(file: Path) -> Iterator[LogEntry]:
+    with file.open("rb") as opened:
+        for frames, foreign, _ in batches(opened):
+            for line, time, channel, cob_id, data in frames.rows():
+                yield line, time, channel, Frame(cob_id, bytes.fromhex(data))
+            for line, time, channel, kind, text in foreign.rows():
+                yield line, time, channel, Foreign(kind, text)
+
+
+def read(file: Path) -> list[LogEntry]:
+    """All entries of a log by its reader, damage by its name."""
+    with file.open("rb") as opened:
+        return [
+            (line, time, channel, raw if isinstance(raw, Frame) else Foreign(raw.damage.value, raw.text))  # type: ignore[arg-type]
+            for line, time, channel, raw in formats.read(opened)
+        ]
+
+
+@pytest.mark.parametrize("line", LINES, ids=repr)
+@pytest.mark.parametrize("ending", [b"", b"(9.000000) can0 009#09\n", b"(9.00"])
+def test_a_line_is_what_its_reader_says(line: bytes, ending: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "one.log"
+    file.write_bytes(LINES[0] + line + ending)
+    assert entries(file) == read(file)
+
+
+@pytest.mark.parametrize("size", [1, 7, 64, 1 << 20])
+@pytest.mark.parametrize("packed", [False, True])
+def test_chunks_of_any_size_come_to_the_same(
+    size: int, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "CHUNK", size)
+    file = tmp_path / ("all.log.gz" if packed else "all.log")
+    content = b"".join(LINES)[:-1]
+    file.write_bytes(gzip.compress(content) if packed else content)
+    assert entries(file) == read(file)
+
+
+@pytest.mark.parametrize("content", [b"", b"\n", b"x", b"(1.0) can0 001#"])
+def test_short_logs(content: bytes, tmp_path: Path) -> None:
+    file = tmp_path / "short.log"
+    file.write_bytes(content)
+    assert entries(file) == read(file)
+
+
+def test_a_packed_log_that_is_cut_off_says_so_and_gives_what_is_whole(tmp_path: Path) -> None:
+    file = tmp_path / "cut.log.gz"
+    file.write_bytes(gzip.compress(b"".join(LINES) * 50)[:-20])
+    found = entries(file)
+    assert found[-1][3] == Foreign("cut off", "Compressed file ended before the end-of-stream marker was reached")  # type: ignore[arg-type]
+    assert found[:-1] == read(file)[: len(found) - 1]
+
+
+@pytest.mark.parametrize("suffix", ["asc", "blf", "csv", "trc", "db"])
+def test_other_formats_go_through_their_readers(suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "ENTRIES", 3)
+    file = tmp_path / f"some.{suffix}"
+    with can.Logger(file) as log:
+        for number in range(7):
+            log(can.Message(timestamp=number / 10, arbitration_id=8 + number, data=bytes(number), is_extended_id=False))
+    found = entries(file)
+    assert len(found) == 7
+    assert found == read(file)

@@ -1,0 +1,129 @@
+"""Columns beside `Protocol`: every field of every row is the same, whatever the bits and whoever made the EDS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
+
+
+import pyarrow.parquet as pq
+
+from eurobot_od.errors import EurobotError
+from eurobot_od.frame import Frame
+from eurobot_od.logs.entries import Damage
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.catalogue import NOTHING
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.robot import dialects
+from eurobot_od.robot.match import MatchOptions
+from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.season.archive import Network
+from tests.eds_text import DEVICE_TYPE, pdo, variable
+from tests.season.seasons import Timed, archived, assert_equal_to_protocol, protocol_of, random_frames, table, write_log
+
+ROOT = Path(__file__).parents[2]
+
+RANDOM = 100_000
+
+TYPES = (
+    ("INTEGER8", 3, 2),
+    ("INTEGER16", 12, 0),
+    ("INTEGER16", 16, 4),
+    ("INTEGER24", 24, 8),
+    ("INTEGER32", 32, 3),
+    ("INTEGER64", 64, 0),
+    ("UNSIGNED64", 64, 0),
+    ("UNSIGNED32", 31, 7),
+    ("BOOLEAN", 1, 5),
+    ("BOOLEAN", 8, 0),
+    ("REAL32", 32, 5),
+    ("REAL64", 64, 0),
+    ("VISIBLE_STRING", 24, 4),
+    ("OCTET_STRING", 16, 8),
+)
+"""Types, mapped bits, and how many bits stand before them."""
+
+
+def all_types(file: Path) -> Network:
+    """An EDS with a PDO for each type, the field at an offset and, where there is room, another one after it."""
+    text = DEVICE_TYPE
+    for number, (type_, bits, offset) in enumerate(TYPES):
+        text += variable(f"{0x2000 + number:X}", "value", type_, more="LowLimit=-3\nHighLimit=0x60\n" * (number < 4))
+        entries = [f"0x{0x00050000 | offset:08X}"] if offset else []
+        entries.append(f"0x{0x2000 + number:04X}00{bits:02X}")
+        text += pdo(0x1800 + number, *entries, cob_id=f"0x{0x181 + 16 * number:X}", name=f"Of {type_} {bits} {offset}")
+    file.write_text(text)
+    return Network((Outline.load(file, 5),), NOTHING)
+
+
+def robot(dialect: str) -> Network:
+    return Network(dialects.outlines(dialect), CATALOGUE)
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_every_row_of_a_match_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
+    frames: list[Timed] = []
+    options = MatchOptions(dialect=dialect, duration=30.0)
+    play_simulated(options, lambda _: None, lambda time, frame: frames.append((round(time, 6), frame)))
+    season = archived(write_log(tmp_path / "match.log", frames), robot(dialect))
+    assert len(table(season, "frames")) == len(frames)
+    assert_equal_to_protocol(season, frames, robot(dialect))
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_every_row_of_random_frames_is_what_the_protocol_says(dialect: str, tmp_path: Path) -> None:
+    network = robot(dialect)
+    frames = random_frames(RANDOM, protocol_of(network))
+    season = archived(write_log(tmp_path / "random.log", frames), network)
+    assert_equal_to_protocol(season, frames, network)
+
+
+def test_every_type_at_any_offset_is_what_the_protocol_says(tmp_path: Path) -> None:
+    network = all_types(tmp_path / "types.eds")
+    protocol = protocol_of(network)
+    assert len(protocol.bindings) == len(TYPES)
+    frames = [each for each in random_frames(5000, protocol) if not _is_nan(protocol, each)]
+    season = archived(write_log(tmp_path / "random.log", frames), network)
+    assert_equal_to_protocol(season, frames, network)
+
+
+def _is_nan(protocol: Protocol, timed: Timed) -> bool:
+    """Whether a frame has a number that is not equal to itself."""
+    try:
+        return any(value != value for value in protocol.decode(*timed[1]))
+    except EurobotError:
+        return False
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> None:
+    network = robot(dialect)
+    decode, frames = Decoder(network.outlines, CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
+    season = archived(write_log(tmp_path / "random.log", frames), network)
+    wanted = [
+        (number, damage.value, text)
+        for number, (_, frame) in enumerate(frames, 1)
+        for damage, text in decode(frame).defects
+    ]
+    assert {Damage(kind) for _, kind, _ in wanted} == {
+        Damage.UNKNOWN_IDENTIFIER,
+        Damage.WRONG_LENGTH,
+        Damage.OUT_OF_RANGE,
+    }
+    assert sorted(table(season, "damage").select("line", "kind", "text").rows()) == sorted(wanted)
+
+
+def test_columns_say_unit_and_what_null_means(tmp_path: Path) -> None:
+    season = archived(write_log(tmp_path / "one.log", [(0.0, Frame(0x008, bytes(8)))]), robot(dialects.DEFAULT))
+    (file,) = (season / "goto_xy").iterdir()
+    schema = pq.read_schema(file)
+    assert schema.metadata[b"message"] == b"Goto XY"
+    assert schema.field("x").metadata == {b"unit": b"mm", b"allowed": b"0..3000 mm", b"null": b"see x_flag"}
+    assert schema.field("barriers").metadata[b"null"] == b"never"
+    assert schema.field("t").metadata[b"unit"] == b"s"

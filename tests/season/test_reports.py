@@ -1,0 +1,126 @@
+"""Reports beside figures that are worked out by hand, and their pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+pytest.importorskip("duckdb", reason="the extra `season` is not installed")
+
+from eurobot_od.cli.query import reports
+from eurobot_od.frame import Frame
+from eurobot_od.robot import dialects, messages
+from eurobot_od.robot.messages import CATALOGUE, KalmanPositionResponse, NaviPositionResponse
+from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.values import GotoFault, Obstacle, RobotError, Source
+from eurobot_od.season.archive import Network, archive_log
+from eurobot_od.season.chart import draw
+from eurobot_od.season.season import Season
+from tests.season.seasons import Timed, write_log
+
+PROTOCOL = EurobotProtocol.load()
+NETWORK = Network(
+    dialects.outlines(), CATALOGUE, (("Goto Confirm", "Goto XY"), ("Check Drive Response", "Check Drive Request"))
+)
+BITRATE = 1000
+
+
+def sent(time: float, message: Any) -> Timed:
+    return time, PROTOCOL.encode(message)
+
+
+GOTO = messages.GotoXY(x=1000, y=1000, angle=0, speed=50)
+BLOCKED = messages.GotoStateResponse(GotoFault.BLOCKED)
+FIRST: list[Timed] = [
+    sent(0.0, GOTO),
+    sent(0.002, messages.GotoConfirm()),
+    sent(1.0, GOTO),
+    sent(1.5, GOTO),  # a repetition: the confirm is for this one
+    sent(1.504, messages.GotoConfirm()),
+    sent(1.6, messages.GotoConfirm()),  # another one, which counts for nothing
+    sent(2.0, messages.GotoStateResponse(500)),
+    sent(2.5, messages.GotoStateResponse(0)),
+    sent(2.6, KalmanPositionResponse(1003, 1004, 0, Source.INTERNAL)),
+    sent(2.7, NaviPositionResponse(1000, 1010, 0, Source.INTERNAL)),
+    sent(2.8, messages.GotoStateResponse(0)),
+    sent(2.9, KalmanPositionResponse(2000, 2000, 0, Source.INTERNAL)),
+    (3.0, Frame(0x7E5, b"12")),
+]
+SECOND: list[Timed] = [
+    sent(0.0, messages.EmergencyStop(Obstacle.ENEMY)),
+    sent(0.2, messages.EmergencyStop(Obstacle.ENEMY)),  # repeated
+    sent(5.0, messages.EmergencyStop(Obstacle.ENEMY)),
+    sent(6.0, BLOCKED),
+    (7.0, Frame(0x081, RobotError.DRIVE_BLOCKED.to_bytes(2, "little") + bytes(6))),
+    (8.0, Frame(0x081, bytes(8))),  # the error is gone
+]
+
+
+@pytest.fixture(scope="module")
+def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
+    folder = tmp_path_factory.mktemp("reports")
+    for name, frames in (("first", FIRST), ("second", SECOND)):
+        archive_log(write_log(folder / f"{name}.log", frames), folder / "season", NETWORK)
+    return Season.open(folder / "season")
+
+
+def rows(season: Season, report: str, *columns: str) -> list[tuple[Any, ...]]:
+    found = season.sql(reports()[report].sql, {"bitrate": BITRATE}).select(columns).rows()
+    return [tuple(Path(cell).stem if str(cell).endswith(".log") else cell for cell in row) for row in found]
+
+
+def test_latency_is_from_the_goto_that_was_confirmed(season: Season) -> None:
+    assert rows(season, "latency", "confirmed", "least_ms", "most_ms", "median_ms") == [(2, 2.0, 4.0, 3.0)]
+
+
+def test_an_answer_is_to_the_latest_request(season: Season) -> None:
+    columns = ("request", "answer", "requests", "answered", "most_ms")
+    assert rows(season, "answers", *columns) == [("Goto XY", "Goto Confirm", 3, 2, 4.0)]
+
+
+def test_an_arrival_is_the_first_state_that_says_so_and_its_error_that_of_the_position_after(season: Season) -> None:
+    columns = ("log", "arrivals", "mean_s", "mean_mm", "most_mm", "beacons_mm")
+    assert rows(season, "arrivals", *columns) == [("first", 1, 1.0, 5.0, 5.0, 10.0)]
+
+
+def test_stops_are_counted_once_however_often_they_are_sent(season: Season) -> None:
+    assert rows(season, "stops", "reason", "stops", "frames", "logs", "first_log", "first_line") == [
+        ("Emergency Stop: enemy", 2, 3, 1, "second", 1),
+        ("EMCY drive blocked", 1, 1, 1, "second", 5),
+        ("goto blocked", 1, 1, 1, "second", 4),
+    ]
+
+
+def test_periods_are_from_a_frame_to_the_next_of_its_message(season: Season) -> None:
+    found = {
+        row[0]: row[1:] for row in rows(season, "periods", "message", "frames", "least_ms", "most_ms", "jitter_ms")
+    }
+    assert found["Goto XY"] == (3, 500.0, 1000.0, 353.553)
+    assert found["Navi Position Response"] == (1, None, None, None)
+
+
+def test_load_counts_bits_without_and_with_all_stuff_bits(season: Season) -> None:
+    found = {
+        row[0]: row[1:] for row in rows(season, "load", "log", "frames", "seconds", "load_%", "most_%", "peak_second")
+    }
+    bits = [8 * len(frame.data) + 47 for _, frame in SECOND]
+    most = [8 * len(frame.data) + 47 + (8 * len(frame.data) + 33) // 4 for _, frame in SECOND]
+    assert found["second"] == (6, 8.0, *(round(sum(each) / BITRATE / 9 * 100, 2) for each in (bits, most)), 7)
+
+
+def test_damage_says_where_it_is_first(season: Season) -> None:
+    columns = ("log", "kind", "number", "first_line", "first")
+    assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 13, "7E5#3132")]
+
+
+@pytest.mark.parametrize("name", reports())
+def test_every_report_has_a_picture(season: Season, name: str) -> None:
+    report = reports()[name]
+    shown = season.sql(report.chart.sql or report.sql, {"bitrate": BITRATE})
+    picture = draw(shown, report.chart, report.title)
+    assert picture.startswith("<svg")
+    assert report.title in picture
+    assert "no rows" not in picture

@@ -1,0 +1,85 @@
+"""A season that is there: lazy frames, SQL, logs of several networks, and what cannot be asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("polars", reason="the extra `season` is not installed")
+pytest.importorskip("duckdb", reason="the extra `season` is not installed")
+
+import polars as pl
+
+from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.robot import dialects, messages
+from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.season.archive import Network, archive_log
+from eurobot_od.season.season import Season, SqlError
+from tests.season.seasons import write_log
+
+GOTO = messages.GotoXY(x=1234, y=567, angle=89, speed=75)
+
+
+@pytest.fixture(scope="module")
+def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
+    """A log of a goto in each dialect."""
+    folder = tmp_path_factory.mktemp("seasons")
+    for number, dialect in enumerate(dialects.names()):
+        log = write_log(folder / f"{number}.log", [(1.0 + number, EurobotProtocol.load(dialect).encode(GOTO))])
+        archive_log(log, folder / "season", Network(dialects.outlines(dialect), CATALOGUE))
+    return Season.open(folder / "season")
+
+
+def test_a_table_is_a_lazy_frame_over_all_logs(season: Season) -> None:
+    found = season.frames("goto_xy").sort("t").collect()
+    assert found.select("t", "x", "y", "angle", "speed").rows() == [(1.0, 1234, 567, 89, 75), (2.0, 1234, 567, 89, 75)]
+
+
+def test_a_field_that_only_some_logs_have_is_null_for_the_others(season: Season) -> None:
+    lazy = season.frames("goto_xy").sort("t").collect()["route"]
+    assert lazy.cast(pl.String).to_list() == [None, "planned"]
+    assert season.sql("SELECT route FROM goto_xy ORDER BY t")["route"].to_list() == [None, "planned"]
+
+
+def test_sql_joins_messages_and_runs(season: Season) -> None:
+    query = """
+        SELECT m.message, count(*) AS number, max(g.x) AS x FROM goto_xy g JOIN runs r ON g.run = r.run
+        JOIN messages m ON m.eds = r.eds AND m."table" = 'goto_xy' GROUP BY m.message"""
+    assert season.sql(query).rows() == [("Goto XY", 2, 1234)]
+
+
+def test_values_are_handed_over_where_they_are_named(season: Season) -> None:
+    assert season.sql("SELECT $bitrate * 2 AS twice", {"bitrate": 500, "other": 1}).rows() == [(1000,)]
+
+
+def test_messages_say_what_is_known_of_each_table(season: Season) -> None:
+    found = season.messages.filter(pl.col("table") == "goto_xy")
+    assert found.select("message", "cob_id", "senders", "receivers").rows() == [("Goto XY", 8, "core", "drive")] * 2
+
+
+@pytest.mark.parametrize(
+    ("query", "complaint"),
+    [
+        ("SELECT x FROM nowhere", "Table with name nowhere does not exist!; tables: check_drive_request"),
+        ("SELEC", "Parser Error: syntax error"),
+        ("SELECT nothing FROM goto_xy", 'Referenced column "nothing" not found'),
+    ],
+)
+def test_what_duckdb_does_not_take_is_one_line(season: Season, query: str, complaint: str) -> None:
+    with pytest.raises(SqlError) as error:
+        season.sql(query)
+    assert complaint in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_table_of_no_message_is_an_error(season: Season) -> None:
+    with pytest.raises(UnknownName, match="unknown table 'goto'"):
+        season.frames("goto")
+
+
+def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
+    for folder in (tmp_path, tmp_path / "none"):
+        with pytest.raises(LocalError, match="is no season"):
+            Season.open(folder)

@@ -1,0 +1,96 @@
+"""Files written whole: by several programs at once, over links, with the mode they had, and nothing left behind."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eurobot_od import files
+from eurobot_od.files import write_whole
+
+SIZE = 20_000
+WRITE = f"""
+import sys
+from pathlib import Path
+from eurobot_od.files import write_whole
+for _ in range(60):
+    write_whole(Path(sys.argv[1]), sys.argv[2].encode() * {SIZE})
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    file = tmp_path / "settings [1].dcf"
+    file.write_bytes(b"old")
+    return file
+
+
+def test_of_two_programs_with_one_file_none_fails_and_a_reader_sees_no_halves(file: Path) -> None:
+    write_whole(file, b"0" * SIZE)
+    programs = [subprocess.Popen([sys.executable, "-c", WRITE, file, name]) for name in "12"]
+    seen = set()
+    while any(each.poll() is None for each in programs):
+        seen.add(file.read_bytes())
+    assert [each.returncode for each in programs] == [0, 0]
+    assert seen <= {name * SIZE for name in (b"0", b"1", b"2")}
+    assert list(file.parent.iterdir()) == [file]
+
+
+def test_a_link_stays_a_link(file: Path) -> None:
+    link = file.with_name("link.dcf")
+    link.symlink_to(file.name)
+    write_whole(link, b"new")
+    assert link.is_symlink()
+    assert file.read_bytes() == b"new"
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o664, 0o444])
+def test_the_mode_stays(file: Path, mode: int) -> None:
+    file.chmod(mode)
+    write_whole(file, b"new")
+    assert (stat.S_IMODE(file.stat().st_mode), file.read_bytes()) == (mode, b"new")
+
+
+def test_a_new_file_has_the_mode_that_the_user_wants(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_whole(tmp_path / "new", b"")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o640
+
+
+def test_what_a_crash_has_left_goes_and_other_files_stay(file: Path) -> None:
+    for name in ("settings [1].dcf.0123abcd.new", "settings [1].dcf.mine.new", "other.dcf.0123abcd.new"):
+        file.with_name(name).write_bytes(b"half")
+    write_whole(file, b"new")
+    left = sorted(each.name for each in file.parent.iterdir())
+    assert left == ["other.dcf.0123abcd.new", "settings [1].dcf", "settings [1].dcf.mine.new"]
+
+
+def test_a_program_that_hangs_with_the_lock_stops_nobody(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(files, "LONGEST_WAIT", 0.02)
+    fcntl: Any = pytest.importorskip("fcntl")
+    folder = os.open(file.parent, os.O_RDONLY)
+    fcntl.flock(folder, fcntl.LOCK_EX)
+    write_whole(file, b"new")
+    os.close(folder)
+    assert file.read_bytes() == b"new"
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(file: Path) -> None:
+    with pytest.raises(TypeError):
+        write_whole(file, "no bytes")  # type: ignore[arg-type]
+    assert file.read_bytes() == b"old"
+    assert list(file.parent.iterdir()) == [file]
+
+
+def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        write_whole(tmp_path / "nowhere" / "drive.dcf", b"")

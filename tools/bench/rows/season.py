@@ -1,0 +1,84 @@
+"""Logs into a season beside other programs' ways: text by cantools, Parquet by hand; and memory over the length.
+
+Rule of this file: random traffic, see `traffic`. After every run of ours all frames must be in the season, and the
+values of a message must be those that `Protocol` decodes (the tests of `season` prove it for all of them).
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
+from bench.process import CANTOOLS, OURS, PROGRAMS, PYTHON, run
+from bench.shared import protocol
+from bench.traffic import random_traffic, write_candump
+from eurobot_od.export.dbc import dbc_text
+
+FULL, SHORT = 1_000_000, 300
+TIMES = 10
+"""The long log has so many times the lines of the short one."""
+
+
+def archived(log: Path, count: int) -> Figures:
+    """Archive a log into an empty season; raises Wrong if a frame is missing."""
+    from eurobot_od.season.season import Season
+
+    folder = log.with_suffix(".season")
+    shutil.rmtree(folder, ignore_errors=True)
+    figures = run([*OURS, "archive", log, "-o", folder])
+    found = Season.open(folder).sql("SELECT count(*) AS number FROM frames").item()
+    if found != count:
+        raise Wrong(f"{found} frames of {count}")
+    return figures
+
+
+def by_hand(log: Path, dbc: Path) -> Figures:
+    """Have the peer write its files."""
+    with tempfile.TemporaryDirectory() as folder:
+        return run([PYTHON, PROGRAMS / "peer_parquet.py", log, dbc, folder])
+
+
+@contextmanager
+def opened(scale: Scale) -> Iterator[Mapping[str, Contender]]:
+    """Write both logs, and give the programs."""
+    missing = [name for name in ("polars", "duckdb", "pyarrow") if find_spec(name) is None]
+    if missing:
+        raise NotHere(f"{', '.join(missing)} not installed")
+    count = scale.of(FULL, SHORT)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        log, long, dbc = folder / "one.log", folder / "ten.log", folder / "robot.dbc"
+        dbc.write_text(dbc_text(protocol()))
+        write_candump(log, random_traffic(count))
+        with long.open("wb") as target:
+            for _ in range(TIMES):
+                target.write(log.read_bytes())
+        yield {
+            "cantools": partial(run, [*CANTOOLS, "decode", "-s", dbc], log),
+            "by hand": partial(by_hand, log, dbc),
+            "ours": partial(archived, log, count),
+            "ours, ten times": partial(archived, long, TIMES * count),
+        }
+
+
+NAME = "archive 1 000 000 lines"
+
+SERIES = (
+    Series(
+        "season",
+        NAME,
+        opened,
+        (
+            Claim(f"{NAME}: cantools decode -s", "ours", "cantools", Way.TIMES_AS_FAST, 15),
+            Claim(f"{NAME}: python-can, cantools, pyarrow", "ours", "by hand", Way.TIMES_AS_FAST),
+            Claim("archive ten times the lines", "ours, ten times", "ours", Way.RATIO, TIMES),
+            Claim("archive ten times the lines, memory", "ours, ten times", "ours", Way.RATIO, 1.2, Quantity.MEMORY),
+        ),
+    ),
+)
