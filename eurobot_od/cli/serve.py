@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options
-from eurobot_od.cli.logs import entries
+from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
@@ -34,10 +34,8 @@ MOST_LOGS = 2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.logs.formats import FORMATS
-
     parser.add_argument("logs", nargs="*", metavar="LOG", help="one log, or two side by side; left out: the bus")
-    parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
+    add_reading(parser)
     parser.add_argument("--control", action="store_true", help="let the page send, write objects and command nodes")
     parser.add_argument(
         "--listen",
@@ -108,7 +106,7 @@ def _columns(log: str, arguments: argparse.Namespace, decoder: Decoder, panels: 
 
     columns, damage = Columns(Path(log).stem, decoder, arguments.bitrate or BITRATE, panels), DamageCounts()
     decode = lru_cache(REMEMBERED)(decoder)
-    for name, (line, time, _, raw) in entries([log], arguments.format):
+    for name, (line, time, _, raw) in entries([log], arguments):
         meaning = decode(raw)
         damage.add(name, line, meaning.defects)
         columns.take(time, meaning)
