@@ -24,11 +24,10 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.logs.formats import FORMATS
 
     parser.add_argument("first", metavar="LOG", help="what it should be")
     parser.add_argument("second", metavar="LOG", help="what it is")
-    parser.add_argument("--format", choices=FORMATS, help="format of both; left out: by suffix")
+    logs.add_reading(parser)
     parser.add_argument("--time", type=durations.seconds, default="1 ms", metavar="TIME", help="between times (1 ms)")
     parser.add_argument(
         "--tolerance",
@@ -82,7 +81,7 @@ def _number(name: str, text: str) -> float:
 
 
 def _read(log: str, arguments: argparse.Namespace, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
-    entries = (entry for _, entry in logs.entries([log], arguments.format))
+    entries = (entry for _, entry in logs.entries([log], arguments))
     return [(time, raw) for _, time, _, raw in entries if wanted is None or wanted(decoder(raw))]
 
 

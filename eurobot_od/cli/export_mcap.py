@@ -10,11 +10,10 @@ from eurobot_od.cli import extras, logs, options
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    from eurobot_od.logs.formats import FORMATS
 
     parser.add_argument("log", metavar="LOG", help="log in any format; -: standard input")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file")
-    parser.add_argument("--format", choices=FORMATS, help="format of the log; left out: by suffix")
+    logs.add_reading(parser)
     options.add_network(parser)
 
 
@@ -27,6 +26,6 @@ def run(arguments: argparse.Namespace) -> None:
     with logs.opened(arguments.log) as log, arguments.output.open("wb") as file:
         from eurobot_od.logs import formats
 
-        entries = formats.read(log, arguments.format)
+        entries = formats.read(log, arguments.format, arguments.largest)
         messages, poses, damage = write(file, entries, decoder, drawings(decoder.protocol))
     print(f"{arguments.output}: {messages} messages, {poses} poses, {damage} damaged")

@@ -60,6 +60,6 @@ def _frames(arguments: argparse.Namespace, wanted: Callable[[Frame], bool]) -> I
     """Give the wanted frames with their times; logs follow each other."""
     from eurobot_od.frame import Frame
 
-    for _, (_, time, _, raw) in logs.entries(arguments.logs, arguments.format):
+    for _, (_, time, _, raw) in logs.entries(arguments.logs, arguments):
         if isinstance(raw, Frame) and wanted(raw):
             yield time, raw
