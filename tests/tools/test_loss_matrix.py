@@ -38,6 +38,10 @@ def test_every_message_and_every_loss_has_its_cells() -> None:
     assert len(cells) == len(set(cells)) == 23 * 8 + (3 * 3 + 1) * 3
 
 
+def test_a_match_goes_on_after_the_drive_was_frozen() -> None:
+    assert loss_matrix.attempt(Cell("drive", "frozen 5 s", 5.0, seed=3)).went_on
+
+
 def test_a_drive_that_does_not_watch_the_core_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Drive, "heartbeat_lost", lambda *_: None)
     results = [loss_matrix.attempt(Cell("core", "killed", 15.0, seed=seed)) for seed in (2, 4)]

@@ -2,8 +2,7 @@
 
 A strategy is a coroutine `play(core)`. It is called when the match begins: the nodes are checked, the start is
 configured, positions come. It awaits the core's calls, and ends with the match. What stops for an obstacle is the core;
-what to do then is up to the strategy. This one does what brings most for its time, drives round the other robots, puts
-off what it was stopped at, and is home before the end.
+what to do then is up to the strategy. This one does what brings most for its time, and is home before the end.
 """
 
 from __future__ import annotations
@@ -31,7 +30,6 @@ STALE = 2.0  # s after which a position says nothing any more
 PUT_OFF = 6.0  # s until a task is tried again
 PAUSE = 0.5  # s to come to rest, and to see whether something goes away
 SPARE = 4.0  # s in hand at the end
-HOME = 60.0  # mm: near enough
 
 POOLS = {"pool 1": Passage.FORCED, "pool 2": Passage.FORCED}
 CLEARANCES = Clearances.of(RADIUS, MARGIN)
@@ -127,9 +125,11 @@ class Strategy:
         if self.core.shut_down:  # a node was lost, and the core has stopped everything
             await self.core.check_nodes()
             await self.core.configure_start(*self.start)
+            while messages.KalmanPositionResponse not in self.core.positions:
+                await asyncio.sleep(PAUSE)
         elif (task := self.best()) is not None:
             await self.attempt(task)
-        elif math.dist(self.here, self.home.point) <= HOME or not await self.drive(self.home):
+        elif math.dist(self.here, self.home.point) <= MARGIN or not await self.drive(self.home):
             await asyncio.sleep(PAUSE)
 
 
