@@ -31,15 +31,26 @@ OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", "interface", 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
+    time = partial(shared.positive, of=" of seconds")
     colours = [colour.name.lower() for colour in TeamColour]
     parser.add_argument("--team", choices=colours, default="red", help="our colour (default: red)")
     parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
     parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
     parser.add_argument("--seed", type=int, help="seed of all chance: same seed, same frames (default: 1)")
     parser.add_argument("--seeds", type=_seeds, metavar="N|FIRST-LAST", help="play each seed, simulated, and compare")
-    parser.add_argument("--duration", type=_positive, metavar="SECONDS", help="match time (default: the core's, 90)")
+    parser.add_argument(
+        "--duration",
+        type=time,
+        metavar="SECONDS",
+        help="match time (default: the core's, 90)",
+    )
     parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
-    parser.add_argument("--emergency-at", type=_positive, metavar="SECONDS", help="hit the mushroom at this match time")
+    parser.add_argument(
+        "--emergency-at",
+        type=time,
+        metavar="SECONDS",
+        help="hit the mushroom at this match time",
+    )
     parser.add_argument("--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core)")
     parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
     shared.add_log(parser)
@@ -70,16 +81,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
     parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
     shared.add_bus(parser)
-
-
-def _positive(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
-    return value
 
 
 def _seeds(text: str) -> range:

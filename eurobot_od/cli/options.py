@@ -37,6 +37,17 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     group.add_argument("-b", "--bitrate", type=int, help="bit/s, 500000 if nothing else is configured")
 
 
+def positive(text: str, of: str = "") -> float:
+    """Read a positive number, `of` what if it is not one."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number{of}")
+    return value
+
+
 def bit_rate(text: str) -> int:
     """Read a bit rate of classic CAN in bit/s."""
     rate = int(text)

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     logs.add_log(parser)
-    parser.add_argument("--speed", type=_speed, default=1.0, metavar="N", help="so many times as fast (default: 1)")
+    parser.add_argument(
+        "--speed", type=options.positive, default=1.0, metavar="N", help="so many times as fast (default: 1)"
+    )
     whose = parser.add_mutually_exclusive_group()
     whose.add_argument("--only", action="append", default=[], metavar="NODE", help="what this node sent; repeatable")
     whose.add_argument(
@@ -31,16 +33,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     options.add_network(parser)
     options.add_bus(parser)
-
-
-def _speed(text: str) -> float:
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = 0.0
-    if not 0 < speed < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return speed
 
 
 def run(arguments: argparse.Namespace) -> None:
