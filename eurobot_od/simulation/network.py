@@ -66,16 +66,12 @@ REPORTED = {
 
 @dataclass
 class Place:
-    """A station's place on the bus, and the seconds that it takes until it looks at a frame."""
+    """A station's place on the bus; it looks at a frame `processing` seconds after that came."""
 
     station: Station
-    processing: float
+    mailboxes: Mailboxes
     controller: Controller
-
-    @property
-    def mailboxes(self) -> Mailboxes:
-        """The station's mailboxes, from which its controller sends."""
-        return self.station.gatekeeper.mailboxes
+    processing: float
 
     @property
     def wakeup(self) -> float:
@@ -119,8 +115,9 @@ class Network:
         station = Station(node, report=self.reports.append, clock=lambda: self.now)
         station.gatekeeper.start()
         node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
-        controller = Controller(station.gatekeeper.mailboxes, silent_until=inf)
-        self._places[station] = Place(station, processing, controller)
+        mailboxes = station.gatekeeper.mailboxes
+        controller = Controller(mailboxes, silent_until=inf)
+        self._places[station] = Place(station, mailboxes, controller, processing)
         self._stations[controller] = station
         self._whole.controllers.append(controller)
         self._plan(start, partial(self._start, station))
@@ -205,16 +202,16 @@ class Network:
         times = [place.wakeup for place in self._places.values()]
         times += [bus.next_event for bus in self._buses]
         times += [time for time, _, _ in self._queue[:1]]
-        if any(self._has_new(bus) for bus in self._buses):
+        waiting = [place for place in self._places.values() if place.mailboxes.waits]
+        if waiting and any(self._has_new(bus, waiting) for bus in self._buses):
             times.append(self.now)
         return max(min(times, default=inf), self.now)
 
-    def _has_new(self, bus: Bus) -> bool:
+    def _has_new(self, bus: Bus, waiting: Iterable[Place]) -> bool:
         """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
-        return any(
-            place.mailboxes.waits and place.controller.may_send(self.now) and place.controller in bus.controllers
-            for place in self._places.values()
-        ) and bus.is_free(self.now)
+        return bus.is_free(self.now) and any(
+            place.controller.may_send(self.now) and place.controller in bus.controllers for place in waiting
+        )
 
     def advance(self, until: float) -> bool:
         """Run the next event if it is due by `until`; otherwise let the time pass and return False."""
@@ -227,7 +224,7 @@ class Network:
             bus.advance(event)
         self._do_planned()
         for place in tuple(self._places.values()):
-            if place.wakeup <= event and place.ask() <= event:
+            if place.wakeup <= event:
                 place.station.tick(event)
                 place.ask()
         self._arbitrate()

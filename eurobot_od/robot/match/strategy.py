@@ -18,7 +18,7 @@ from eurobot_od.robot.field import START_POSES, Point, Pose
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.route import Clearances, Disc, find_route
 from eurobot_od.robot.tasks import Task, Worth, tasks
-from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Outcome, Passage, barrier_number
+from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Outcome, Passage, Source, barrier_number
 
 SPEED = 80  # percent: at more, the way to a standstill is longer than the sensor's stop distance
 PACE = 400.0  # mm/s on average, braking and turning included
@@ -26,14 +26,17 @@ OVERHEAD = 1.5  # s for every goto
 RADIUS = 140.0  # of our own robot and, as nobody says it, of the confederate, mm
 MARGIN = 40.0  # mm between us and a barrier
 BERTH = 200.0  # mm between us and another robot: from nearer, the sensor would stop us
+BEND = 300.0  # mm more where we go round a barrier, as the drive may pass it on its other side
 STALE = 2.0  # s after which a position says nothing any more
 PUT_OFF = 6.0  # s until a task is tried again
 PAUSE = 0.5  # s to come to rest, and to see whether something goes away
+CLOSE = 40.0  # mm: who is so near has driven into us, or is about to
+PATIENCE = 6  # pauses in which one who is close may go first
 SPARE = 4.0  # s in hand at the end
 
-POOLS = {"pool 1": Passage.FORCED, "pool 2": Passage.FORCED}
 CLEARANCES = Clearances.of(RADIUS, MARGIN)
-FLAGS = Barriers.of({barrier_number(name): POOLS.get(name, Passage.NORMAL) for name in BARRIER_NAMES})
+PASSAGES = {name: Passage.FORCED if name.startswith("pool") else Passage.NORMAL for name in BARRIER_NAMES}
+FLAGS = Barriers.of({barrier_number(name): passage for name, passage in PASSAGES.items()})
 
 
 class Strategy:
@@ -42,8 +45,7 @@ class Strategy:
     def __init__(self, core: Core) -> None:
         assert core.configuration is not None
         self.core, self.start = core, core.configuration
-        self.todo = tasks(self.start.team_colour)
-        self.home = START_POSES[self.start.team_colour]
+        self.todo, self.home = tasks(self.start.team_colour), START_POSES[self.start.team_colour]
         self.put_off: dict[str, float] = {}
         self.fruit = 0
 
@@ -53,32 +55,23 @@ class Strategy:
         place = self.core.positions[messages.KalmanPositionResponse].position
         return self.home.point if place.x is None or place.y is None else Point(place.x, place.y)
 
-    def others(self) -> Iterator[Disc]:
+    def others(self, berth: float = BERTH) -> Iterator[Disc]:
         """Yield where the other robots are, as far as it is known, as places to stay out of."""
-        radii: dict[type[messages.PositionResponse], float] = {
-            messages.Enemy1PositionResponse: self.start.enemy_1_diameter * 5,
-            messages.Enemy2PositionResponse: self.start.enemy_2_diameter * 5,
-            messages.ConfederatePositionResponse: RADIUS,
-        }
-        for kind, radius in radii.items():
-            seen = self.core.positions.get(kind)
+        radii = (self.start.enemy_1_diameter * 5.0, self.start.enemy_2_diameter * 5.0, RADIUS)
+        for robot, radius in zip((Source.ENEMY_1, Source.ENEMY_2, Source.CONFEDERATE), radii):
+            seen = self.core.last_seen(robot)
             if seen and self.core.now - seen.time < STALE:
-                x, y, *_ = seen.position
-                if x is not None and y is not None:
-                    yield Disc(Point(x, y), RADIUS + radius + BERTH, math.inf)
+                yield Disc(seen.point, RADIUS + radius + berth, math.inf)
 
     def next_point(self, there: Point) -> Point | None:
-        """Return the farthest point on the way to a place that the drive can be sent to at once; None if there is none.
-
-        Past barriers the drive finds its way itself; of the other robots it knows nothing.
-        """
+        """Return the farthest point on the way that the drive can be sent to; it knows of barriers, not of robots."""
         here, others = self.here, [disc.left_from(self.here) for disc in self.others()]
-        way = find_route(here, there, FLAGS, CLEARANCES, others) or ()
-        for point in reversed(way):
-            legs = pairwise((here, *(find_route(here, point, FLAGS, CLEARANCES) or ())))
-            if not any(disc.meets(*leg) for leg in legs for disc in others):
+        for point in reversed(find_route(here, there, FLAGS, CLEARANCES, others) or ()):
+            legs = [*pairwise((here, *(find_route(here, point, FLAGS, CLEARANCES) or ())))]
+            bend = BEND if len(legs) > 1 else 0.0
+            if not any(disc._replace(radius=disc.radius + bend).meets(*leg) for leg in legs for disc in others):
                 return point
-        return way[0] if way else None
+        return None
 
     def value(self, task: Task) -> float:
         """Weigh what a task brings against the time for it."""
@@ -97,13 +90,20 @@ class Strategy:
         best = max(filter(self.is_possible, self.todo.values()), key=self.value, default=None)
         return best if best and self.value(best) else None
 
+    async def give_way(self) -> None:
+        """Stand while somebody is close, but not for ever."""
+        for _ in range(PATIENCE):
+            seen = await self.core.obstacle()
+            if (seen and seen.distance < CLOSE) or any(disc.contains(self.here) for disc in self.others(CLOSE)):
+                await asyncio.sleep(PAUSE)
+
     async def drive(self, there: Pose) -> bool:
         """Drive to a place, round other robots if need be; tell whether we arrived."""
+        await self.give_way()
         while (point := self.next_point(there.point)) is not None:
-            arrives = point == there.point
-            angle = there.angle if arrives else Pose(*point, 0).bearing(there.point)
+            angle = there.angle if point == there.point else Pose(*point, 0).bearing(there.point)
             report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, FLAGS)
-            if arrives or report.outcome is not Outcome.ARRIVED:
+            if point == there.point or report.outcome is not Outcome.ARRIVED:
                 return report.outcome is Outcome.ARRIVED
         return False
 
@@ -116,9 +116,9 @@ class Strategy:
         gain = await self.core.act(task.name)
         if task.worth is Worth.HARVEST:
             self.fruit = 0
-        else:
-            self.fruit += gain * (task.worth is Worth.FRUIT)
-            del self.todo[task.name]
+            return
+        self.fruit += gain * (task.worth is Worth.FRUIT)
+        del self.todo[task.name]
 
     async def step(self) -> None:
         """Do the next thing; do nothing for a moment if there is none."""

@@ -32,10 +32,11 @@ could come between the two, and the goto would drive after it.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable
 from functools import partial
 from math import inf
-from typing import Any, ClassVar, NamedTuple, get_args
+from typing import Any, ClassVar, get_args
 
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import START, Call, Flow, Pause, Result, Script, shielded
@@ -44,6 +45,7 @@ from eurobot_od.device.timers import Timer
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import messages
 from eurobot_od.robot.field import Place, is_near
@@ -52,6 +54,7 @@ from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, Dis
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
 from eurobot_od.robot.nodes.identity import Channel
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
+from eurobot_od.robot.nodes.sightings import Seen, Sighting, Track
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
 from eurobot_od.robot.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 
@@ -67,16 +70,12 @@ POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
 ANY_ANGLE = 180.0
 """Two headings are never further apart, degrees."""
 
+LOOKS = 3
+"""So often the navigation is asked for a drive that has booted, which believes it when two positions agree: one of them
+may be unknown, or wrong."""
 
 LEAVING = "the core is being switched off"
 MATCH_OVER = "the match is over"
-
-
-class Sighting(NamedTuple):
-    """A position as it was received, and when, in seconds of the node's time."""
-
-    position: messages.PositionResponse
-    time: float
 
 
 class _Ended(Exception):
@@ -113,6 +112,7 @@ class Core(RobotNode):
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
         self.positions: dict[type[messages.PositionResponse], Sighting] = {}
+        self._tracks: defaultdict[Source | OutOfRange, Track] = defaultdict(Track)
         self.shut_down = self.match_over = False
         self._driving: Flow[GotoReport] | None = None
         self._configuring: Flow[float] | None = None
@@ -141,6 +141,13 @@ class Core(RobotNode):
     def is_commanding(self) -> bool:
         """Whether a goto of this core is under way."""
         return self._driving is not None
+
+    def last_seen(self, whom: Source) -> Seen | None:
+        """Tell where a robot was seen last; None if it never was.
+
+        Unlike `positions` it leaves out what is unknown, and what the robot cannot have driven to (see `sightings`).
+        """
+        return self._tracks[whom].last
 
     @property
     def open_calls(self) -> int:
@@ -472,8 +479,9 @@ class Core(RobotNode):
         self._astray = True
         yield from startup.check_nodes(self)
         yield from self._configure(configuration)
-        self.offer(messages.NaviPositionRequest())
-        yield Pause(self.period("Goto handshake.State request period"))
+        for _ in range(LOOKS):
+            self.offer(messages.NaviPositionRequest())
+            yield Pause(self.period("Goto handshake.State request period"))
         here, there = (yield from drive_position(self))[:3], self._place
         if there is not None and not is_near(there, here, self.setting("Recovery.Displacement"), ANY_ANGLE):
             self._lost = "the drive has lost its place"
@@ -605,7 +613,8 @@ class Core(RobotNode):
         return messages.EmergencyShutdown() if self.shut_down and self._configuring is None else None
 
     def _saw(self, position: messages.PositionResponse) -> None:
-        self.positions[type(position)] = Sighting(position, self.now)
+        sighting = self.positions[type(position)] = Sighting(position, self.now)
+        self._tracks[position.source].saw(sighting)
         if isinstance(position, messages.KalmanPositionResponse) and position.x is not None and not self._astray:
             self._place = position[:3]
 

@@ -22,8 +22,9 @@ from eurobot_od.robot.nodes.kalman import Belief, Deviations, Travel, Tuning, ch
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 
-AGREEING = 3
-"""So many refused positions in a row that agree with each other are believed."""
+AGREEING, AGREEING_FIRST = 3, 2
+"""So many refused positions in a row that agree with each other are believed in place of a measured pose, and of one
+that is only assumed. It is not two for both: two that take another robot for ours agree now and then."""
 
 PUSHED = 60.0
 """How far the robot may have been pushed from one refused position to the next, standard deviation in mm."""
@@ -35,8 +36,8 @@ LONGEST_LATENCY = 2.0
 class Estimate:
     """Where the drive believes the robot is; `tuning` may be exchanged at any time.
 
-    A `pose` to begin with is assumed and not measured: a full position outside its gate takes its place at once, as a
-    drive that has booted believes in its start place wherever it stands.
+    A `pose` to begin with is assumed and not measured, as a drive that has booted believes in its start place wherever
+    it stands: two full positions that agree take its place, where a measured one takes three.
     """
 
     def __init__(self, tuning: Tuning, pose: Pose | None = None) -> None:
@@ -100,12 +101,12 @@ class Estimate:
 
     def _overruled(self, fix: Fix, travel: Travel) -> Belief | None:
         """Return what is to be believed in place of the estimate when it refuses a position, None to keep it."""
-        if self._assumed and fix.angle is not None:
+        if self._belief is None:
             return self._begun(fix, travel)
         agreed = self._gated(self._rival and self._rival.loosened(PUSHED), fix, travel)
         self._rival = agreed or self._begun(fix, travel)
         self._agreeing = self._agreeing + 1 if agreed else 1
-        return self._rival if self._agreeing >= AGREEING else None
+        return self._rival if self._agreeing >= (AGREEING_FIRST if self._assumed else AGREEING) else None
 
     def _begun(self, fix: Fix, travel: Travel) -> Belief | None:
         """Begin at a position; a heading that it does not say is the estimate's, and unknown without that."""

@@ -1,7 +1,7 @@
 """The other robots when nobody plays them: two enemies and a confederate, each on its rounds.
 
 A patrol goes along its way points and back again. It stops for a robot ahead, waits for it to go, and then turns
-round; a careless one sees nobody and drives into whatever is there.
+round; a careless one looks out for nobody, and so stops only when it has driven into one.
 """
 
 from __future__ import annotations
@@ -29,6 +29,9 @@ SPEEDS = (150.0, 350.0)
 CARELESS = 0.25
 """Share of the enemies that look out for nobody."""
 
+LOOK_OUT, BUMPED = 120.0, 1.0
+"""How near a careful robot and a careless one let another one come that is in their way, mm from edge to edge."""
+
 WAIT = 1.5
 """Seconds that a patrol waits for a robot in its way."""
 
@@ -42,12 +45,19 @@ class Patrol:
         self._waited = 0.0
         self.pose = Pose(*self._points[0], Pose(*self._points[0], 0).bearing(self._points[1]))
 
-    def held_up(self, dt: float) -> None:
-        """Wait for a robot in the way; turn round when that took too long."""
+    @property
+    def look_out(self) -> float:
+        """How near it lets a robot come that is in its way, mm from edge to edge."""
+        return BUMPED if self.careless else LOOK_OUT
+
+    def held_up(self, here: Point, dt: float) -> Pose:
+        """Wait `here` for a robot in the way, and turn round when that took too long; return where it looks then."""
         self._waited += dt
         if self._waited >= WAIT:
             self._waited, self._step = 0.0, -self._step
             self._aim_at_next()
+            self.pose = Pose(*here, Pose(*here, 0).bearing(self._points[self._leg]))
+        return self.pose
 
     def advance(self, here: Point, dt: float) -> Pose:
         """Return where it wants to be `dt` seconds after it was `here`."""

@@ -33,11 +33,8 @@ from eurobot_od.robot.world.sight import nearest_ahead
 PACE = 0.1
 """Seconds of a step of the robots on their rounds."""
 
-LOOK_OUT = 120.0
-"""How near a careful robot on its rounds lets another one come that is in its way, mm from edge to edge."""
-
 LOOK_OUT_ANGLE = 50.0
-"""How far to either side it looks, degrees."""
+"""How far to either side a robot on its rounds looks, degrees."""
 
 PLACEMENT = 3.0
 PLACEMENT_ANGLE = 0.5
@@ -160,15 +157,14 @@ class World:
                 self._step(self.robots[name], patrol)
 
     def _step(self, body: RobotBody, patrol: Patrol) -> None:
-        if not patrol.careless and nearest_ahead(body, self.robots.values(), LOOK_OUT, LOOK_OUT_ANGLE):
-            body.speed = 0.0
-            patrol.held_up(PACE)
+        if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
+            body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
             return
         before, wanted = body.point, patrol.advance(body.point, PACE)
         body.speed = patrol.speed
         self._go(body, wanted)
         if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
-            patrol.held_up(PACE)
+            body.angle = patrol.held_up(body.point, PACE).angle
 
     # What can be seen
 

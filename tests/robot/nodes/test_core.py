@@ -26,6 +26,7 @@ from eurobot_od.robot.messages import (
     EmergencyShutdown,
     EmergencyStop,
     Enemy1PositionRequest,
+    Enemy1PositionResponse,
     Enemy2PositionRequest,
     GotoConfirm,
     GotoStateRequest,
@@ -261,6 +262,16 @@ def test_positions_are_kept_with_the_time_they_came(bench: Bench) -> None:
     sighting = bench.core.positions[KalmanPositionResponse]
     assert sighting.position == position._replace(x=5)
     assert sighting.time == pytest.approx(bench.log[-1].time)
+
+
+def test_where_a_robot_was_seen_last_is_kept_while_it_is_not_seen(bench: Bench) -> None:
+    assert bench.core.last_seen(Source.ENEMY_1) is None
+    for x, y in ((700, 800), (None, None)):
+        bench.say("navigation", Enemy1PositionResponse(x, y, None, Source.ENEMY_1))
+    seen = bench.core.last_seen(Source.ENEMY_1)
+    assert seen is not None
+    assert seen.point == (700, 800)
+    assert seen.time < bench.core.positions[Enemy1PositionResponse].time
 
 
 # Gotos (document 2.1)

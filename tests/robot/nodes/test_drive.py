@@ -537,17 +537,24 @@ def test_navigation_positions_correct_the_estimate(
 @pytest.mark.parametrize(
     ("position", "expected"),
     [
-        ((1500, 1000, 90), (1500, 1000, 90)),  # nothing has measured the start place: the drive may have rebooted
+        ((1500, 1000, 90), (200, 1800, 0)),  # it may be wrong: a robot that is sent off by it drives into anything
         ((210, 1800, 0), (208, 1800, 0)),  # beacons are more exact than who puts the robot down
         ((210, 1800, None), (208, 1800, 0)),
         ((None, None, None), (200, 1800, 0)),
     ],
 )
-def test_the_first_position_corrects_the_start_place_or_takes_its_place(
+def test_the_first_position_corrects_the_start_place(
     position: tuple[int | None, int | None, int | None], expected: tuple[int, int, int]
 ) -> None:
     seat = configured().say(NaviPositionResponse(*position, Source.INTERNAL))
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == expected
+
+
+def test_two_first_positions_that_agree_take_the_place_of_the_start_place() -> None:
+    seat = configured()  # nothing has measured it: the drive may have rebooted
+    for position in ((700, 300, 10), (1500, 1000, 90), (1500, 1000, 90)):
+        seat.say(NaviPositionResponse(*position, Source.INTERNAL))
+    assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == (1500, 1000, 90)
 
 
 def test_an_angle_that_rounds_to_360_is_0() -> None:

@@ -59,17 +59,21 @@ def test_dead_reckoning_follows_the_wheels() -> None:
     assert estimate.pose == pytest.approx(Pose(0.0, 0.0, 90.0).moved(90.0, -90.0))
 
 
+TURNED = Fix(1000.0, 500.0, 90.0)
 ASSUMED = [
-    (ELSEWHERE, ELSEWHERE, "nothing has measured the start place: what lies outside its gate takes its place"),
-    (Fix(1000.0, 500.0, 90.0), Fix(1000.0, 500.0, 90.0), "so does another heading"),
-    (Fix(2000.0, 500.0), START, "but without a heading it is an outlier"),
+    ([ELSEWHERE], START, "one that lies outside its gate may be wrong"),
+    ([ELSEWHERE, ELSEWHERE], ELSEWHERE, "nothing has measured the start place: two take its place"),
+    ([TURNED, TURNED], TURNED, "so does another heading"),
+    ([ELSEWHERE, TURNED], START, "if they agree"),
+    ([Fix(2000.0, 500.0)] * 2, Fix(2000.0, 500.0, START.angle), "without a heading that of the start place is kept"),
 ]
 
 
-@pytest.mark.parametrize(("fix", "expected", "why"), ASSUMED)
-def test_an_assumed_pose(fix: Fix, expected: Fix | Pose, why: str) -> None:
+@pytest.mark.parametrize(("fixes", "expected", "why"), ASSUMED)
+def test_an_assumed_pose(fixes: list[Fix], expected: Fix | Pose, why: str) -> None:
     estimate = Estimate(TUNING, START)
-    estimate.corrected(fix, 0.0)
+    for fix in fixes:
+        estimate.corrected(fix, 0.0)
     assert estimate.pose == pytest.approx(tuple(expected)), why
 
 

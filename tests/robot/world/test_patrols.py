@@ -34,9 +34,10 @@ def test_a_patrol_goes_round_at_its_speed(seconds: float, expected: tuple[float,
 def test_held_up_it_turns_round_after_a_while() -> None:
     patrol = Patrol(TRIANGLE, speed=100)
     walk(patrol, 4.0)
-    patrol.held_up(WAIT / 2)
+    here = patrol.pose.point
+    assert patrol.held_up(here, WAIT / 2).angle == pytest.approx(90, abs=1)
     assert walk(patrol, 0.1).angle == pytest.approx(90, abs=1)
-    patrol.held_up(WAIT)
+    assert patrol.held_up(here, WAIT).angle == pytest.approx(270, abs=1)  # it turns, and so sees another way
     assert walk(patrol, 0.1).angle == pytest.approx(270, abs=1)
 
 

@@ -209,9 +209,23 @@ def test_a_careful_one_stops_before_us_and_turns_round() -> None:
         body = place.world.robots["confederate"]
         ahead = body.pose.moved(500, 0)
         place.put(*ahead)
-        place.now = 12.0
+        place.now = 6.0
         place.vehicle.pose(Source.CONFEDERATE)
         assert [touch for touch in place.world.touches if touch.is_fault_of("confederate")] == []
+        assert math.dist(body.point, ahead.point) > 350, "it did not stay before us"
+
+
+def test_a_careless_one_drives_into_us_once_and_does_not_push_us_along() -> None:
+    met = 0
+    for seed in range(1, 30):
+        place = Place(seed, enemies=1)
+        ahead = place.world.robots["enemy 1"].pose.moved(500, 0)
+        place.put(*ahead)
+        place.now = 6.0
+        place.vehicle.pose(Source.ENEMY_1)
+        met += sum(touch.is_fault_of("enemy 1") for touch in place.world.touches)
+        assert math.dist(place.here[:2], ahead.point) < SHOVE * 50, "it stops when it has driven into somebody"
+    assert met > 3
 
 
 @pytest.mark.parametrize(
