@@ -32,7 +32,7 @@ PUT_OFF = 6.0  # s until a task is tried again
 PAUSE = 0.5  # s to come to rest, and to see whether something goes away
 CLOSE = 40.0  # mm: who is so near has driven into us, or is about to
 PATIENCE = 6  # pauses in which one who is close may go first
-SPARE = 4.0  # s in hand at the end
+SPARE = 8.0  # s in hand at the end
 
 CLEARANCES = Clearances.of(RADIUS, MARGIN)
 PASSAGES = {name: Passage.FORCED if name.startswith("pool") else Passage.NORMAL for name in BARRIER_NAMES}
