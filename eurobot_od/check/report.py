@@ -1,4 +1,4 @@
-"""Results as text: for the console, as TAP, as JUnit XML, and as JSON."""
+"""Results as text: for the console, as annotations, as TAP, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
+from eurobot_od.annotations import Level, annotation
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
 from eurobot_od.escaping import one_line
@@ -55,6 +56,18 @@ def summary(results: Sequence[SuiteResult]) -> str:
     seconds = sum(result.seconds for result in results)
     suites = "1 suite" if len(results) == 1 else f"{len(results)} suites"
     return f"{suites}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+
+
+# Annotations
+
+
+def github(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield a line for GitHub Actions for each step that failed: it becomes a note at that step of its suite."""
+    for result in results:
+        for step in result.steps:
+            if step.status in (Status.FAILED, Status.BUS_FAILED) and step.reason is not None:
+                said = (line.strip() for line in reason_lines(step.reason))
+                yield annotation(Level.ERROR, str(result.file), *step.place, f"{result.name}: {step.name}", said)
 
 
 # TAP

@@ -49,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
+    form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
     campaign.add_workers(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)
@@ -259,12 +260,9 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
     options = RunOptions(arguments.keep_going or arguments.conformance, chosen, interrupt, show)
     if arguments.simulate:
-        from eurobot_od.check.simulated import run_simulated
-        from eurobot_od.robot.check.partners import nodes_under_test
-        from eurobot_od.robot.faults import faulty_kinds
+        from eurobot_od.robot.check.partners import simulate
 
-        make_nodes = partial(nodes_under_test, kinds=faulty_kinds(arguments.fault))
-        return run_simulated(suite, options, make_nodes, seed)
+        return simulate(suite, options, arguments.fault, seed)
     from eurobot_od.check.live import run_live
 
     return run_live(suite, options, partial(shared.open_bus, arguments))
@@ -291,6 +289,8 @@ def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> No
         print(json.dumps(report.as_data(results), indent=2))
     else:
         print(report.summary(results))
+        for line in report.github(results) if arguments.format else ():
+            print(line)
     if arguments.junit is not None:
         output.write(arguments.junit, report.junit(results))
 

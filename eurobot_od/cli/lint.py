@@ -29,7 +29,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         "files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also a network file, or a folder"
     )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
-    parser.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
+    form.add_argument(
+        "--format", choices=FORMATS, help="write annotations for GitHub Actions, or a SARIF log for code scanning"
+    )
     parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
     parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
     parser.add_argument("-v", "--verbose", action="store_true", help="every finding, also those that repeat in a file")
@@ -128,6 +132,8 @@ def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequ
     wanted = chosen(findings, arguments.select, arguments.ignore)
     if arguments.json:
         _print_json(wanted, identifiers)
+    elif arguments.format:
+        FORMATS[arguments.format](wanted)
     else:
         for identifier, name, producers, consumers in identifiers:
             print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
@@ -150,6 +156,28 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
         ]
     json.dump(data, sys.stdout, indent=1)
     print()
+
+
+def _print_annotations(findings: Sequence[Finding]) -> None:
+    from eurobot_od.annotations import Level, annotation
+
+    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
+    for each in summed_up(findings):
+        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
+
+
+def _print_sarif(findings: Sequence[Finding]) -> None:
+    import json
+
+    from eurobot_od.lint.network import RULES
+    from eurobot_od.lint.sarif import sarif
+
+    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
+    print()
+
+
+FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
+"""How findings are written for another program."""
 
 
 def _names(joined: str) -> list[str]:

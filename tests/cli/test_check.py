@@ -131,6 +131,8 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
     data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
     assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
     assert run(capsys, "check", "green.yaml", "--simulate", "--tap").out.splitlines()[-1] == "1..2"
+    github = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--format", "github").out.splitlines()
+    assert [each.partition(",")[0] for each in github if each.startswith("::")] == ["::error file=red.yaml"]
 
 
 def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
