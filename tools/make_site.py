@@ -1,4 +1,4 @@
-"""Makes the documentation's site in build/site, and follows all its links: `python3 tools/docs.py`
+"""Makes the documentation's site in build/site, and follows all its links: `python3 tools/make_site.py`
 
 It runs before anything is installed, so it uses the standard library only.
 """
@@ -59,6 +59,7 @@ def main() -> int:
     """Build the site and look at its links; return 1 if something is wrong."""
     python = prepare("docs")
     os.chdir(ROOT)
+    os.environ["NO_MKDOCS_2_WARNING"] = "1"  # it advertises its successor
     if call(python, "-m", "mkdocs", "build", "--strict", "--quiet"):
         return 1
     wrong = sorted(wrong_links(SITE))
