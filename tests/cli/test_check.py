@@ -226,13 +226,6 @@ def test_a_thousand_steps_are_a_suite_like_any_other(folder: Path, capsys: pytes
     assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.2 s")
 
 
-def test_the_guides_first_suite_runs_at_the_first_try(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (first,) = [text for text in re.findall(r"```yaml\n(.*?)```", GUIDE.read_text(), re.DOTALL) if "spec:" in text]
-    (folder / "first.yaml").write_text(first)
-    said = run(capsys, "check", "first.yaml", "--simulate")
-    assert said.status == 0, said.out
-
-
 def test_a_device_that_is_none_of_the_robots_is_run_from_its_file(tmp_path: Path) -> None:
     (tmp_path / "module.eds").write_text(io_module.TEXT, encoding="ascii")
     (tmp_path / "network.yaml").write_text("nodes: {module: {file: module.eds, node_id: 5}}", encoding="ascii")
