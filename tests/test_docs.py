@@ -3,7 +3,7 @@
 A block with a comment `<!-- not run: why -->` before it is left out, one with `<!-- exit status 0 or 1 -->` ends so. A
 block with a title is a file. What follows a command is what it prints, `...` standing for any lines or the rest of one;
 a command that nothing follows may print what it likes. Commands run in a folder that has the checkout's, and on a bus
-inside the process, whatever bus they name. What would go on for ever is interrupted as by Ctrl-C, a little later.
+inside the process, whatever bus they name. What would go on for ever is interrupted at its first line.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import re
 import shlex
 import shutil
 import signal
+import threading
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import NamedTuple
 
@@ -45,8 +46,6 @@ STAND_INS = (
     (r"(eurobot-od serve.*)", r"\1 --listen 127.0.0.1:0"),
 )
 ENDLESS = ("node", "monitor", "serve")
-BOUND = 0.3
-"""Seconds after which an endless command is interrupted."""
 
 
 class Block(NamedTuple):
@@ -92,16 +91,19 @@ def agrees(printed: Sequence[str], lines: Sequence[str]) -> bool:
     return agrees(rest, lines[1:])
 
 
-@contextmanager
-def interrupted(after: float) -> Iterator[None]:
-    """Have Ctrl-C come after some seconds, and again if the program is still there then."""
-    before = signal.signal(signal.SIGALRM, lambda *_: signal.raise_signal(signal.SIGINT))
-    signal.setitimer(signal.ITIMER_REAL, after, 10.0)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+class Terminal(io.TextIOWrapper):
+    """What a command writes to; at the first line of an endless one somebody presses Ctrl-C."""
+
+    def __init__(self, endless: bool) -> None:
+        self.written = io.BytesIO()
+        super().__init__(self.written, encoding="utf-8", write_through=True)
+        self._waits = endless
+
+    def write(self, text: str) -> int:
+        if self._waits and "\n" in text:
+            self._waits = False
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        return super().write(text)
 
 
 class Shell:
@@ -127,20 +129,16 @@ class Shell:
             yield from sorted(map(str, Path().glob(word))) if word.startswith("*") else [word]
 
     def _eurobot_od(self, words: list[str]) -> tuple[int, list[str]]:
-        written = io.BytesIO()
-        out = io.TextIOWrapper(written, encoding="utf-8", write_through=True)
-        with ExitStack() as stack:
-            stack.enter_context(redirect_stdout(out))
-            stack.enter_context(redirect_stderr(out))
-            if words[0] in ENDLESS:
-                stack.enter_context(interrupted(BOUND))
+        endless = words[0] in ENDLESS
+        terminal = Terminal(endless)
+        with redirect_stdout(terminal), redirect_stderr(terminal):
             try:
                 status = cli.main(words)
             except SystemExit as end:
                 status = int(end.code or 0)
-        if words[0] in ENDLESS and status == cli.ExitStatus.INTERRUPTED:
+        if endless and status == cli.ExitStatus.INTERRUPTED:
             status = 0
-        return status, written.getvalue().decode().splitlines()
+        return status, terminal.written.getvalue().decode().splitlines()
 
     def _export(self, words: list[str]) -> None:
         for word in words:
