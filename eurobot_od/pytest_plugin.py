@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.values import Value
     from eurobot_od.simulation.network import Network
+    from eurobot_od.yaml_places import Place
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
 """Files that are suites by their names."""
@@ -42,7 +43,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--eurobot-channel", help="channel of the interface, such as can0")
     group.addoption("--eurobot-bitrate", type=int, help="bit/s")
     parser.addini("eurobot_suites", "patterns of check suites besides *.check.yaml", "args", default=[])
-    parser.addini("eurobot_network", "network file or folder of EDS files that suites are for; left out: the robot's")
+    parser.addini(
+        "eurobot_network", "network file or folder of EDS files of suites; left out: eurobot-od.yaml, or the robot's"
+    )
 
 
 # Suites as tests
@@ -60,11 +63,11 @@ class SuiteFile(pytest.File):
     """A file of suites; what is wrong with it is an error of collecting, with line and column."""
 
     def collect(self) -> Iterator[pytest.Collector]:
-        from eurobot_od.errors import LocalError
+        from eurobot_od.errors import DictionaryError, LocalError
 
         try:
             suites = _read(self.config, self.path)
-        except LocalError as error:
+        except (DictionaryError, LocalError) as error:
             raise self.CollectError(str(error)) from None
         for suite in suites:
             yield SuiteTests.from_parent(self, name=suite.name, suite=suite)
@@ -108,18 +111,14 @@ class StepTest(pytest.Item):
 
     def runtest(self) -> None:
         """Tell how the step ended, which is how the worst of its parts did."""
-        if self.parent.suite.world and self.config.getoption("eurobot_interface"):
-            pytest.skip("its nodes have to share a world")
-        results = [each for each in self.parent.steps if each.section is self._part and each.place in self._places]
-        _fail(results)
-        skipped = [each for each in results if each.status.name == "SKIPPED"]
-        if len(skipped) == len(results):
-            reason = skipped[0].reason if skipped else None
-            pytest.skip(reason.what if reason else "a step before failed")
+        from eurobot_od.check.results import Status
 
-    @property
-    def _places(self) -> set[object]:
-        return set(_places(self._step))
+        places = set(_places(self._step))
+        results = [each for each in self.parent.steps if each.section is self._part and each.place in places]
+        _fail(results)
+        if all(each.status is Status.SKIPPED for each in results):
+            reasons = (each.reason.what for each in results if each.reason)
+            pytest.skip(next(reasons, "a step before failed"))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """Say what was expected and what came; an error of ours in its own line."""
@@ -134,7 +133,7 @@ class StepTest(pytest.Item):
         return self.path, self._step.place.line - 1, f"{self.parent.name}: {self.name}"
 
 
-def _places(step: Step) -> Iterator[object]:
+def _places(step: Step) -> Iterator[Place]:
     """Give where a step and the steps in it stand."""
     yield step.place
     for each in getattr(step.action, "steps", ()):
@@ -147,37 +146,46 @@ def _fail(steps: Iterable[StepResult]) -> None:
     from eurobot_od.check.runner import GOES_ON
 
     for step in steps:
-        if step.status not in GOES_ON and step.reason is not None:
-            pytest.fail("\n".join([f"{step.name} (line {step.place.line})", *reason_lines(step.reason)]), pytrace=False)
+        if step.status not in GOES_ON:
+            said = reason_lines(step.reason) if step.reason else [step.status.value]
+            pytest.fail("\n".join([f"{step.name} (line {step.place.line})", *said]), pytrace=False)
 
 
 READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
 
 
 def _read(config: pytest.Config, file: Path) -> list[Suite]:
-    """Read the suites of a file; raises LocalError."""
+    """Read the suites of a file; raises LocalError, DictionaryError."""
     from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.od.network import DEFAULT
     from eurobot_od.robot.check.shipped import NETWORKS
 
     named = config.getini("eurobot_network")
+    path = config.rootpath / (named or DEFAULT)
     networks = NETWORKS._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
-    if named:
-        path = config.rootpath / named
+    if named or path.is_file():
         networks = networks._replace(find=lambda dialect: NETWORKS.find(dialect) if dialect else path)
     return config.stash.setdefault(READER, SuiteReader(networks)).read_files([file])
 
 
 def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
-    """Run a suite; raises BusError, UnknownName."""
-    from eurobot_od.check.runner import RunOptions
-
-    if config.getoption("eurobot_interface"):
-        from eurobot_od.check.live import run_live
-
-        return run_live(suite, RunOptions(), partial(_open_bus, config))
+    """Run a suite, its teardown also after Ctrl-C; raises BusError, UnknownName."""
+    from eurobot_od.check.live import run_live
+    from eurobot_od.check.runner import Interrupt, RunOptions
     from eurobot_od.robot.check.partners import simulate
 
-    return simulate(suite, RunOptions(), faults, seed)
+    live = config.getoption("eurobot_interface")
+    if live and suite.world:
+        pytest.skip("its nodes have to share a world")
+    interrupt = Interrupt()
+    options = RunOptions(interrupt=interrupt)
+    with interrupt.by_ctrl_c():
+        result = (
+            run_live(suite, options, partial(_open_bus, config)) if live else simulate(suite, options, faults, seed)
+        )
+    if interrupt.requested:
+        raise KeyboardInterrupt
+    return result
 
 
 def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
@@ -202,14 +210,14 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
     """
 
     def check(file: str, faults: Iterable[str] = (), seed: int = 1) -> list[SuiteResult]:
-        from eurobot_od.errors import LocalError
+        from eurobot_od.errors import DictionaryError, LocalError
         from eurobot_od.robot.check import shipped
 
         beside = request.path.with_name(file)
         try:
             path = beside if beside.is_file() else shipped.find(file)
             results = [_run(request.config, suite, faults, seed) for suite in _read(request.config, path)]
-        except LocalError as error:
+        except (DictionaryError, LocalError) as error:
             pytest.fail(str(error), pytrace=False)
         _fail(step for result in results for step in result.steps)
         return results
@@ -244,7 +252,7 @@ def eurobot_master(eurobot_bus: Callable[[], can.BusABC]) -> Master:
     return Master(eurobot_bus())
 
 
-class NodeUnderTest(NamedTuple):
+class DescribedNode(NamedTuple):
     """A device as its file describes it: `remote` for NMT, states and bytes."""
 
     remote: RemoteNode
@@ -268,7 +276,7 @@ class NodeUnderTest(NamedTuple):
 @pytest.fixture
 def eurobot_node(
     request: pytest.FixtureRequest, eurobot_bus: Callable[[], can.BusABC], eurobot_master: Master
-) -> Iterator[Callable[..., NodeUnderTest]]:
+) -> Iterator[Callable[..., DescribedNode]]:
     """Reach a device by its EDS or DCF: `eurobot_node("motor.eds", node_id=5).read("Motor.Speed")`.
 
     Without a bus of the options the device is run from its file, as a thread of the test. A file is looked for beside
@@ -276,7 +284,7 @@ def eurobot_node(
     """
     with ExitStack() as stack:
 
-        def reach(file: str | Path, node_id: int | None = None) -> NodeUnderTest:
+        def reach(file: str | Path, node_id: int | None = None) -> DescribedNode:
             from eurobot_od.od.dictionary import Dictionary
 
             dictionary = Dictionary.load(request.path.parent / file, node_id)
@@ -285,6 +293,6 @@ def eurobot_node(
                 from eurobot_od.live import Live
 
                 stack.enter_context(Live.node(eurobot_bus(), SimulatedDevice(dictionary)))
-            return NodeUnderTest(eurobot_master.node(dictionary.node_id), dictionary)
+            return DescribedNode(eurobot_master.node(dictionary.node_id), dictionary)
 
         yield reach

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import shutil
+import signal
+import threading
+from importlib import import_module
 from pathlib import Path
 
+import can
 import pytest
+
+# What a run inside this process imports, pytester forgets; imported again, there would be two of each class.
+USED = ("check.live", "check.reader", "check.report", "client.objects", "client.master", "device.simulated")
+for module in (*USED, "robot.check.partners", "robot.check.shipped", "simulation.network"):
+    import_module(f"eurobot_od.{module}")
 
 pytest_plugins = ["pytester"]
 PLUGIN = ("-p", "eurobot_od.pytest_plugin", "-p", "no:xdist", "-p", "no:cacheprovider")
@@ -80,13 +89,48 @@ def test_a_step_chosen_by_its_name_or_the_suite_s_tag_finds_the_suite_run(pytest
     pytester.runpytest_inprocess(*PLUGIN, "-k", "quick").assert_outcomes(passed=4)
 
 
-def test_a_suite_may_be_for_any_network(pytester: pytest.Pytester) -> None:
+NETWORKS = [
+    # (file that is there, ini option, outcome)
+    ("network.yaml", "eurobot_network = network.yaml", {"passed": 1}),
+    ("eurobot-od.yaml", "", {"passed": 1}),
+    ("network.yaml", "", {"errors": 1}),  # the robot has no motor
+    ("eurobot-od.yaml", "eurobot_network = none.yaml", {"errors": 1}),
+]
+
+
+@pytest.mark.parametrize(("file", "option", "outcome"), NETWORKS)
+def test_a_suite_may_be_for_any_network(
+    pytester: pytest.Pytester, file: str, option: str, outcome: dict[str, int]
+) -> None:
     shutil.copy(EDS / "drive.eds", pytester.path / "motor.eds")
-    pytester.path.joinpath("network.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
-    pytester.makeini("[pytest]\neurobot_network = network.yaml\n")
+    pytester.path.joinpath(file).write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    pytester.makeini(f"[pytest]\n{option}\n")
     suite = "spec: 1\nname: motor\nnode: motor\nsteps:\n  - sdo: {read: 0x1018:1, save: vendor}\n"
     pytester.path.joinpath("motor.check.yaml").write_text(suite)
-    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+    result = pytester.runpytest_inprocess(*PLUGIN)
+    result.assert_outcomes(**outcome)
+    assert "Traceback" not in result.stdout.str()
+
+
+def test_ctrl_c_ends_a_suite_with_its_teardown(pytester: pytest.Pytester) -> None:
+    head = "spec: 1\nname: long\nnode: drive\n"
+    steps = "steps: [{send: Stop Drive}, {wait: 1 min}]\nteardown: [{send: Check Drive Request}]\n"
+    pytester.path.joinpath("long.check.yaml").write_text(head + steps)
+    seen = []
+
+    def press(message: can.Message) -> None:
+        seen.append(message.arbitration_id)
+        if len(seen) == 1:
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+    with can.Bus(interface="virtual", channel="ctrl-c") as bus:
+        notifier = can.Notifier(bus, [press], timeout=0.01)
+        with pytest.raises(KeyboardInterrupt):
+            pytester.runpytest_inprocess(*PLUGIN, "--eurobot-interface", "virtual", "--eurobot-channel", "ctrl-c")
+        notifier.stop()
+        while message := bus.recv(0):
+            seen.append(message.arbitration_id)
+    assert seen == [0x004, 0x3C0]
 
 
 def test_a_bus_that_cannot_be_opened_is_one_line(pytester: pytest.Pytester) -> None:

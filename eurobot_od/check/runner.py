@@ -7,7 +7,9 @@ done whatever happens.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Sequence
+import signal
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -41,6 +43,20 @@ class Interrupt:
         if self._running is not None:
             loop, task = self._running
             loop.call_soon_threadsafe(task.cancel)
+
+    @contextmanager
+    def by_ctrl_c(self) -> Iterator[None]:
+        """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
+
+        def handle(*_: object) -> None:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            self.request()
+
+        before = signal.signal(signal.SIGINT, handle)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
 
     async def guard(self, work: Coroutine[Any, Any, None]) -> None:
         """Do some work, to its end or until the interrupt."""

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -163,7 +161,7 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
 
     interrupt = Interrupt()
     many = arguments.simulate and arguments.repeat > 1 and (arguments.jobs or arguments.executor)
-    with _on_interrupt(interrupt):
+    with interrupt.by_ctrl_c():
         results = list((_many_results if many else _results)(arguments, suites, interrupt))
     _report(arguments, results)
     if interrupt.requested:
@@ -171,21 +169,6 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
     if any(result.error for result in results):
         return ExitStatus.TROUBLE
     return ExitStatus.FOUND if any(result.failed for result in results) else ExitStatus.FINE
-
-
-@contextmanager
-def _on_interrupt(interrupt: Interrupt) -> Iterator[None]:
-    """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
-
-    def handle(*_: object) -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        interrupt.request()
-
-    before = signal.signal(signal.SIGINT, handle)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: Interrupt) -> Iterator[SuiteResult]:
