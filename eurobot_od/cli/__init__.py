@@ -19,7 +19,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, WorldError
+from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.escaping import one_line
 
 COMMANDS = {
@@ -140,10 +140,12 @@ def _open_streams() -> None:
 
 
 def _run(words: list[str]) -> int:
-    command = words[0] if words and words[0] in COMMANDS else None
-    if command is None:
-        _overview().parse_args(words or ["--help"])
+    command = words[0] if words else "--help"
+    if command.startswith("-"):
+        _overview().parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
+    if command not in COMMANDS:
+        raise UnknownName("command", command, COMMANDS)
     # What is imported stays, and so does what is read of EDS files: ten thousand entries in which to look for garbage
     # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
     gc.disable()
@@ -161,6 +163,15 @@ def _run(words: list[str]) -> int:
     return status or ExitStatus.FINE
 
 
+def _version() -> str:
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return f"eurobot-od {version('eurobot-od')}, Python {sys.version.split()[0]}"
+    except PackageNotFoundError:
+        return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
+
+
 def _overview() -> argparse.ArgumentParser:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
@@ -170,5 +181,6 @@ def _overview() -> argparse.ArgumentParser:
         epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
         kind=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
+    parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
+    parser.add_argument("--version", action="version", version=_version(), help="print the version, and end")
     return parser

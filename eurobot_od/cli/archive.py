@@ -11,7 +11,8 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, extras, options
+from eurobot_od import extras
+from eurobot_od.cli import ExitStatus, options
 
 if TYPE_CHECKING:
     from eurobot_od.sdo.client import Progress

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from eurobot_od.cli import extras, logs, options
+from eurobot_od import extras
+from eurobot_od.cli import logs, options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

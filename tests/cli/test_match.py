@@ -308,7 +308,11 @@ def test_wrong_usage_is_told_in_the_last_line(
         ),
         (["--fault", "goto-not-send"], 2, "unknown fault 'goto-not-send'; did you mean goto-not-sent?"),
         (["--world", "wheel_noise"], 2, "--world wheel_noise: write NAME=VALUE"),
-        (["--world", "wheel_nose=1"], 2, "unknown error of the world 'wheel_nose'; did you mean wheel_noise?"),
+        (
+            ["--world", "wheel_nose=1"],
+            2,
+            "unknown error of the world 'wheel_nose'; did you mean wheel_noise or wheel_scale?",
+        ),
         (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
         (["--set", "drive.Motion.Maximum speed"], 2, "--set drive.Motion.Maximum speed: write NODE.OBJECT=VALUE"),
         (["--set", "rive.Motion.Maximum speed=1"], 2, "unknown node 'rive'; did you mean drive?"),

@@ -91,9 +91,7 @@ def test_sets_up_again_when_the_environment_is_gone(checkout: Checkout, monkeypa
     assert made == [environment.FOLDER]
 
 
-def test_an_environment_that_was_broken_off_is_made_anew(
-    checkout: Checkout, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_environment_that_was_broken_off_is_made_anew(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(folder: Path, **_: object) -> None:
         real(folder, with_pip=False)
         raise subprocess.CalledProcessError(1, "ensurepip")

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od import extras
+from eurobot_od.errors import UnknownName
 from eurobot_od.files import write_whole
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.robot.picture.picture import PAGE, picture
@@ -28,10 +29,8 @@ class SeenMatch(NamedTuple):
 
 
 def _png(match: SeenMatch, title: str) -> bytes:
-    try:
+    with extras.needed("png"):
         import resvg_py
-    except ImportError:
-        raise LocalError("a PNG needs the extra `png`: pip install 'eurobot-od[png]'") from None
     # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
     return bytes(resvg_py.svg_to_bytes(svg_string=picture(match.recording, title), width=PAGE[0]))
 

@@ -277,7 +277,7 @@ def test_another_suffix_is_refused(tmp_path: Path) -> None:
 
 def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
-    with pytest.raises(LocalError, match=r"needs the extra `png`"):
+    with pytest.raises(LocalError, match=r"the extra `png` brings it"):
         save(SEEN, tmp_path / "match.png", "Match")
     assert not (tmp_path / "match.png").exists()
 
