@@ -22,11 +22,11 @@ def test_requirements_are_sorted_by_their_extra() -> None:
 
 
 def test_a_missing_package_is_one_line_with_the_command_that_installs_it() -> None:
-    with pytest.raises(LocalError) as raised, extras.needed("web"):
-        raise ModuleNotFoundError(name="aiohttp")
+    with pytest.raises(LocalError) as raised, extras.needed("monitor"):
+        raise ModuleNotFoundError(name="rich")
     begun, install = str(raised.value).split(" brings it: ")
-    assert begun == "aiohttp is not installed; the extra `web`"
-    assert install.startswith(f"{sys.executable} -m pip install 'aiohttp")
+    assert begun == "rich is not installed; the extra `monitor`"
+    assert install.startswith(f"{sys.executable} -m pip install 'rich")
 
 
 def test_a_module_of_our_own_that_is_missing_is_a_bug() -> None:
