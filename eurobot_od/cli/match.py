@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
 
-OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", "interface", "channel", "bitrate"))
+OF_A_BUS = ("interface", "channel", "bitrate")
+"""Options that mean nothing in simulated time."""
+
+OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", *OF_A_BUS))
 """Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
 
 
@@ -80,7 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
     parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
-    shared.add_bus(parser)
+    shared.add_bus(parser, "; without one, --speed real takes a bus in this process")
 
 
 def _seeds(text: str) -> range:
@@ -127,12 +130,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     from eurobot_od.logs.recorder import recording
     from eurobot_od.robot.match import stage
 
-    campaign.refuse(arguments, "--seeds")
-    if arguments.field is not None:
-        from eurobot_od.robot.match.drawing import draw
-        from eurobot_od.robot.picture.files import form
-
-        form(arguments.field)  # complains of a suffix before the match, not after it
+    _refuse_what_does_not_go_with_one_match(arguments)
     players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
@@ -149,9 +147,13 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             if arguments.speed == "fast":
                 summary, world = stage.play_simulated(options, show, watch, None, *players)
             else:
-                open_bus = partial(shared.open_bus, arguments)
-                summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
+                from eurobot_od.live import open_bus
+
+                open_one = partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
+                summary, world = stage.play_live(options, show, watch, open_one, players.ours)
         if arguments.field is not None:
+            from eurobot_od.robot.match.drawing import draw
+
             draw(arguments.field, frames, options, world)
         if arguments.json:
             timeline = [event.as_data() for event in events]
@@ -163,6 +165,20 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     sys.stdout.flush()
     print(summary.failure, file=sys.stderr)
     return ExitStatus.FOUND
+
+
+def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
+    """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
+    campaign.refuse(arguments, "--seeds")
+    for name in OF_A_BUS if arguments.speed == "fast" else ():
+        if (value := getattr(arguments, name)) is not None:
+            raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")
+    if arguments.field is not None:
+        from eurobot_od.files import check_writable
+        from eurobot_od.robot.picture.files import form
+
+        form(arguments.field)
+        check_writable(arguments.field)
 
 
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}

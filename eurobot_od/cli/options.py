@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from eurobot_od.robot.world.channel import Address
 
 
-def add_bus(parser: argparse.ArgumentParser) -> None:
-    """Add -i, -c and -b; what is left out comes from python-can's own configuration."""
-    group = parser.add_argument_group("bus", "left out: python-can's configuration; without one, the in-process bus")
+def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
+    """Add -i, -c and -b; what is left out comes from python-can's own configuration, or is `else_`."""
+    group = parser.add_argument_group("bus", f"left out: python-can's configuration{else_}")
     group.add_argument("-i", "--interface", help="python-can interface, such as socketcan, pcan, slcan, remote")
     group.add_argument("-c", "--channel", help="channel of the interface, such as can0")
     group.add_argument("-b", "--bitrate", type=int, help="bit/s, 500000 if nothing else is configured")
@@ -79,9 +79,12 @@ def address(text: str) -> Address:
 
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
-    """Open the bus that the options name; raises BusError."""
+    """Open the bus that the options, or python-can's configuration, name; raises LocalError, BusError."""
     from eurobot_od import live as runtime
 
+    if not runtime.is_named(arguments.interface):
+        here = ", ".join(map(str, runtime.here())) or "none (`eurobot-od doctor` says more)"
+        raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
 
 

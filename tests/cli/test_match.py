@@ -293,6 +293,13 @@ def test_wrong_usage_is_told_in_the_last_line(
         (["--seeds", "3", "--log", "a.log"], 2, "--log a.log: write {seed} where each match's seed is to stand"),
         (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
         (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
+        (
+            ["-i", "socketcan", "-c", "can0"],
+            2,
+            "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
+        ),
+        (["-b", "250000"], 2, "--bitrate 250000 goes with --speed real only: in simulated time there is no such bus"),
+        (["--field", "nowhere/x.svg"], 3, "nowhere/x.svg: No such file or directory"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["--strategy", "none.py"], 2, "none.py: No such file or directory"),
         (["--seeds", "3", "--strategy", "none.py"], 2, "none.py: No such file or directory"),
@@ -321,7 +328,11 @@ def test_wrong_usage_is_told_in_the_last_line(
             2,
             "0x2101:1: Noise.Position deviation = 'x' is not allowed; allowed: an integer",
         ),
-        (["--speed", "real", "-i", "nosuch"], 3, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
+        (
+            ["--speed", "real", "-i", "remot"],
+            3,
+            "cannot open the remot bus: unknown interface 'remot'; did you mean remote?",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_one_line(
