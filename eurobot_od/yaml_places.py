@@ -13,6 +13,9 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import yaml
 
+from eurobot_od.errors import UnknownName
+from eurobot_od.yaml_mistakes import in_words
+
 T = TypeVar("T")
 NUMBER = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
 STRING = "tag:yaml.org,2002:str"
@@ -162,15 +165,22 @@ def mapping(value: NodeReader[T], key: NodeReader[Text] = text) -> NodeReader[di
 
 
 def record(
-    make: Callable[..., T], needed: Mapping[str, NodeReader[Any]], may: Mapping[str, NodeReader[Any]]
+    make: Callable[..., T],
+    needed: Mapping[str, NodeReader[Any]],
+    may: Mapping[str, NodeReader[Any]],
+    helps: Mapping[str, str] = {},
 ) -> NodeReader[T]:
-    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others."""
+    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others.
+
+    `helps` say what keys are for, where one is missing.
+    """
     readers = {**needed, **may}
 
     def read(node: yaml.Node, problems: Problems) -> T:
         pairs = pairs_of(node, problems)
-        wrong = [Problem(key.place, f"unknown key '{key}'") for key in pairs if key not in readers]
-        wrong += [Problem(place_of(node.start_mark), f"key '{key}' is missing") for key in needed if key not in pairs]
+        wrong = [Problem(key.place, str(UnknownName("key", str(key), readers))) for key in pairs if key not in readers]
+        missing = (f"key '{key}' is missing" + (f": {helps[key]}" if key in helps else "") for key in needed)
+        wrong += [Problem(place_of(node.start_mark), what) for key, what in zip(needed, missing) if key not in pairs]
         problems += wrong
         known = {key: each for key, each in pairs.items() if key in readers}
         values = read_all(((readers[key], each) for key, each in known.items()), problems)
@@ -233,7 +243,7 @@ def _parsed(parse: Callable[[str, type[yaml.SafeLoader]], T | None], source: str
         lines = source[: error.position].split("\n")
         problem = Problem(Place(len(lines), len(lines[-1]) + 1), error.reason)
     except yaml.MarkedYAMLError as error:
-        problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, str(error.problem))
+        problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, in_words(error))
     except RecursionError:
         problem = Problem(START, "the file is nested too deeply")
     else:

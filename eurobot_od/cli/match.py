@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, campaign, complain
 from eurobot_od.cli import options as shared
+from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.options import UNITS, Errors
 from eurobot_od.robot.values import TeamColour
@@ -141,7 +142,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             if arguments.field is not None:
                 frames.append((time, frame))
 
-        show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
+        show = events.append if arguments.json else partial(_show, in_colour(sys.stdout))
         # What a strategy prints is not to get into the JSON.
         with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
             if arguments.speed == "fast":
@@ -185,9 +186,9 @@ EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "ma
 """Terminal colours of timeline lines by their kind."""
 
 
-def _show(in_colour: bool, event: MatchEvent) -> None:
-    colour = EVENT_COLOURS.get(event.kind.value) if in_colour else None
-    print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=in_colour)
+def _show(coloured: bool, event: MatchEvent) -> None:
+    colour = EVENT_COLOURS.get(event.kind.value) if coloured else None
+    print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=sys.stdout.isatty())
 
 
 # Many seeds

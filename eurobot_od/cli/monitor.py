@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from eurobot_od.cli import options
 from eurobot_od.cli.keyboard import keys
 from eurobot_od.cli.logs import add_reading, entries
+from eurobot_od.cli.terminal import redraws
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def run(arguments: argparse.Namespace) -> None:
     promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
     traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
-    rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
+    rich = redraws(sys.stdout) and not arguments.plain and find_spec("rich") is not None
     with ExitStack() as stack:
         source = stack.enter_context(closing(_source(arguments)))
         monitor = Monitor(traffic, controls, source)

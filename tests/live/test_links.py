@@ -93,8 +93,8 @@ TROUBLES = [
         Link("can0", True, False, "BUS-OFF", 500000),
         [
             Trouble(
-                "can0 has left the bus after too many errors: look at bit rate, wires and the resistors of 120 ohm at both "
-                "ends",
+                "can0 has left the bus after too many errors: look at bit rate, wires and the resistors of 120 ohm "
+                "at both ends",
                 "sudo ip link set can0 down; sudo ip link set can0 up type can bitrate 500000 restart-ms 100",
             )
         ],
