@@ -108,6 +108,17 @@ def summed_up(findings: Iterable[Finding]) -> list[Finding]:
     ]
 
 
+def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
+    """Return the last line: how many findings of each severity there are in so many files.
+
+    Of infos it says how to see them, if they are `hidden`.
+    """
+    counted = ((count(findings, each), each.name.lower()) for each in Severity)
+    found = ", ".join(f"{number} {word}{'' if number == 1 else 's'}" for number, word in counted if number)
+    more = " (-v lists infos)" if hidden and count(findings, Severity.INFO) else ""
+    return f"{'1 file' if files == 1 else f'{files} files'}: {found or 'nothing found'}{more}"
+
+
 def count(findings: Iterable[Finding], severity: Severity) -> int:
     """Count the findings of one severity."""
     return sum(each.severity is severity for each in findings)

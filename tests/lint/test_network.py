@@ -206,7 +206,7 @@ MALFORMED = [
     ("nodes: {core: {file: core.eds, colour: red}}", "unknown key 'colour'"),
     ("nodes: {core: {file: core.eds}}\nnodes: {}", "line 2: key 'nodes' is given twice"),
     ("nodes: {core: {file: core.eds}}\nshared: x", "line 2: expected a list, found 'x'"),
-    ("nodes: [", "line 1: expected the node content, but found '<stream end>'"),
+    ("nodes: [", "line 1: a value is missing"),
     ("nodes: {core: {file: [a]}}", "expected a single value, found a list"),
     ("nodes: {core: {file: none.eds}}", "No such file"),
 ]
