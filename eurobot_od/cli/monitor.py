@@ -158,13 +158,13 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.monitor.screen import screen
+    from eurobot_od.monitor.screen import Size, screen
 
     with Live(screen=True, auto_refresh=False) as live:
 
         def refresh() -> None:
-            now, height = monitor.source.now, shutil.get_terminal_size().lines
+            now, size = monitor.source.now, Size(*shutil.get_terminal_size())
             load, notes = monitor.traffic.load(now), monitor.source.notes
-            live.update(screen(monitor.traffic, monitor.controls, now, load, height, notes), refresh=True)
+            live.update(screen(monitor.traffic, monitor.controls, now, load, size, notes), refresh=True)
 
         yield lambda *_: None, refresh
