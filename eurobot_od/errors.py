@@ -124,7 +124,9 @@ class NoAnswer(RemoteError):
 
     def __init__(self, request: str, answer: str, attempts: int, waited: float) -> None:
         self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
-        super().__init__(f"no {answer} after {attempts} x {request} ({waited * 1000:.0f} ms each)")
+        within = f"{waited * 1000:.0f} ms"
+        asked = f"within {within} after {request}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
+        super().__init__(f"no {answer} {asked}")
 
 
 class Cause(Enum):

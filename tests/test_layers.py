@@ -23,7 +23,7 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {"errors", "durations", "escaping", "extras", "yaml_mistakes", "yaml_places", "frame", "files", "svg"},
+    {"amounts", "errors", "durations", "escaping", "extras", "yaml_mistakes", "yaml_places", "frame", "files", "svg"},
     {"od"},
     {"pdo"},
     {"sdo"},

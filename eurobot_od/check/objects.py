@@ -9,6 +9,7 @@ import re
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
+from eurobot_od.amounts import amount
 from eurobot_od.check.suite import NodeServices
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.errors import LONGEST_NAME, DictionaryError, UnknownName
@@ -57,7 +58,7 @@ class ObjectType(NamedTuple):
         if not self.type.is_integer:
             return data.decode(errors=ANY_BYTES)
         if len(data) != self.type.size:
-            raise ValueProblem(f"{len(data)} bytes came, the object has {self.type.size}")
+            raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {self.type.size}")
         return int.from_bytes(data, "little", signed=self.type.is_signed)
 
 

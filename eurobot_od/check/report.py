@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
+from eurobot_od.amounts import amount
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
 from eurobot_od.escaping import one_line
@@ -74,8 +75,7 @@ def summary(results: Sequence[SuiteResult]) -> str:
     counts = {status: sum(result.count(status) for result in results) for status in Status}
     steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
     seconds = sum(result.seconds for result in results)
-    suites = "1 suite" if len(results) == 1 else f"{len(results)} suites"
-    return f"{suites}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
 
 
 # TAP

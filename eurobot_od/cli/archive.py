@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od import extras
+from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, options
 
 if TYPE_CHECKING:
@@ -74,4 +75,4 @@ def _network(arguments: argparse.Namespace) -> Network:
 def _line(archived: Archived) -> str:
     if archived.known:
         return f"{archived.log}: known, {archived.run}"
-    return f"{archived.log}: {archived.run}, {archived.frames} frames, {archived.damage} damaged"
+    return f"{archived.log}: {archived.run}, {amount(archived.frames, 'frame')}, {archived.damage} damaged"

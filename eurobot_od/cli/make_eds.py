@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus
 
 
@@ -31,5 +32,5 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         write_files(texts, arguments.output)
         return ExitStatus.FINE
     found = differences(texts, arguments.output)
-    print("\n".join(found) or f"{arguments.output}: {len(texts)} files are what the table says")
+    print("\n".join(found) or f"{arguments.output}: as the table says: {amount(len(texts), 'file')}")
     return ExitStatus.FOUND if found else ExitStatus.FINE

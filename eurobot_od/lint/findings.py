@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
+from eurobot_od.amounts import amount
 from eurobot_od.escaping import one_line
 
 
@@ -114,9 +115,9 @@ def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
     Of infos it says how to see them, if they are `hidden`.
     """
     counted = ((count(findings, each), each.name.lower()) for each in Severity)
-    found = ", ".join(f"{number} {word}{'' if number == 1 else 's'}" for number, word in counted if number)
+    found = ", ".join(amount(number, word) for number, word in counted if number)
     more = " (-v lists infos)" if hidden and count(findings, Severity.INFO) else ""
-    return f"{'1 file' if files == 1 else f'{files} files'}: {found or 'nothing found'}{more}"
+    return f"{amount(files, 'file')}: {found or 'nothing found'}{more}"
 
 
 def count(findings: Iterable[Finding], severity: Severity) -> int:

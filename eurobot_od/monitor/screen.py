@@ -12,6 +12,7 @@ from rich.console import Group, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from eurobot_od.amounts import amount
 from eurobot_od.logs.meaning import CANOPEN
 from eurobot_od.monitor.cells import ALIGN, GAP, HEADINGS, cells, fitting, health
 from eurobot_od.monitor.controls import HELP, Controls
@@ -99,6 +100,6 @@ def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:
     if notes:
         text.append(f"{notes[-1]}   ", WRONG)
     if hidden > 0:
-        text.append(f"{hidden} rows do not fit   ", OLD)
+        text.append(f"{amount(hidden, 'row')} more   ", OLD)
     typed = f"{controls.part}{'_' if controls.typing else ''}"
     return text.append(f"sort: {controls.sort}   filter: {typed}   {HELP}", OLD)

@@ -71,8 +71,8 @@ def test_what_is_wrong_is_red(traffic: Traffic) -> None:
 
 
 def test_what_does_not_fit_is_counted(traffic: Traffic) -> None:
-    assert "2 rows do not fit" in shown(traffic, size=Size(120, 9))
-    assert "do not fit" not in shown(traffic)
+    assert "2 rows more" in shown(traffic, size=Size(120, 9))
+    assert " more" not in shown(traffic)
 
 
 COLUMNS = [
