@@ -10,11 +10,16 @@ import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NamedTuple
 
 from eurobot_od.errors import LocalError
 
 OF_AN_EXTRA = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra\s*==\s*['\"](?P<extra>[^'\"]+)['\"].*")
 """A requirement that an extra brings, as metadata have it: `polars>=1.20; extra == 'season'`."""
+
+
+NAMED = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[(?P<extra>[^\]]+)\])?")
+"""Which package a requirement is about, and which extra of it."""
 
 
 @contextmanager
@@ -51,6 +56,29 @@ def brought() -> dict[str, list[str]]:
     except PackageNotFoundError:
         return {}
     return of_extras(requirements)
+
+
+class Package(NamedTuple):
+    """A package, and the version that is installed, empty if none is."""
+
+    name: str
+    version: str
+
+
+def installed(requirement: str) -> list[Package]:
+    """Return the package that a requirement names and, of `package[extra]`, what that extra brings."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
+    match = NAMED.match(requirement)
+    if match is None:
+        return []
+    name, extra = match["name"], match["extra"]
+    try:
+        found = [Package(name, version(name))]
+    except PackageNotFoundError:
+        return [Package(name, "")]
+    inside = of_extras(requires(name) or []).get(extra, []) if extra else []
+    return found + [each for further in inside for each in installed(further)]
 
 
 def of_extras(requirements: list[str]) -> dict[str, list[str]]:

@@ -58,6 +58,8 @@ COMMANDS = {
     "watch": "tell when CANopen nodes boot, are lost and are back",
     "sync": "send SYNC messages at a fixed period",
     "time": "send the time as CANopen's TIME message",
+    "doctor": "say what is installed, which CAN interfaces are here, and what mends them",
+    "completion": "print what completes commands and options in a shell",
 }
 
 
@@ -163,12 +165,13 @@ def _run(words: list[str]) -> int:
     return status or ExitStatus.FINE
 
 
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version
+def version() -> str:
+    """Return the versions of this package and of Python."""
+    from importlib import metadata
 
     try:
-        return f"eurobot-od {version('eurobot-od')}, Python {sys.version.split()[0]}"
-    except PackageNotFoundError:
+        return f"eurobot-od {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"
+    except metadata.PackageNotFoundError:
         return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
@@ -182,5 +185,5 @@ def _overview() -> argparse.ArgumentParser:
         kind=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
-    parser.add_argument("--version", action="version", version=_version(), help="print the version, and end")
+    parser.add_argument("--version", action="version", version=version(), help="print the version, and end")
     return parser

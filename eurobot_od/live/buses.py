@@ -98,7 +98,7 @@ def silence_logs() -> None:
     """Have drivers' log lines go where a program has asked for them, and else nowhere: their errors are raised, too."""
     import logging
 
-    for name in ("can", "can_remote"):
+    for name in ("can", "can_remote", "seeedbus"):
         if not logging.getLogger(name).handlers:
             logging.getLogger(name).addHandler(logging.NullHandler())
 
