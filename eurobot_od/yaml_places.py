@@ -83,9 +83,10 @@ def place_of(mark: yaml.Mark) -> Place:
 
 
 def shown(node: yaml.Node) -> str:
-    """Say what a node is: its text, or `a list` or `a mapping`."""
+    """Say what a node is: its text, `nothing`, `a list` or `a mapping`."""
     kinds: dict[type[yaml.Node], str] = {yaml.SequenceNode: "a list", yaml.MappingNode: "a mapping"}
-    return kinds.get(type(node)) or repr(node.value)
+    empty = node.value == "" and isinstance(node, yaml.ScalarNode) and node.style is None
+    return "nothing" if empty else kinds.get(type(node)) or repr(node.value)
 
 
 def refuse(node: yaml.Node, problems: Problems, what: str) -> NoReturn:
@@ -120,7 +121,9 @@ def text(node: yaml.Node, problems: Problems) -> Text:
 def scalar(node: yaml.Node, problems: Problems) -> Text:
     """Read a single value as it is written, whatever YAML takes it for."""
     if not isinstance(node, yaml.ScalarNode):
-        refuse(node, problems, f"expected a single value, found {shown(node)}")
+        braces = isinstance(node, yaml.MappingNode) and node.flow_style
+        hint = "; a text in { } needs quotes: '{t}'" if braces else ""
+        refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
     return Text(node.value, place_of(node.start_mark))
 
 
@@ -194,7 +197,7 @@ def record(
 def pairs_of(node: yaml.Node, problems: Problems, read_key: NodeReader[Text] = text) -> dict[Text, yaml.Node]:
     """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
     if not isinstance(node, yaml.MappingNode):
-        refuse(node, problems, f"expected a mapping, found {shown(node)}")
+        refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
     pairs: dict[Text, yaml.Node] = {}
     for key_node, value_node in node.value:
         key = read_key(key_node, problems)

@@ -100,10 +100,19 @@ class Parser(argparse.ArgumentParser):
         except (ValueError, OSError):  # no number; no terminal
             width = 80
         super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
+        self.register("type", int, _whole)
 
     def error(self, message: str) -> NoReturn:
         """Exit; raises SystemExit."""
         self.exit(ExitStatus.WRONG_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
+def _whole(text: str) -> int:
+    """Read a whole number; argparse itself would tell a person of an `invalid int value`."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -110,6 +110,10 @@ def _suites(arguments: argparse.Namespace, reader: SuiteReader) -> list[Suite]:
 def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
+    if arguments.fault:
+        from eurobot_od.robot.faults import faulty_kinds
+
+        faulty_kinds(arguments.fault)  # complains of a name before the first suite, not in it
     if arguments.conformance and arguments.files:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:

@@ -93,7 +93,8 @@ def _run_files(arguments: Namespace) -> ExitStatus:
             findings += lint(read_bytes(file), file)
         except DictionaryError as error:
             unreadable.append(error)
-    status = _report(arguments, findings, len(arguments.files) - len(unreadable))
+    read = len(arguments.files) - len(unreadable)
+    status = _report(arguments, findings, read) if read else ExitStatus.FINE
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status

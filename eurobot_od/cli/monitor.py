@@ -53,10 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _speed(text: str) -> float:
-    speed = float("inf") if text == "max" else float(text)
-    if not speed > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return speed
+    return float("inf") if text == "max" else options.positive(text, " nor max")
 
 
 def run(arguments: argparse.Namespace) -> None:

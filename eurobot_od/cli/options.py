@@ -34,7 +34,7 @@ def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
     group = parser.add_argument_group("bus", f"left out: python-can's configuration{else_}")
     group.add_argument("-i", "--interface", help="python-can interface, such as socketcan, pcan, slcan, remote")
     group.add_argument("-c", "--channel", help="channel of the interface, such as can0")
-    group.add_argument("-b", "--bitrate", type=int, help="bit/s, 500000 if nothing else is configured")
+    group.add_argument("-b", "--bitrate", type=bit_rate, help="bit/s, 500000 if nothing else is configured")
 
 
 def positive(text: str, of: str = "") -> float:
@@ -50,7 +50,7 @@ def positive(text: str, of: str = "") -> float:
 
 def bit_rate(text: str) -> int:
     """Read a bit rate of classic CAN in bit/s."""
-    rate = int(text)
+    rate = int(text) if text.isdecimal() and len(text) < 10 else 0
     if not 1000 <= rate <= 1_000_000:
         raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
     return rate

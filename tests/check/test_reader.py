@@ -27,7 +27,7 @@ WRONG_STEPS = {
     "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
     "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
-    "no mapping": ("- ^Stop Drive", "expected a mapping, found 'Stop Drive'"),
+    "no mapping": ("- ^Stop Drive", "expected a mapping, `key: value`, found 'Stop Drive'"),
     # durations
     "no unit": ("- wait: ^500", "'500' is not a duration; write a number and one of us, ms, s, min"),
     "unknown unit": ("- wait: ^1 h", "'1 h' is not a duration"),
@@ -41,7 +41,7 @@ WRONG_STEPS = {
     "field twice": ("- expect: {Goto State Response: {time: 3, ^time: 4}}", "key 'time' is given twice"),
     "field missing": ("- send: ^{Goto XY: {x: 1, y: 2}}", "Goto XY: angle, speed missing"),
     "two messages": ("- send: ^{Stop Drive: {}, Goto Confirm: {}}", "expected one message, found 2 keys"),
-    "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, found a list"),
+    "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, `key: value`, found a list"),
     "list for a value": ("- expect: {Goto State Response: {time: ^[1]}}", "expected a single value, found a list"),
     # values
     "over the range": (f"- send: {GOTO.replace('x: 1', 'x: ^3001')}", RANGE),
@@ -100,7 +100,7 @@ WRONG_STEPS = {
 # Each row: a document, with ^ before the place of the problem, and what is said of it.
 WRONG_DOCUMENTS = {
     "nothing": ("^", "the file is empty"),
-    "no mapping": ("^- 1\n", "expected a mapping, found a list"),
+    "no mapping": ("^- 1\n", "expected a mapping, `key: value`, found a list"),
     "tab": ("spec: 1\nsteps:\n^\t- wait: 1 s\n", "a tab; YAML is indented by spaces"),
     "no YAML": ("spec: [1\nname^: x\n", "a list in [ ] lacks a comma, or its ]"),
     "nested deeply": ("^" + "[" * 2000, "the file is nested too deeply"),

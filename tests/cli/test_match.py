@@ -261,7 +261,7 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--enemies", "3"], "argument --enemies: invalid choice: "),
         (["--confederates", "2"], "argument --confederates: invalid choice: "),
         (["--team", "blue"], "argument --team: invalid choice: "),
-        (["--seed", "one"], "argument --seed: invalid int value: 'one'"),
+        (["--seed", "one"], "argument --seed: one is not a whole number"),
         (["--speed", "slow"], "argument --speed: invalid choice: "),
         (["--seeds", "0"], "argument --seeds: 0 is neither a number of seeds nor FIRST-LAST"),
         (["--seeds", "5-2"], "argument --seeds: 5-2 is neither a number of seeds nor FIRST-LAST"),

@@ -195,7 +195,7 @@ def test_our_network_file_has_nothing_above_info() -> None:
 MALFORMED = [
     # (text, what the error says)
     ("", "line 1: the file is empty"),
-    ("core.eds", "line 1: expected a mapping, found 'core.eds'"),
+    ("core.eds", "line 1: expected a mapping, `key: value`, found 'core.eds'"),
     ("nodes: {}\n", "line 1: it names no nodes"),
     ("nodes:\n  core: {node_id: 1}\n", "line 2: key 'file' is missing"),
     ("nodes: {core: {file: core.eds, node_id: 128}}", "expected a number from 1 to 127, found '128'"),
