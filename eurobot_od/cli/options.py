@@ -21,6 +21,8 @@ from eurobot_od.robot import dialects
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.reconnecting import Guard
     from eurobot_od.live.connection import Opener
     from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
@@ -112,6 +114,14 @@ def add_reconnect(parser: argparse.ArgumentParser) -> None:
 def opener(arguments: argparse.Namespace) -> Opener | None:
     """Return what opens the bus again when it is lost, None if nothing is to."""
     return None if arguments.no_reconnect else partial(open_bus, arguments)
+
+
+def guard(arguments: argparse.Namespace, master: Master) -> Guard:
+    """Return what opens a master's bus again when it is lost, or lets it end the command, as the options say."""
+    from eurobot_od.client.reconnecting import Reconnecting, unguarded
+
+    opens = opener(arguments)
+    return unguarded if opens is None else Reconnecting(master, opens, complain)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:

@@ -19,6 +19,7 @@ import pytest
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.live import Live, open_bus
+from eurobot_od.od.values import SYNC_COB_ID
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
 from eurobot_od.robot.nodes import Drive
@@ -131,6 +132,17 @@ def test_a_command_without_a_bus_lists_what_is_here(capsys: pytest.CaptureFixtur
     said = run(capsys, "scan")
     assert said.status == 2
     assert f"here: -i socketcan -c {INTERFACE} (up)" in said.err
+
+
+def test_sync_goes_on_behind_an_interface_that_bounces(bus: can.BusABC) -> None:
+    with process(sys.executable, "-m", "eurobot_od", "sync", "--period", "100 ms", *BUS):
+        wait_for(bus, SYNC_COB_ID)
+        ip("down")
+        with pytest.raises(can.CanOperationError, match="Network is down"):
+            while True:
+                bus.recv(LONG)
+        ip("up")
+        wait_for(bus, SYNC_COB_ID)
 
 
 def test_without_reconnection_a_bounce_ends_a_node_with_status_3() -> None:
