@@ -83,7 +83,7 @@ class DictionaryError(EurobotError):
     """An EDS or DCF that cannot be used: `file`, `index` (object dictionary index or None) and what is wrong."""
 
     def __init__(self, file: str | Path, index: int | None, what: str) -> None:
-        self.file, self.index = str(file), index
+        self.file, self.index, self.what = str(file), index, what
         where = self.file if index is None else f"{self.file}: 0x{index:04X}"
         super().__init__(f"{where}: {what}")
 

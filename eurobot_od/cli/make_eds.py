@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from eurobot_od import bounded
 from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus
 
@@ -22,7 +23,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.od.make.files import differences, make_files, write_files
     from eurobot_od.od.make.table import TableError, read_table
 
-    source = arguments.table.read_text(encoding="utf-8", errors="replace")
+    source = bounded.read(arguments.table).decode(errors="replace")
     try:
         texts = make_files(read_table(source, arguments.table))
     except TableError as error:
