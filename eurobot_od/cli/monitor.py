@@ -13,7 +13,8 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from eurobot_od.cli import options
+from eurobot_od import extras
+from eurobot_od.cli import complain, options
 from eurobot_od.cli.keyboard import keys
 from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.cli.terminal import redraws
@@ -70,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
     promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
     traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
-    rich = redraws(sys.stdout) and not arguments.plain and find_spec("rich") is not None
+    rich = redraws(sys.stdout) and not arguments.plain and _has_rich()
     with ExitStack() as stack:
         source = stack.enter_context(closing(_source(arguments)))
         monitor = Monitor(traffic, controls, source)
@@ -82,6 +83,14 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.statistics:
         print("\n".join(table(traffic.seen)))
     sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
+
+
+def _has_rich() -> bool:
+    """Whether the live table can be drawn; without it, a line says what brings it."""
+    found = find_spec("rich") is not None
+    if not found:
+        complain(f"plain lines: {extras.missing('rich', 'monitor')}")
+    return found
 
 
 class Monitor(NamedTuple):
