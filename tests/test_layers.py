@@ -23,7 +23,20 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {"errors", "durations", "escaping", "annotations", "yaml_places", "frame", "files", "svg"},
+    {
+        "amounts",
+        "annotations",
+        "bounded",
+        "errors",
+        "durations",
+        "escaping",
+        "extras",
+        "yaml_mistakes",
+        "yaml_places",
+        "frame",
+        "files",
+        "svg",
+    },
     {"od"},
     {"pdo"},
     {"sdo"},

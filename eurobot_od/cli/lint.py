@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.escaping import one_line
-from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summed_up
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
@@ -36,7 +36,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
     parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
-    parser.add_argument("-v", "--verbose", action="store_true", help="every finding, also those that repeat in a file")
+    parser.add_argument("-v", "--verbose", action="store_true", help="every finding: infos, and those that repeat")
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
     parser.add_argument(
         "--fix", action="store_true", help="write the files as they are meant, and list what is changed"
@@ -51,6 +51,7 @@ def _codes(text: str) -> tuple[str, ...]:
 
 def run(arguments: Namespace) -> ExitStatus:
     """Check, print, and return the exit status."""
+    _refuse_unknown((*arguments.select, *arguments.ignore))
     if arguments.explain:
         print(explanation(arguments.explain.upper()))
         return ExitStatus.FINE
@@ -65,7 +66,7 @@ def run(arguments: Namespace) -> ExitStatus:
         from eurobot_od.lint.network import lint_network, overview
 
         network = read_network(arguments.files)
-        return _report(arguments, lint_network(network), overview(network))
+        return _report(arguments, lint_network(network), len(network.nodes), overview(network))
     finally:
         gc.enable()
 
@@ -96,7 +97,8 @@ def _run_files(arguments: Namespace) -> ExitStatus:
             findings += lint(read_bytes(file), file)
         except DictionaryError as error:
             unreadable.append(error)
-    status = _report(arguments, findings, [])
+    read = len(arguments.files) - len(unreadable)
+    status = _report(arguments, findings, read) if read else ExitStatus.FINE
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
@@ -119,16 +121,31 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
 def explanation(code: str) -> str:
     """Return what a rule demands, how bad it is not to keep it, and its clause; raises UnknownName."""
-    from eurobot_od.lint.network import RULES
-
-    rules: dict[str, Rule] = {each.code: each for each in (*FILE_RULES, *RULES)}
+    rules = _rules()
     if code not in rules:
-        raise UnknownName("rule", code)
+        raise UnknownName("rule", code, rules)
     rule = rules[code]
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 
-def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
+def _rules() -> dict[str, Rule]:
+    """Return all rules by their codes."""
+    from eurobot_od.lint.network import RULES
+
+    return {each.code: each for each in (*FILE_RULES, *RULES)}
+
+
+def _refuse_unknown(begins: Sequence[str]) -> None:
+    """Raise UnknownName for the begin of a code that no rule has: it would choose nothing, or leave nothing out."""
+    rules = _rules() if begins else {}
+    for begin in begins:
+        if not any(code.startswith(begin) for code in rules):
+            raise UnknownName("rule", begin, rules)
+
+
+def _report(
+    arguments: Namespace, findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]] = ()
+) -> ExitStatus:
     wanted = chosen(findings, arguments.select, arguments.ignore)
     if arguments.json:
         _print_json(wanted, identifiers)
@@ -137,7 +154,10 @@ def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequ
     else:
         for identifier, name, producers, consumers in identifiers:
             print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
-        sys.stdout.writelines(f"{each}\n" for each in (wanted if arguments.verbose else summed_up(wanted)))
+        hidden = not (arguments.verbose or arguments.select)
+        shown = [each for each in wanted if not (hidden and each.severity is Severity.INFO)]
+        sys.stdout.writelines(f"{each}\n" for each in (shown if arguments.verbose else summed_up(shown)))
+        print(summary(wanted, files, hidden))
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
 

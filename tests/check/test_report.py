@@ -62,8 +62,8 @@ def test_a_red_step_is_an_annotation_at_its_line_and_a_green_one_none() -> None:
 
 
 def test_a_step_is_a_line() -> None:
-    assert report.step_line(RED.steps[0]) == "  ok              0.500 s       1.2 ms  [setup] prepared"
-    assert report.step_line(RED.steps[2]) == "  skipped         0.500 s       1.2 ms  the rest"
+    assert report.step_line(RED.steps[0]) == "  ok              0.500 s       1.2 ms     7  [setup] prepared"
+    assert report.step_line(RED.steps[2]) == "  skipped         0.500 s       1.2 ms     7  the rest"
 
 
 def test_a_step_has_its_colour_on_a_terminal() -> None:
@@ -124,6 +124,29 @@ def test_tap_has_a_line_for_each_step() -> None:
         "1..6",
     ]
     assert "          time: expected 0 ms, came 5 ms" in lines
+
+
+def test_tap_says_where_a_red_step_stands() -> None:
+    lines = list(report.tap([RED]))
+    assert lines[lines.index("  ---") : lines.index("  message: |") + 1] == [
+        "  ---",
+        '  file: "drive.yaml"',
+        "  line: 7",
+        "  message: |",
+    ]
+
+
+def test_green_and_skipped_steps_are_counted() -> None:
+    assert [report.folded(each) for each in ALL] == ["1 ok, 1 skipped", "", ""]
+
+
+def test_what_is_red_is_told_again_with_its_place() -> None:
+    assert list(report.failures(ALL)) == [
+        "drive.yaml:7: <it> arrives & stays # here (simulated)",
+        *report.reason_lines(REASON),
+        "core.yaml:7: asked (on can0)",
+        "    the bus can0 failed: gone",
+    ]
 
 
 def test_json_has_everything() -> None:
