@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 LONGEST_NAME = 100
 """So many characters of a name are compared with others: it takes a time that grows with their square."""
 
+MOST_NAMES = 40
+"""So many known names are listed where none is like the one that is not known."""
+
 
 class EurobotError(Exception):
     """Base of all errors of this package; `str()` of it is one line for a person."""
@@ -36,9 +39,17 @@ class UnknownName(LocalError):
         from difflib import get_close_matches  # not before it is needed: every command starts with this file
 
         self.kind, self.name, self.known = kind, name, tuple(map(str, known))
-        near = get_close_matches(str(name)[:LONGEST_NAME], self.known, n=2, cutoff=0.8)
-        hint = f"; did you mean {near[0]}?" if len(near) == 1 else f"; known: {', '.join(self.known)}"
-        super().__init__(f"unknown {kind} {name!r}{hint if self.known else ''}")
+        lower = {each.lower(): each for each in self.known}
+        written = str(name)[:LONGEST_NAME].lower()
+        near = [written] if written in lower else get_close_matches(written, lower, n=3, cutoff=0.75)
+        super().__init__(f"unknown {kind} {name!r}{self._hint([lower[each] for each in near])}")
+
+    def _hint(self, near: list[str]) -> str:
+        if near:
+            return f"; did you mean {' or '.join(near)}?"
+        if len(self.known) > MOST_NAMES:
+            return f"; {len(self.known)} are known, and none is like it"
+        return f"; known: {', '.join(self.known)}" if self.known else ""
 
 
 class FieldError(LocalError):
@@ -72,7 +83,7 @@ class DictionaryError(EurobotError):
     """An EDS or DCF that cannot be used: `file`, `index` (object dictionary index or None) and what is wrong."""
 
     def __init__(self, file: str | Path, index: int | None, what: str) -> None:
-        self.file, self.index = str(file), index
+        self.file, self.index, self.what = str(file), index, what
         where = self.file if index is None else f"{self.file}: 0x{index:04X}"
         super().__init__(f"{where}: {what}")
 
@@ -113,7 +124,9 @@ class NoAnswer(RemoteError):
 
     def __init__(self, request: str, answer: str, attempts: int, waited: float) -> None:
         self.request, self.answer, self.attempts, self.waited = request, answer, attempts, waited
-        super().__init__(f"no {answer} after {attempts} x {request} ({waited * 1000:.0f} ms each)")
+        within = f"{waited * 1000:.0f} ms"
+        asked = f"within {within} after {request}" if attempts == 1 else f"after {attempts} x {request} ({within} each)"
+        super().__init__(f"no {answer} {asked}")
 
 
 class Cause(Enum):

@@ -7,6 +7,7 @@ with its program, says that what else lies beside the file was left there by a c
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import stat
@@ -91,3 +92,15 @@ def _locked(folder: int) -> bool:
         else:
             return True
     return False
+
+
+def check_writable(path: Path) -> None:
+    """Raise the OSError that `write_whole` would, as far as it can be known without writing anything."""
+    wrong = {
+        errno.ENOENT: not path.parent.is_dir(),
+        errno.EISDIR: path.is_dir(),
+        errno.EACCES: (path.is_file() or not path.exists()) and not os.access(path.parent, os.W_OK),
+    }
+    for number, applies in wrong.items():
+        if applies:
+            raise OSError(number, os.strerror(number), str(path))

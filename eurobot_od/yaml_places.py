@@ -13,6 +13,9 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 
 import yaml
 
+from eurobot_od.errors import UnknownName
+from eurobot_od.yaml_mistakes import in_words
+
 T = TypeVar("T")
 NUMBER = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")
 STRING = "tag:yaml.org,2002:str"
@@ -80,9 +83,10 @@ def place_of(mark: yaml.Mark) -> Place:
 
 
 def shown(node: yaml.Node) -> str:
-    """Say what a node is: its text, or `a list` or `a mapping`."""
+    """Say what a node is: its text, `nothing`, `a list` or `a mapping`."""
     kinds: dict[type[yaml.Node], str] = {yaml.SequenceNode: "a list", yaml.MappingNode: "a mapping"}
-    return kinds.get(type(node)) or repr(node.value)
+    empty = node.value == "" and isinstance(node, yaml.ScalarNode) and node.style is None
+    return "nothing" if empty else kinds.get(type(node)) or repr(node.value)
 
 
 def refuse(node: yaml.Node, problems: Problems, what: str) -> NoReturn:
@@ -117,7 +121,9 @@ def text(node: yaml.Node, problems: Problems) -> Text:
 def scalar(node: yaml.Node, problems: Problems) -> Text:
     """Read a single value as it is written, whatever YAML takes it for."""
     if not isinstance(node, yaml.ScalarNode):
-        refuse(node, problems, f"expected a single value, found {shown(node)}")
+        braces = isinstance(node, yaml.MappingNode) and node.flow_style
+        hint = "; a text in { } needs quotes: '{t}'" if braces else ""
+        refuse(node, problems, f"expected a single value, found {shown(node)}{hint}")
     return Text(node.value, place_of(node.start_mark))
 
 
@@ -162,15 +168,22 @@ def mapping(value: NodeReader[T], key: NodeReader[Text] = text) -> NodeReader[di
 
 
 def record(
-    make: Callable[..., T], needed: Mapping[str, NodeReader[Any]], may: Mapping[str, NodeReader[Any]]
+    make: Callable[..., T],
+    needed: Mapping[str, NodeReader[Any]],
+    may: Mapping[str, NodeReader[Any]],
+    helps: Mapping[str, str] = {},
 ) -> NodeReader[T]:
-    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others."""
+    """Make a reader of a mapping with fixed keys: all `needed` ones, the ones that `may` be there, and no others.
+
+    `helps` say what keys are for, where one is missing.
+    """
     readers = {**needed, **may}
 
     def read(node: yaml.Node, problems: Problems) -> T:
         pairs = pairs_of(node, problems)
-        wrong = [Problem(key.place, f"unknown key '{key}'") for key in pairs if key not in readers]
-        wrong += [Problem(place_of(node.start_mark), f"key '{key}' is missing") for key in needed if key not in pairs]
+        wrong = [Problem(key.place, str(UnknownName("key", str(key), readers))) for key in pairs if key not in readers]
+        missing = (f"key '{key}' is missing" + (f": {helps[key]}" if key in helps else "") for key in needed)
+        wrong += [Problem(place_of(node.start_mark), what) for key, what in zip(needed, missing) if key not in pairs]
         problems += wrong
         known = {key: each for key, each in pairs.items() if key in readers}
         values = read_all(((readers[key], each) for key, each in known.items()), problems)
@@ -184,7 +197,7 @@ def record(
 def pairs_of(node: yaml.Node, problems: Problems, read_key: NodeReader[Text] = text) -> dict[Text, yaml.Node]:
     """Return a mapping's keys with their values' nodes; a key that is given twice is a problem."""
     if not isinstance(node, yaml.MappingNode):
-        refuse(node, problems, f"expected a mapping, found {shown(node)}")
+        refuse(node, problems, f"expected a mapping, `key: value`, found {shown(node)}")
     pairs: dict[Text, yaml.Node] = {}
     for key_node, value_node in node.value:
         key = read_key(key_node, problems)
@@ -233,7 +246,7 @@ def _parsed(parse: Callable[[str, type[yaml.SafeLoader]], T | None], source: str
         lines = source[: error.position].split("\n")
         problem = Problem(Place(len(lines), len(lines[-1]) + 1), error.reason)
     except yaml.MarkedYAMLError as error:
-        problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, str(error.problem))
+        problem = Problem(place_of(error.problem_mark) if error.problem_mark else START, in_words(error))
     except RecursionError:
         problem = Problem(START, "the file is nested too deeply")
     else:

@@ -36,6 +36,17 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (UnknownName("message", "Goto Z"), LocalError, "unknown message 'Goto Z'"),
     (UnknownName("node", "wheel", ["core", "drive"]), LocalError, "unknown node 'wheel'; known: core, drive"),
     (UnknownName("node", "driv", ["core", "drive"]), LocalError, "unknown node 'driv'; did you mean drive?"),
+    (UnknownName("node", "DRIV", ["core", "Drive"]), LocalError, "unknown node 'DRIV'; did you mean Drive?"),
+    (
+        UnknownName("fault", "stop-ignord", ["nmt-stop-ignored", "stop-ignored", "mute"]),
+        LocalError,
+        "unknown fault 'stop-ignord'; did you mean stop-ignored or nmt-stop-ignored?",
+    ),
+    (
+        UnknownName("fault", "nonsense", range(1000, 1214)),
+        LocalError,
+        "unknown fault 'nonsense'; 214 are known, and none is like it",
+    ),
     (UnknownName("barrier", 9, ["1", "2"]), LocalError, "unknown barrier 9; known: 1, 2"),
     (
         FieldError("Goto XY", "x", 5000, "0..3000 mm"),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import stat
 import subprocess
 import sys
@@ -12,7 +14,7 @@ from typing import Any
 import pytest
 
 from eurobot_od import files
-from eurobot_od.files import write_whole
+from eurobot_od.files import check_writable, write_whole
 
 SIZE = 20_000
 WRITE = f"""
@@ -94,3 +96,12 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(file: Path) -> 
 def test_a_folder_that_is_not_there_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_whole(tmp_path / "nowhere" / "drive.dcf", b"")
+
+
+def test_what_could_not_be_written_is_known_before(tmp_path: Path) -> None:
+    check_writable(tmp_path / "new")
+    check_writable(Path(os.devnull))
+    for path, number in {tmp_path / "nowhere" / "new": errno.ENOENT, tmp_path: errno.EISDIR}.items():
+        with pytest.raises(OSError, match=re.escape(str(path))) as raised:
+            check_writable(path)
+        assert raised.value.errno == number

@@ -23,7 +23,20 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {"errors", "durations", "escaping", "yaml_places", "frame", "files", "svg"},
+    {
+        "amounts",
+        "annotations",
+        "bounded",
+        "errors",
+        "durations",
+        "escaping",
+        "extras",
+        "yaml_mistakes",
+        "yaml_places",
+        "frame",
+        "files",
+        "svg",
+    },
     {"od"},
     {"pdo"},
     {"sdo"},
@@ -33,7 +46,7 @@ LAYERS = (
     {"monitor", "check", "season", "compare"},
     {"web"},
     {"robot"},
-    {"cli"},
+    {"cli", "pytest_plugin"},
     {"__main__"},
 )
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}

@@ -1,14 +1,17 @@
-"""The wheel: it carries the EDS files where an installed package looks for them."""
+"""What is installed: the EDS files where a package looks for them, the command, the plugin, the hooks."""
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 import eurobot_od
+from eurobot_od.cli import main
 from eurobot_od.robot import dialects
 
 ROOT = Path(__file__).parents[1]
@@ -41,6 +44,35 @@ def test_an_installed_package_finds_its_eds_files_inside(monkeypatch: pytest.Mon
 def test_the_command_is_installed(project: dict[str, Any]) -> None:
     module, _, function = project["project"]["scripts"]["eurobot-od"].partition(":")
     assert callable(getattr(__import__(module, fromlist=[function]), function))
+
+
+def test_the_pytest_plugin_is_installed_under_its_module_s_name(project: dict[str, Any]) -> None:
+    # or else `-p eurobot_od.pytest_plugin` would be a second plugin
+    assert project["project"]["entry-points"]["pytest11"] == {"eurobot_od.pytest_plugin": "eurobot_od.pytest_plugin"}
+
+
+GREEN = "spec: 1\nname: it is there\nnode: drive\nsteps:\n  - sdo: {read: 0x1000}\n"
+HOOKS = [
+    # (hook, a file that it takes, its text, exit status)
+    ("eurobot-od-lint", "drive.EDS", (ROOT / "eds/canopen/drive.eds").read_text(), 0),
+    ("eurobot-od-lint", "drive.dcf", "", 1),
+    ("eurobot-od-check", "drive.check.yaml", GREEN, 0),
+    ("eurobot-od-check", "drive.check.yml", GREEN.replace("0x1000", "0x5000"), 1),
+    ("eurobot-od-check", "drive.check.yaml", "spec: 2", 2),
+]
+
+
+@pytest.mark.parametrize(("hook", "name", "text", "status"), HOOKS)
+def test_a_pre_commit_hook_takes_its_files_and_fails_on_wrong_ones(
+    hook: str, name: str, text: str, status: int, tmp_path: Path
+) -> None:
+    (said,) = (each for each in yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text()) if each["id"] == hook)
+    assert re.search(said["files"], name)
+    assert not re.search(said["files"], "drive.yaml")
+    file = tmp_path / name
+    file.write_text(text)
+    program, *words = said["entry"].split()
+    assert (program, main([*words, str(file)])) == ("eurobot-od", status)
 
 
 def test_the_package_is_typed(project: dict[str, Any]) -> None:

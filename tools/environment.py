@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import subprocess
 import sys
-import venv
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,6 +18,14 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / ".venv"
 PYTHON = FOLDER / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 OLDEST = (3, 10)
+
+UNFINISHED = "unfinished"
+"""File in an environment that is being made; one that still has it was broken off, and is made anew."""
+
+WITHOUT_VENV = (
+    "this Python has no {module}, which makes environments; Debian and Ubuntu: `sudo apt install python3-venv`; "
+    "anywhere: `uv venv --seed --python 3.12 .venv`, and again"
+)
 
 ENSURED = "EUROBOT_OD_ENSURED"
 """Environment variable with the module for which a script was started again; one that is still missing ends it."""
@@ -40,13 +48,33 @@ def prepare(extras: str = "") -> Path:
 
 def _install(extras: str) -> None:
     print(f"setting up {FOLDER.name} (once; takes up to a minute) ...", file=sys.stderr, flush=True)
-    if not PYTHON.is_file():
-        venv.create(FOLDER, with_pip=True)
+    if not PYTHON.is_file() or (FOLDER / UNFINISHED).exists():
+        _create()
     target = f"{ROOT}[{extras}]" if extras else str(ROOT)
     command = [str(PYTHON), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--editable", target]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
+    if "No module named pip" in result.stderr:
+        sys.exit(f"{FOLDER} has no pip; remove it and try again")
     if result.returncode:
         sys.exit(f"pip could not install what is needed:\n{result.stderr.strip()}")
+
+
+def _create() -> None:
+    """Make the environment, and first remove what is left of one that was broken off."""
+    missing = [module for module in ("venv", "ensurepip") if find_spec(module) is None]
+    if missing:  # distributions leave out either
+        sys.exit(WITHOUT_VENV.format(module=missing[0]))
+    import venv
+
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    FOLDER.mkdir()
+    unfinished = FOLDER / UNFINISHED
+    unfinished.touch()
+    try:
+        venv.create(FOLDER, with_pip=True)
+    except (OSError, subprocess.CalledProcessError) as error:
+        sys.exit(f"{FOLDER} could not be made: {error}")
+    unfinished.unlink()
 
 
 def ensure(module: str, extras: str = "") -> None:

@@ -17,7 +17,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.output import TextOutput
 from eurobot_od.monitor.controls import Controls
-from eurobot_od.monitor.screen import screen
+from eurobot_od.monitor.screen import Size, screen
 from eurobot_od.monitor.traffic import Traffic
 from eurobot_od.robot.match.drawing import recorded
 from eurobot_od.robot.match.stage import play_simulated
@@ -72,7 +72,7 @@ def monitor(frames: list[tuple[float, Frame]], decoder: Decoder) -> str:
         if traffic.now < WATCHED - 1:
             traffic.load(now)
     console = Console(record=True, width=WIDTH, height=HEIGHT, file=io.StringIO())
-    console.print(screen(traffic, Controls(), WATCHED, traffic.load(WATCHED), HEIGHT))
+    console.print(screen(traffic, Controls(), WATCHED, traffic.load(WATCHED), Size(WIDTH, HEIGHT)))
     return console.export_svg(title="eurobot-od monitor", code_format=WINDOW, unique_id="monitor")
 
 

@@ -58,7 +58,7 @@ class Format:
         steps = shapes.listing(self._step)
         version = Shape(shapes.named({str(VERSION): VERSION}, "version").read, {"const": VERSION})
         return {
-            "spec": Key(version, "version of the format", needed=True),
+            "spec": Key(version, f"version of the format, `spec: {VERSION}`", needed=True),
             "name": Key(TEXT, "what the suite is for", needed=True),
             "node": Key(nodes, "node or nodes under test; left out: all"),
             "dialect": Key(shapes.converted(TEXT, self._dialect), "EDS files that the suite is for; left out: any"),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, TypeVar
 
 import yaml
@@ -16,10 +17,11 @@ from eurobot_od.check.patterns import FramePattern, MessagePattern, Pattern, Sen
 from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
-from eurobot_od.check.values import Scale, expectation
+from eurobot_od.check.values import Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
@@ -59,7 +61,7 @@ class FrameShapes:
             match = _match(RAW, value, problems, "a frame such as 008#D27423")
             return SentFrame(Frame(int(match["id"], 16), bytes.fromhex(match["data"])))
         binding = taken(name, problems, self._words.protocol.binding)
-        fields = self._fields(binding, value, problems, lambda text, scale: scale.operand(text))
+        fields = self._fields(binding, value, problems, partial(_operand, binding))
         missing = [each for each in binding.kinds if each not in fields and each not in binding.defaults]
         if missing:
             refuse(node, problems, f"{binding.name}: {', '.join(missing)} missing")
@@ -173,6 +175,16 @@ def _field(binding: Binding, name: str) -> str:
     if field not in binding.limits:
         raise UnknownName(f"field of {binding.name}", str(name), binding.limits)
     return field
+
+
+def _operand(binding: Binding, text: str, scale: Scale) -> Operand:
+    """Read a value to be sent; a number out of its range can be sent as a raw frame only. Raises as `Scale.operand`."""
+    try:
+        return scale.operand(text)
+    except ValueProblem as error:
+        number = parse_number(text) is not None
+        hint = f"; {{raw: '{binding.cob_id:03X}#...'}} sends any bits" if number else ""
+        raise ValueProblem(f"{error}{hint}") from None
 
 
 def _read_value(node: yaml.Node, scale: Scale, problems: Problems, read: Callable[[str, Scale], T]) -> T:

@@ -9,6 +9,7 @@ import re
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
+from eurobot_od.amounts import amount
 from eurobot_od.check.suite import NodeServices
 from eurobot_od.check.values import ValueProblem
 from eurobot_od.errors import LONGEST_NAME, DictionaryError, UnknownName
@@ -57,7 +58,7 @@ class ObjectType(NamedTuple):
         if not self.type.is_integer:
             return data.decode(errors=ANY_BYTES)
         if len(data) != self.type.size:
-            raise ValueProblem(f"{len(data)} bytes came, the object has {self.type.size}")
+            raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {self.type.size}")
         return int.from_bytes(data, "little", signed=self.type.is_signed)
 
 
@@ -69,7 +70,8 @@ def find_address(dictionary: Dictionary, text: str) -> values.Address:
     try:
         return dictionary.address(text)
     except DictionaryError:
-        near = get_close_matches(text[:LONGEST_NAME], _names(dictionary), n=3, cutoff=0.6)
+        hexadecimal = [f"0x{text}"] if ADDRESS.fullmatch(f"0x{text}") else []  # `1017` is meant as CiA 301 writes it
+        near = hexadecimal or get_close_matches(text[:LONGEST_NAME], _names(dictionary), n=3, cutoff=0.6)
         raise UnknownName(f"object of {dictionary.name}", text, near) from None
 
 

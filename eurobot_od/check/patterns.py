@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeAlias
 
+from eurobot_od.amounts import amount
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
@@ -86,7 +87,7 @@ class MessagePattern(NamedTuple):
         """Return how a frame of this identifier differs; raises NotSaved."""
         lengths = self.binding.lengths
         if len(frame.data) not in lengths:
-            return [Mismatch("length", f"{' or '.join(map(str, lengths))} bytes", f"{len(frame.data)} bytes")]
+            return [Mismatch("length", f"{' or '.join(map(str, lengths))} bytes", amount(len(frame.data), "byte"))]
         return list(self._field_mismatches(frame, variables))
 
     def _field_mismatches(self, frame: Frame, variables: Variables) -> Iterator[Mismatch]:
@@ -140,7 +141,7 @@ class HeartbeatPattern(NamedTuple):
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how a heartbeat differs."""
         if len(frame.data) != 1:
-            return [Mismatch("length", "1 byte", f"{len(frame.data)} bytes")]
+            return [Mismatch("length", "1 byte", amount(len(frame.data), "byte"))]
         came = STATE_NAMES.get(frame.data[0], f"0x{frame.data[0]:02X}")
         return [] if self.state is None or frame.data[0] == self.state else [Mismatch("state", self._state, came)]
 
@@ -166,7 +167,7 @@ class EmergencyPattern(NamedTuple):
     def mismatches(self, frame: Frame, _: Variables) -> list[Mismatch]:
         """Return how an EMCY differs."""
         if len(frame.data) != 8:
-            return [Mismatch("length", "8 bytes", f"{len(frame.data)} bytes")]
+            return [Mismatch("length", "8 bytes", amount(len(frame.data), "byte"))]
         came = int.from_bytes(frame.data[:2], "little")
         return [] if self.code in (None, came) else [Mismatch("code", self._code, f"0x{came:04X}")]
 

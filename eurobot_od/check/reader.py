@@ -10,11 +10,12 @@ from pathlib import Path
 
 import yaml
 
+from eurobot_od import bounded
 from eurobot_od.check.format import Format
 from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
 from eurobot_od.check.vocabulary import Dictionaries, Networks, Vocabulary, saved_names, texts_at
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
@@ -46,9 +47,11 @@ class SuiteReader:
         for file in files:
             problems: Problems = []
             try:
-                source = file.read_bytes().decode()
+                source = bounded.read(file).decode()
             except OSError as error:
                 problems.append(Problem(START, error.strerror or str(error)))
+            except DictionaryError as error:
+                problems.append(Problem(START, error.what))
             except UnicodeDecodeError as error:
                 problems.append(Problem(START, f"not UTF-8: byte 0x{error.object[error.start]:02X} at {error.start}"))
             else:

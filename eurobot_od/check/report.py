@@ -1,11 +1,14 @@
-"""Results as text: for the console, as TAP, as JUnit XML, and as JSON."""
+"""Results as text: for the console, as annotations, as TAP, as JUnit XML, and as JSON."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 from xml.etree import ElementTree
 
+from eurobot_od.amounts import amount
+from eurobot_od.annotations import Level, annotation
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.check.suite import Suite
 from eurobot_od.escaping import one_line
@@ -23,12 +26,13 @@ def heading(suite: Suite, how: str) -> str:
 
 
 def step_line(step: StepResult, in_colour: bool = False) -> str:
-    """Return the line of a step: how it ended, when it began, how long it took, and its name."""
+    """Return the line of a step: how it ended, when it began, how long it took, its line in the file, its name."""
     status = f"{step.status.value:<11}"
     if in_colour:
         status = f"\x1b[{COLOURS[step.status]}m{status}\x1b[0m"
     section = "" if step.section is SuitePart.STEPS else f"[{step.section.value}] "
-    return f"  {status} {step.started:9.3f} s {step.seconds * 1000:9.1f} ms  {section}{one_line(step.name)}"
+    times = f"{step.started:9.3f} s {step.seconds * 1000:9.1f} ms"
+    return f"  {status} {times}  {step.place.line:>4}  {section}{one_line(step.name)}"
 
 
 def reason_lines(reason: Reason) -> Iterator[str]:
@@ -48,13 +52,43 @@ def _reason_lines(reason: Reason) -> Iterator[str]:
         yield f"        {time:9.4f} s {'>' if own else '<'} {frame!s:<21} {meaning}".rstrip()
 
 
+UNEVENTFUL = (Status.PASSED, Status.SKIPPED)
+"""How a step ends that is only counted where not all are shown."""
+
+
+def folded(result: SuiteResult) -> str:
+    """Return the line for the steps of a suite that are only counted; empty if there are none."""
+    counts = ((result.count(status), status.value) for status in UNEVENTFUL)
+    return ", ".join(f"{count} {word}" for count, word in counts if count)
+
+
+def failures(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield what is to be read again at the end: each step that is red, with its place in the file and its reason."""
+    for result in results:
+        for step in result.steps:
+            if step.status in (Status.FAILED, Status.BUS_FAILED):
+                yield one_line(f"{result.file}:{step.place.line}: {step.name} ({result.how})")
+                yield from reason_lines(step.reason) if step.reason else ()
+
+
 def summary(results: Sequence[SuiteResult]) -> str:
     """Return the last line: how many steps of how many suites ended how."""
     counts = {status: sum(result.count(status) for result in results) for status in Status}
     steps = ", ".join(f"{count} {status.value}" for status, count in counts.items() if count)
     seconds = sum(result.seconds for result in results)
-    suites = "1 suite" if len(results) == 1 else f"{len(results)} suites"
-    return f"{suites}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+    return f"{amount(len(results), 'suite')}: {steps or 'no steps'} in {seconds:.1f} s of bus time"
+
+
+# Annotations
+
+
+def github(results: Iterable[SuiteResult]) -> Iterator[str]:
+    """Yield a line for GitHub Actions for each step that failed: it becomes a note at that step of its suite."""
+    for result in results:
+        for step in result.steps:
+            if step.status in (Status.FAILED, Status.BUS_FAILED) and step.reason is not None:
+                said = (line.strip() for line in reason_lines(step.reason))
+                yield annotation(Level.ERROR, str(result.file), *step.place, f"{result.name}: {step.name}", said)
 
 
 # TAP
@@ -83,6 +117,8 @@ def _tap_step(number: int, result: SuiteResult, step: StepResult) -> Iterator[st
     yield f"{verdict} {number} - {_plain(result.name)}: {_plain(step.name)}{directive}"
     if step.reason is not None and not directive:
         yield "  ---"
+        yield f"  file: {json.dumps(str(result.file))}"
+        yield f"  line: {step.place.line}"
         yield "  message: |"
         yield from (f"  {line}" for line in reason_lines(step.reason))
         yield "  ..."

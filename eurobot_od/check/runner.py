@@ -7,7 +7,9 @@ done whatever happens.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Sequence
+import signal
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -42,6 +44,20 @@ class Interrupt:
             loop, task = self._running
             loop.call_soon_threadsafe(task.cancel)
 
+    @contextmanager
+    def by_ctrl_c(self) -> Iterator[None]:
+        """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
+
+        def handle(*_: object) -> None:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            self.request()
+
+        before = signal.signal(signal.SIGINT, handle)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
+
     async def guard(self, work: Coroutine[Any, Any, None]) -> None:
         """Do some work, to its end or until the interrupt."""
         task = asyncio.ensure_future(work)
@@ -58,13 +74,15 @@ class Interrupt:
 
 @dataclass(frozen=True)
 class RunOptions:
-    """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are done.
+    """How suites are run: `keep_going` does the next steps after a failed one, `chosen` says which steps are asked for.
 
+    Those before one that is asked for are done, too, as it needs what they do, unless they are `independent`.
     `interrupt` may end a suite; `show` is called with each step's result as it comes.
     """
 
     keep_going: bool = False
     chosen: Callable[[str], bool] = lambda _: True
+    independent: bool = False
     interrupt: Interrupt = field(default_factory=Interrupt)
     show: Callable[[StepResult], None] = lambda _: None
 
@@ -90,9 +108,16 @@ class Runner:
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
 
     async def _until_teardown(self) -> None:
-        chosen = [step for step in self._suite.steps if self._options.chosen(step.name)]
         await self._section(SuitePart.SETUP, self._suite.setup, keep_going=False)
-        await self._section(SuitePart.STEPS, chosen, self._options.keep_going)
+        await self._section(SuitePart.STEPS, self._asked_for(), self._options.keep_going)
+
+    def _asked_for(self) -> Sequence[Step]:
+        """Return the steps that are asked for, and those that they need."""
+        steps, chosen = self._suite.steps, self._options.chosen
+        numbers = [number for number, step in enumerate(steps) if chosen(step.name)]
+        if self._options.independent:
+            return [steps[number] for number in numbers]
+        return steps[: max(numbers, default=-1) + 1]
 
     async def _section(self, section: SuitePart, steps: Sequence[Step], keep_going: bool) -> None:
         for step in steps:

@@ -152,7 +152,8 @@ def record(make: Callable[..., T], keys: Keys) -> Shape[T]:
     """Make a shape of a mapping with fixed keys, given to `make` by their names."""
     needed = {name: key.shape.read for name, key in keys.items() if key.needed}
     may = {name: key.shape.read for name, key in keys.items() if not key.needed}
-    return Shape(yaml_places.record(make, needed, may), object_schema(keys))
+    helps = {name: key.help for name, key in keys.items()}
+    return Shape(yaml_places.record(make, needed, may, helps), object_schema(keys))
 
 
 def object_schema(keys: Keys) -> Schema:

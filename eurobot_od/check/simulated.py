@@ -148,7 +148,7 @@ def run_simulated(suite: Suite, options: RunOptions, make_nodes: MakeNodes, seed
             program.start()
         try:
             bench = SimulatedBench(network, tester)
-            return await Runner(suite, bench, options).run("simulated")
+            return await Runner(suite, bench, options).run(f"simulated, seed {seed}")
         finally:
             for program in programs:
                 program.stop()

@@ -265,7 +265,7 @@ class Doer:
         try:
             data = transfer.result()
         except Silence:
-            raise NoAnswer("SDO request", f"answer of {action.node.name}", 1, transfer.wait) from None
+            raise NoAnswer("SDO request", f"answer from {action.node.name}", 1, transfer.wait) from None
         except Refused as error:
             if action.abort is not None and action.abort.fits(error.code):
                 return None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 from eurobot_od import durations
+from eurobot_od.amounts import amount
 from eurobot_od.check.patterns import Pattern, Sent
 from eurobot_od.check.values import Expected, ExpectedBytes, Variables
 from eurobot_od.device.nmt import NmtCommand
@@ -214,7 +215,7 @@ class Group(NamedTuple):
     steps: tuple[Step, ...]
 
     def __str__(self) -> str:
-        return f"{len(self.steps)} steps"
+        return amount(len(self.steps), "step")
 
 
 Action: TypeAlias = (

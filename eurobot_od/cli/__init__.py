@@ -19,7 +19,7 @@ from importlib import import_module
 from io import TextIOWrapper
 from typing import Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, WorldError
+from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.escaping import one_line
 
 COMMANDS = {
@@ -58,6 +58,8 @@ COMMANDS = {
     "watch": "tell when CANopen nodes boot, are lost and are back",
     "sync": "send SYNC messages at a fixed period",
     "time": "send the time as CANopen's TIME message",
+    "doctor": "say what is installed, which CAN interfaces are here, and what mends them",
+    "completion": "print what completes commands and options in a shell",
 }
 
 
@@ -98,10 +100,19 @@ class Parser(argparse.ArgumentParser):
         except (ValueError, OSError):  # no number; no terminal
             width = 80
         super().__init__(prog, formatter_class=partial(kind, width=width - 2), **options)
+        self.register("type", int, _whole)
 
     def error(self, message: str) -> NoReturn:
         """Exit; raises SystemExit."""
         self.exit(ExitStatus.WRONG_INPUT, f"{self.prog}: error: {message}; see {self.prog} --help\n")
+
+
+def _whole(text: str) -> int:
+    """Read a whole number; argparse itself would tell a person of an `invalid int value`."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number") from None
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -140,10 +151,12 @@ def _open_streams() -> None:
 
 
 def _run(words: list[str]) -> int:
-    command = words[0] if words and words[0] in COMMANDS else None
-    if command is None:
-        _overview().parse_args(words or ["--help"])
+    command = words[0] if words else "--help"
+    if command.startswith("-"):
+        _overview().parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
+    if command not in COMMANDS:
+        raise UnknownName("command", command, COMMANDS)
     # What is imported stays, and so does what is read of EDS files: ten thousand entries in which to look for garbage
     # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
     gc.disable()
@@ -161,6 +174,16 @@ def _run(words: list[str]) -> int:
     return status or ExitStatus.FINE
 
 
+def version() -> str:
+    """Return the versions of this package and of Python."""
+    from importlib import metadata
+
+    try:
+        return f"eurobot-od {metadata.version('eurobot-od')}, Python {sys.version.split()[0]}"
+    except metadata.PackageNotFoundError:
+        return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
+
+
 def _overview() -> argparse.ArgumentParser:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
@@ -170,5 +193,6 @@ def _overview() -> argparse.ArgumentParser:
         epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
         kind=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
+    parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
+    parser.add_argument("--version", action="version", version=version(), help="print the version, and end")
     return parser

@@ -11,7 +11,9 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, extras, options
+from eurobot_od import extras
+from eurobot_od.amounts import amount
+from eurobot_od.cli import ExitStatus, options
 
 if TYPE_CHECKING:
     from eurobot_od.sdo.client import Progress
@@ -73,4 +75,4 @@ def _network(arguments: argparse.Namespace) -> Network:
 def _line(archived: Archived) -> str:
     if archived.known:
         return f"{archived.log}: known, {archived.run}"
-    return f"{archived.log}: {archived.run}, {archived.frames} frames, {archived.damage} damaged"
+    return f"{archived.log}: {archived.run}, {amount(archived.frames, 'frame')}, {archived.damage} damaged"

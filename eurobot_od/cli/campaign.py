@@ -8,7 +8,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eurobot_od.cli import extras, options, progress
+from eurobot_od import extras
+from eurobot_od.cli import options, progress
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:

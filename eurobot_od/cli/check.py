@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, campaign, output
 from eurobot_od.cli import options as shared
+from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
 from eurobot_od.escaping import one_line
+from eurobot_od.files import check_writable
 from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--shared-world", action="store_true", help="the nodes on the bus share a world, as a robot's do"
     )
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
-    parser.add_argument("--step", action="append", default=[], metavar="TEXT", help="do the steps named like this")
+    parser.add_argument(
+        "--step", action="append", default=[], metavar="TEXT", help="do the steps named like this, and those before"
+    )
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files: CiA 301")
     parser.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and end")
@@ -49,6 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
+    form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
+    form.add_argument("-v", "--verbose", action="store_true", help="print every step, also green and skipped ones")
+    form.add_argument("-q", "--quiet", action="store_true", help="print what is red, and the last line")
     campaign.add_workers(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)
@@ -65,6 +70,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.check.reader import SuiteError, SuiteReader
 
     _refuse_what_does_not_go_together(arguments)
+    if arguments.junit is not None:
+        check_writable(arguments.junit)
     with shared.left_out() as refused:
         reader = SuiteReader(_networks(arguments, refused), arguments.dialect)
         if arguments.schema:
@@ -102,6 +109,10 @@ def _suites(arguments: argparse.Namespace, reader: SuiteReader) -> list[Suite]:
 def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
+    if arguments.fault:
+        from eurobot_od.robot.faults import faulty_kinds
+
+        faulty_kinds(arguments.fault)  # complains of a name before the first suite, not in it
     if arguments.conformance and arguments.files:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:
@@ -162,7 +173,7 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
 
     interrupt = Interrupt()
     many = arguments.simulate and arguments.repeat > 1 and (arguments.jobs or arguments.executor)
-    with _on_interrupt(interrupt):
+    with interrupt.by_ctrl_c():
         results = list((_many_results if many else _results)(arguments, suites, interrupt))
     _report(arguments, results)
     if interrupt.requested:
@@ -172,21 +183,6 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
     return ExitStatus.FOUND if any(result.failed for result in results) else ExitStatus.FINE
 
 
-@contextmanager
-def _on_interrupt(interrupt: Interrupt) -> Iterator[None]:
-    """Have the first Ctrl-C end the suite under way with its teardown; a second one ends everything at once."""
-
-    def handle(*_: object) -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        interrupt.request()
-
-    before = signal.signal(signal.SIGINT, handle)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
 def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: Interrupt) -> Iterator[SuiteResult]:
     """Run the suites, as often as asked for, until an interrupt or until the bus fails."""
     for seed in range(arguments.seed, arguments.seed + arguments.repeat):
@@ -194,6 +190,7 @@ def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: 
             if interrupt.requested:
                 return
             result = _run_one(arguments, suite, seed, interrupt)
+            _show_end(arguments, result)
             yield result
             if result.error is not None:
                 return
@@ -237,6 +234,7 @@ def _show_result(arguments: argparse.Namespace, suite: Suite, seed: int, result:
         print(report.heading(suite, result.skipped or _how(arguments, seed)), flush=True)
     for step in result.steps:
         _show(arguments, step)
+    _show_end(arguments, result)
 
 
 def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: Interrupt) -> SuiteResult:
@@ -257,14 +255,12 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
         return SuiteResult(suite.file, suite.name, how, skipped=reason)
     chosen, show = partial(_is_chosen, arguments.step), partial(_show, arguments)
     # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
-    options = RunOptions(arguments.keep_going or arguments.conformance, chosen, interrupt, show)
+    conformance = arguments.conformance
+    options = RunOptions(arguments.keep_going or conformance, chosen, conformance, interrupt, show)
     if arguments.simulate:
-        from eurobot_od.check.simulated import run_simulated
-        from eurobot_od.robot.check.partners import nodes_under_test
-        from eurobot_od.robot.faults import faulty_kinds
+        from eurobot_od.robot.check.partners import simulate
 
-        make_nodes = partial(nodes_under_test, kinds=faulty_kinds(arguments.fault))
-        return run_simulated(suite, options, make_nodes, seed)
+        return simulate(suite, options, arguments.fault, seed)
     from eurobot_od.check.live import run_live
 
     return run_live(suite, options, partial(shared.open_bus, arguments))
@@ -290,22 +286,35 @@ def _report(arguments: argparse.Namespace, results: Sequence[SuiteResult]) -> No
     elif arguments.json:
         print(json.dumps(report.as_data(results), indent=2))
     else:
+        sys.stdout.writelines(f"{line}\n" for line in report.failures(results))
         print(report.summary(results))
+        for line in report.github(results) if arguments.format else ():
+            print(line)
     if arguments.junit is not None:
         output.write(arguments.junit, report.junit(results))
 
 
 def _silent(arguments: argparse.Namespace) -> bool:
     """Whether nothing is printed while the suites run: standard output is one document."""
-    return bool(arguments.tap or arguments.json)
+    return bool(arguments.tap or arguments.json or arguments.quiet)
 
 
 def _show(arguments: argparse.Namespace, step: StepResult) -> None:
-    """Print a step's lines as it ends."""
+    """Print a step's line as it ends, unless it is only counted; with -v also why."""
     from eurobot_od.check import report
 
-    if not _silent(arguments):
-        print(report.step_line(step, sys.stdout.isatty()))
-        if step.reason is not None:
-            print("\n".join(report.reason_lines(step.reason)))
-        sys.stdout.flush()
+    if _silent(arguments) or (step.status in report.UNEVENTFUL and not arguments.verbose):
+        return
+    print(report.step_line(step, in_colour(sys.stdout)))
+    if step.reason is not None and arguments.verbose:
+        print("\n".join(report.reason_lines(step.reason)))
+    sys.stdout.flush()
+
+
+def _show_end(arguments: argparse.Namespace, result: SuiteResult) -> None:
+    """Print how many of a suite's steps have not been shown."""
+    from eurobot_od.check import report
+
+    counted = report.folded(result)
+    if counted and not (_silent(arguments) or arguments.verbose):
+        print(f"  {counted}", flush=True)

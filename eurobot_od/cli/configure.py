@@ -10,6 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, remote
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         node.state(HEARTBEAT_WAIT)
         outcome = apply(node, plan, datetime.now())
     kept = "stored, verified after a reset" if outcome.stored else "not stored: the node has no 0x1010"
-    print(f"node {node.node_id} configured: {outcome.changed} objects written and read back, {kept}")
+    print(f"node {node.node_id} configured: {amount(outcome.changed, 'object')} written and read back, {kept}")
     return ExitStatus.FINE
 
 
@@ -52,6 +53,6 @@ def summary(plan: ChangePlan, node_id: int) -> str:
     file = Path(plan.dictionary.file).name
     if not plan.changes:
         return f"node {node_id} already is as {file} says"
-    head = f"node {node_id} differs from {file} in {len(plan.changes)} objects:"
+    head = f"node {node_id} differs from {file} in {amount(len(plan.changes), 'object')}:"
     rows = ((label(each.thing.address, each.thing.name), " -> ".join(each.texts)) for each in plan.changes)
     return f"{head}\n{remote.columns(rows)}"

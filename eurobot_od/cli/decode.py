@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.logs import add_log, entries, opened
+from eurobot_od.cli.terminal import redraws
 from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
@@ -143,7 +144,7 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
 
 def _watched(lines: Iterable[str], file: BinaryIO) -> Iterator[str]:
     """Show on a terminal how far a long log is read."""
-    shown = sys.stderr.isatty() and not sys.stdout.isatty() and file.seekable()
+    shown = redraws(sys.stderr) and not sys.stdout.isatty() and file.seekable()
     size = os.fstat(file.fileno()).st_size if shown else 0
     if size < PROGRESS_FROM:
         yield from lines

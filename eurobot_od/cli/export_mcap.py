@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from eurobot_od.cli import extras, logs, options
+from eurobot_od import extras
+from eurobot_od.amounts import amount
+from eurobot_od.cli import logs, options
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,4 +30,4 @@ def run(arguments: argparse.Namespace) -> None:
 
         entries = formats.read(log, arguments.format, arguments.largest)
         messages, poses, damage = write(file, entries, decoder, drawings(decoder.protocol))
-    print(f"{arguments.output}: {messages} messages, {poses} poses, {damage} damaged")
+    print(f"{arguments.output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")

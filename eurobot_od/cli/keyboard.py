@@ -11,6 +11,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+MOVING = {"\x1b[A": "k", "\x1b[B": "j", "\x1b[5~": 10 * "k", "\x1b[6~": 10 * "j"}
+"""What terminals send for the keys up, down, page up and page down, and the letters that they stand for."""
+
 WaitForKey = Callable[[float], str]
 """Waits for a time in s, or less if a key was pressed, and returns the keys pressed."""
 
@@ -43,7 +46,10 @@ def _posix_keys() -> Iterator[WaitForKey]:
 
     def wait(pause: float) -> str:
         ready, _, _ = select.select([descriptor], [], [], pause)
-        return os.read(descriptor, 64).decode(errors="ignore") if ready else ""
+        pressed = os.read(descriptor, 64).decode(errors="ignore") if ready else ""
+        for sequence, letters in MOVING.items():
+            pressed = pressed.replace(sequence, letters)
+        return pressed
 
     try:
         tty.setcbreak(descriptor)

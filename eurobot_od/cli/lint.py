@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.escaping import one_line
-from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summed_up
+from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
@@ -29,10 +29,14 @@ def add_arguments(parser: ArgumentParser) -> None:
         "files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also a network file, or a folder"
     )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
-    parser.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="write one JSON object instead of lines")
+    form.add_argument(
+        "--format", choices=FORMATS, help="write annotations for GitHub Actions, or a SARIF log for code scanning"
+    )
     parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
     parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
-    parser.add_argument("-v", "--verbose", action="store_true", help="every finding, also those that repeat in a file")
+    parser.add_argument("-v", "--verbose", action="store_true", help="every finding: infos, and those that repeat")
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
     parser.add_argument(
         "--fix", action="store_true", help="write the files as they are meant, and list what is changed"
@@ -47,6 +51,7 @@ def _codes(text: str) -> tuple[str, ...]:
 
 def run(arguments: Namespace) -> ExitStatus:
     """Check, print, and return the exit status."""
+    _refuse_unknown((*arguments.select, *arguments.ignore))
     if arguments.explain:
         print(explanation(arguments.explain.upper()))
         return ExitStatus.FINE
@@ -61,7 +66,7 @@ def run(arguments: Namespace) -> ExitStatus:
         from eurobot_od.lint.network import lint_network, overview
 
         network = read_network(arguments.files)
-        return _report(arguments, lint_network(network), overview(network))
+        return _report(arguments, lint_network(network), len(network.nodes), overview(network))
     finally:
         gc.enable()
 
@@ -92,7 +97,8 @@ def _run_files(arguments: Namespace) -> ExitStatus:
             findings += lint(read_bytes(file), file)
         except DictionaryError as error:
             unreadable.append(error)
-    status = _report(arguments, findings, [])
+    read = len(arguments.files) - len(unreadable)
+    status = _report(arguments, findings, read) if read else ExitStatus.FINE
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
@@ -115,23 +121,43 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
 
 def explanation(code: str) -> str:
     """Return what a rule demands, how bad it is not to keep it, and its clause; raises UnknownName."""
-    from eurobot_od.lint.network import RULES
-
-    rules: dict[str, Rule] = {each.code: each for each in (*FILE_RULES, *RULES)}
+    rules = _rules()
     if code not in rules:
-        raise UnknownName("rule", code)
+        raise UnknownName("rule", code, rules)
     rule = rules[code]
     return f"{rule.code} ({rule.severity.name.lower()}): {rule.demand}\nSource: {rule.clause}"
 
 
-def _report(arguments: Namespace, findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> ExitStatus:
+def _rules() -> dict[str, Rule]:
+    """Return all rules by their codes."""
+    from eurobot_od.lint.network import RULES
+
+    return {each.code: each for each in (*FILE_RULES, *RULES)}
+
+
+def _refuse_unknown(begins: Sequence[str]) -> None:
+    """Raise UnknownName for the begin of a code that no rule has: it would choose nothing, or leave nothing out."""
+    rules = _rules() if begins else {}
+    for begin in begins:
+        if not any(code.startswith(begin) for code in rules):
+            raise UnknownName("rule", begin, rules)
+
+
+def _report(
+    arguments: Namespace, findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]] = ()
+) -> ExitStatus:
     wanted = chosen(findings, arguments.select, arguments.ignore)
     if arguments.json:
         _print_json(wanted, identifiers)
+    elif arguments.format:
+        FORMATS[arguments.format](wanted)
     else:
         for identifier, name, producers, consumers in identifiers:
             print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
-        sys.stdout.writelines(f"{each}\n" for each in (wanted if arguments.verbose else summed_up(wanted)))
+        hidden = not (arguments.verbose or arguments.select)
+        shown = [each for each in wanted if not (hidden and each.severity is Severity.INFO)]
+        sys.stdout.writelines(f"{each}\n" for each in (shown if arguments.verbose else summed_up(shown)))
+        print(summary(wanted, files, hidden))
     errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
     return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
 
@@ -150,6 +176,28 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
         ]
     json.dump(data, sys.stdout, indent=1)
     print()
+
+
+def _print_annotations(findings: Sequence[Finding]) -> None:
+    from eurobot_od.annotations import Level, annotation
+
+    levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
+    for each in summed_up(findings):
+        print(annotation(levels[each.severity], each.file, each.line, each.column, each.code, [each.message]))
+
+
+def _print_sarif(findings: Sequence[Finding]) -> None:
+    import json
+
+    from eurobot_od.lint.network import RULES
+    from eurobot_od.lint.sarif import sarif
+
+    json.dump(sarif(findings, (*FILE_RULES, *RULES)), sys.stdout, indent=1)
+    print()
+
+
+FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
+"""How findings are written for another program."""
 
 
 def _names(joined: str) -> list[str]:

@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od import bounded
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.errors import LocalError
 
@@ -105,7 +106,7 @@ def _read(arguments: argparse.Namespace) -> MessageSet:
     if arguments.dialect:
         raise LocalError("--dialect is for the robot's network: leave it out, or the file")
     if Path(path).suffix.lower() in (".yaml", ".yml"):
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
+        text = bounded.read(path).decode(errors="replace")
         if is_message_set(text):
             return read_set(text, path, arguments.bitrate)
     return _of_network(path)

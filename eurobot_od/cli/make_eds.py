@@ -6,6 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from eurobot_od import bounded
+from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus
 
 
@@ -21,7 +23,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.od.make.files import differences, make_files, write_files
     from eurobot_od.od.make.table import TableError, read_table
 
-    source = arguments.table.read_text(encoding="utf-8", errors="replace")
+    source = bounded.read(arguments.table).decode(errors="replace")
     try:
         texts = make_files(read_table(source, arguments.table))
     except TableError as error:
@@ -31,5 +33,5 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         write_files(texts, arguments.output)
         return ExitStatus.FINE
     found = differences(texts, arguments.output)
-    print("\n".join(found) or f"{arguments.output}: {len(texts)} files are what the table says")
+    print("\n".join(found) or f"{arguments.output}: as the table says: {amount(len(texts), 'file')}")
     return ExitStatus.FOUND if found else ExitStatus.FINE

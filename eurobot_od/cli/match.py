@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, campaign, complain
 from eurobot_od.cli import options as shared
+from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.options import UNITS, Errors
 from eurobot_od.robot.values import TeamColour
@@ -25,7 +26,10 @@ if TYPE_CHECKING:
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
 
-OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", "interface", "channel", "bitrate"))
+OF_A_BUS = ("interface", "channel", "bitrate")
+"""Options that mean nothing in simulated time."""
+
+OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", *OF_A_BUS))
 """Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
 
 
@@ -80,7 +84,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
     parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
-    shared.add_bus(parser)
+    shared.add_bus(parser, "; without one, --speed real takes a bus in this process")
 
 
 def _seeds(text: str) -> range:
@@ -127,12 +131,7 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     from eurobot_od.logs.recorder import recording
     from eurobot_od.robot.match import stage
 
-    campaign.refuse(arguments, "--seeds")
-    if arguments.field is not None:
-        from eurobot_od.robot.match.drawing import draw
-        from eurobot_od.robot.picture.files import form
-
-        form(arguments.field)  # complains of a suffix before the match, not after it
+    _refuse_what_does_not_go_with_one_match(arguments)
     players = _strategies(arguments).load()
     events: list[MatchEvent] = []
     frames: list[tuple[float, Frame]] = []
@@ -143,15 +142,19 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             if arguments.field is not None:
                 frames.append((time, frame))
 
-        show = events.append if arguments.json else partial(_show, sys.stdout.isatty())
+        show = events.append if arguments.json else partial(_show, in_colour(sys.stdout))
         # What a strategy prints is not to get into the JSON.
         with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
             if arguments.speed == "fast":
                 summary, world = stage.play_simulated(options, show, watch, None, *players)
             else:
-                open_bus = partial(shared.open_bus, arguments)
-                summary, world = stage.play_live(options, show, watch, open_bus, players.ours)
+                from eurobot_od.live import open_bus
+
+                open_one = partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
+                summary, world = stage.play_live(options, show, watch, open_one, players.ours)
         if arguments.field is not None:
+            from eurobot_od.robot.match.drawing import draw
+
             draw(arguments.field, frames, options, world)
         if arguments.json:
             timeline = [event.as_data() for event in events]
@@ -165,13 +168,27 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     return ExitStatus.FOUND
 
 
+def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
+    """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
+    campaign.refuse(arguments, "--seeds")
+    for name in OF_A_BUS if arguments.speed == "fast" else ():
+        if (value := getattr(arguments, name)) is not None:
+            raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")
+    if arguments.field is not None:
+        from eurobot_od.files import check_writable
+        from eurobot_od.robot.picture.files import form
+
+        form(arguments.field)
+        check_writable(arguments.field)
+
+
 EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
 """Terminal colours of timeline lines by their kind."""
 
 
-def _show(in_colour: bool, event: MatchEvent) -> None:
-    colour = EVENT_COLOURS.get(event.kind.value) if in_colour else None
-    print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=in_colour)
+def _show(coloured: bool, event: MatchEvent) -> None:
+    colour = EVENT_COLOURS.get(event.kind.value) if coloured else None
+    print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=sys.stdout.isatty())
 
 
 # Many seeds

@@ -13,9 +13,11 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from eurobot_od.cli import options
+from eurobot_od import extras
+from eurobot_od.cli import complain, options
 from eurobot_od.cli.keyboard import keys
 from eurobot_od.cli.logs import add_reading, entries
+from eurobot_od.cli.terminal import redraws
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
@@ -52,10 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _speed(text: str) -> float:
-    speed = float("inf") if text == "max" else float(text)
-    if not speed > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return speed
+    return float("inf") if text == "max" else options.positive(text, " nor max")
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -72,7 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
     promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
     traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
-    rich = sys.stdout.isatty() and not arguments.plain and find_spec("rich") is not None
+    rich = redraws(sys.stdout) and not arguments.plain and _has_rich()
     with ExitStack() as stack:
         source = stack.enter_context(closing(_source(arguments)))
         monitor = Monitor(traffic, controls, source)
@@ -84,6 +83,14 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.statistics:
         print("\n".join(table(traffic.seen)))
     sys.stderr.writelines(f"{line}\n" for line in (*traffic.damage.report(), *source.notes))
+
+
+def _has_rich() -> bool:
+    """Whether the live table can be drawn; without it, a line says what brings it."""
+    found = find_spec("rich") is not None
+    if not found:
+        complain(f"plain lines: {extras.missing('rich', 'monitor')}")
+    return found
 
 
 class Monitor(NamedTuple):
@@ -157,13 +164,13 @@ def on_screen(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
     """Show the table on the whole screen."""
     from rich.live import Live
 
-    from eurobot_od.monitor.screen import screen
+    from eurobot_od.monitor.screen import Size, screen
 
     with Live(screen=True, auto_refresh=False) as live:
 
         def refresh() -> None:
-            now, height = monitor.source.now, shutil.get_terminal_size().lines
+            now, size = monitor.source.now, Size(*shutil.get_terminal_size())
             load, notes = monitor.traffic.load(now), monitor.source.notes
-            live.update(screen(monitor.traffic, monitor.controls, now, load, height, notes), refresh=True)
+            live.update(screen(monitor.traffic, monitor.controls, now, load, size, notes), refresh=True)
 
         yield lambda *_: None, refresh

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import durations
+from eurobot_od import bounded, durations
 from eurobot_od.cli import ExitStatus, scene
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
@@ -19,6 +19,7 @@ from eurobot_od.escaping import one_line
 from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
+    from eurobot_od.cli.scene import Scene
     from eurobot_od.device.waveforms import Waveform
     from eurobot_od.frame import Frame
     from eurobot_od.live import Live
@@ -68,21 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
-    from eurobot_od import live as runtime
-    from eurobot_od.device.station import OnError
-    from eurobot_od.robot.nodes import Core
-
     node = _make(arguments)
     entered = scene.enter(node, arguments) if arguments.world else None
-    live = runtime.Live.node(
-        shared.open_bus(arguments),
-        node,
-        opener=shared.opener(arguments),
-        on_error=OnError(arguments.on_error),
-        report=lambda report: print(report, flush=True),
-    )
-    if arguments.verbose:
-        live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
+    live = _live(node, arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the drive stopped, the bus closed
     _set_clock(node, live.clock())
     if arguments.beacons:
@@ -92,15 +81,39 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
         assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with _bus_failure_first(live), live:
         print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
-        if isinstance(node, Core) and entered and entered.strategy:
-            return scene.play(live, node, entered, entered.strategy, arguments)
-        end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
-        if isinstance(node, Core):
-            _lead(node, arguments, lambda: max(end - live.clock(), 0.0))
-        while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
-            time.sleep(0.1)
-        if failure is not None:
-            raise failure
+        return _stay(live, node, entered, arguments)
+
+
+def _live(node: Node, arguments: argparse.Namespace) -> Live:
+    """Open the bus, and put the node on it; raises BusError, LocalError."""
+    from eurobot_od.device.station import OnError
+    from eurobot_od.live import Live
+
+    live = Live.node(
+        shared.open_bus(arguments),
+        node,
+        opener=shared.opener(arguments),
+        on_error=OnError(arguments.on_error),
+        report=lambda report: print(report, flush=True),
+    )
+    if arguments.verbose:
+        live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
+    return live
+
+
+def _stay(live: Live, node: Node, entered: Scene | None, arguments: argparse.Namespace) -> ExitStatus | None:
+    """Have the node do what it is there for until its end. Raises BusError, NodeFailed, NoAnswer, OSError."""
+    from eurobot_od.robot.nodes import Core
+
+    if isinstance(node, Core) and entered and entered.strategy:
+        return scene.play(live, node, entered, entered.strategy, arguments)
+    end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
+    if isinstance(node, Core):
+        _lead(node, arguments, lambda: max(end - live.clock(), 0.0))
+    while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
+        time.sleep(0.1)
+    if failure is not None:
+        raise failure
     return None
 
 
@@ -183,7 +196,7 @@ def _waveforms(file: Path, dictionary: Dictionary) -> dict[Address, Waveform]:
     from eurobot_od.client.objects import find_one
     from eurobot_od.device.waveforms import read_waveforms
 
-    found = read_waveforms(file.read_text(encoding="utf-8"), str(file))
+    found = read_waveforms(bounded.read(file).decode(), str(file))
     return {find_one(name, dictionary).address: waveform for name, waveform in found.items()}
 
 

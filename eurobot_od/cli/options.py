@@ -21,6 +21,8 @@ from eurobot_od.robot import dialects
 if TYPE_CHECKING:
     import can
 
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.reconnecting import Guard
     from eurobot_od.live.connection import Opener
     from eurobot_od.load.message_set import MessageSet
     from eurobot_od.logs.meaning import Decoder
@@ -29,12 +31,12 @@ if TYPE_CHECKING:
     from eurobot_od.robot.world.channel import Address
 
 
-def add_bus(parser: argparse.ArgumentParser) -> None:
-    """Add -i, -c and -b; what is left out comes from python-can's own configuration."""
-    group = parser.add_argument_group("bus", "left out: python-can's configuration; without one, the in-process bus")
+def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
+    """Add -i, -c and -b; what is left out comes from python-can's own configuration, or is `else_`."""
+    group = parser.add_argument_group("bus", f"left out: python-can's configuration{else_}")
     group.add_argument("-i", "--interface", help="python-can interface, such as socketcan, pcan, slcan, remote")
     group.add_argument("-c", "--channel", help="channel of the interface, such as can0")
-    group.add_argument("-b", "--bitrate", type=int, help="bit/s, 500000 if nothing else is configured")
+    group.add_argument("-b", "--bitrate", type=bit_rate, help="bit/s, 500000 if nothing else is configured")
 
 
 def positive(text: str, of: str = "") -> float:
@@ -50,7 +52,7 @@ def positive(text: str, of: str = "") -> float:
 
 def bit_rate(text: str) -> int:
     """Read a bit rate of classic CAN in bit/s."""
-    rate = int(text)
+    rate = int(text) if text.isdecimal() and len(text) < 10 else 0
     if not 1000 <= rate <= 1_000_000:
         raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
     return rate
@@ -79,9 +81,12 @@ def address(text: str) -> Address:
 
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
-    """Open the bus that the options name; raises BusError."""
+    """Open the bus that the options, or python-can's configuration, name; raises LocalError, BusError."""
     from eurobot_od import live as runtime
 
+    if not runtime.is_named(arguments.interface):
+        here = ", ".join(map(str, runtime.here())) or "none (`eurobot-od doctor` says more)"
+        raise LocalError(f"which bus? Name it by -i and -c, such as -i socketcan -c can0; here: {here}")
     return runtime.open_bus(arguments.interface, arguments.channel, arguments.bitrate)
 
 
@@ -109,6 +114,14 @@ def add_reconnect(parser: argparse.ArgumentParser) -> None:
 def opener(arguments: argparse.Namespace) -> Opener | None:
     """Return what opens the bus again when it is lost, None if nothing is to."""
     return None if arguments.no_reconnect else partial(open_bus, arguments)
+
+
+def guard(arguments: argparse.Namespace, master: Master) -> Guard:
+    """Return what opens a master's bus again when it is lost, or lets it end the command, as the options say."""
+    from eurobot_od.client.reconnecting import Reconnecting, unguarded
+
+    opens = opener(arguments)
+    return unguarded if opens is None else Reconnecting(master, opens, complain)
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:

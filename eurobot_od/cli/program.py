@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from eurobot_od.amounts import amount
 from eurobot_od.cli import remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
@@ -40,4 +41,6 @@ def run(arguments: argparse.Namespace) -> None:
     with remote.node(arguments) as node, bar(f"node {node.node_id}: {arguments.file.name}") as progress:
         loaded = load(node, content, arguments.program, not arguments.no_crc, progress)
     verified = f"verified by {loaded.crc}" if loaded.crc else "not verified by a CRC"
-    print(f"node {node.node_id}: program {arguments.program}: {loaded.size} bytes written, {verified}, started")
+    print(
+        f"node {node.node_id}: program {arguments.program}: {amount(loaded.size, 'byte')} written, {verified}, started"
+    )

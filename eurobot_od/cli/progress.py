@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TextIO, TypeVar
 
+from eurobot_od.cli.terminal import redraws
 from eurobot_od.escaping import one_line
 from eurobot_od.sdo.client import Progress, unwatched
 
@@ -22,7 +23,7 @@ REDRAWN = 0.1
 def bar(what: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> Iterator[Progress]:
     """Give a function that draws the bar; the bar is gone at the end. Without a terminal nothing is drawn."""
     out = stream or sys.stderr
-    if not out.isatty():
+    if not redraws(out):
         yield unwatched
         return
     started = drawn = clock()
@@ -88,7 +89,7 @@ def counted(
         for count, thing in enumerate(things, 1):
             if hint := meter.hint(count):
                 out.write(meter.cleared() + hint)
-            out.write(meter.bar(count) if out.isatty() else meter.line(count))
+            out.write(meter.bar(count) if redraws(out) else meter.line(count))
             out.flush()
             yield thing
     finally:

@@ -11,7 +11,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.cli import extras, options, output
+from eurobot_od import extras
+from eurobot_od.cli import options, output
 from eurobot_od.errors import LocalError, UnknownName
 
 if TYPE_CHECKING:

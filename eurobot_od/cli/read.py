@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, output, remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
@@ -51,5 +52,7 @@ def _read_file(node: RemoteNode, things: list[NamedObject], file: Path) -> ExitS
     with bar(label(thing.address, thing.name)) as progress:
         content = node.upload_block(thing.address, thing.name, progress)
     output.write_bytes(file, content)
-    print(one_line(f"{file}: {len(content)} bytes of node {node.node_id}, {label(thing.address, thing.name)}"))
+    print(
+        one_line(f"{file}: {amount(len(content), 'byte')} of node {node.node_id}, {label(thing.address, thing.name)}")
+    )
     return ExitStatus.FINE

@@ -9,6 +9,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from eurobot_od.amounts import amount
 from eurobot_od.cli import logs, options
 
 if TYPE_CHECKING:
@@ -45,7 +46,9 @@ def run(arguments: argparse.Namespace) -> None:
     wanted = by_sender(decoder.outlines, decoder.protocol, arguments.only, arguments.without)
     with Master(options.open_bus(arguments)) as master:
         frames, late, worst = replay(master, _frames(arguments, wanted), arguments.speed)
-    print(f"{frames} frames sent, {late} of them later than {LATE * 1000:g} ms, {worst * 1000:.1f} ms at most")
+    print(
+        f"{amount(frames, 'frame')} sent, {late} of them later than {LATE * 1000:g} ms, {worst * 1000:.1f} ms at most"
+    )
 
 
 def _frames(arguments: argparse.Namespace, wanted: Callable[[Frame], bool]) -> Iterator[tuple[float, Frame]]:

@@ -50,12 +50,13 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
     bus = shared.open_bus(arguments)
-    print(one_line(f"sent      {frame}  {words}".rstrip()))
     if expected is None:
         with bus:
             transmit(bus, frame)
+        _tell_sent(frame, words)
         return ExitStatus.FINE
     answer = exchange(bus, frame, expected, within)
+    _tell_sent(frame, words)
     if answer is None:
         print(f"expected  {arguments.expect}: nothing came within {within * 1000:g} ms")
         return ExitStatus.FOUND
@@ -64,6 +65,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     said = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
     print(one_line("  ".join(filter(None, (f"received  {came}", said, f"after {took * 1000:.1f} ms")))))
     return ExitStatus.FINE
+
+
+def _tell_sent(frame: Frame, words: str) -> None:
+    print(one_line(f"sent      {frame}  {words}".rstrip()))
 
 
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:

@@ -16,6 +16,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od import extras
 from eurobot_od.cli import options
 from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.errors import LocalError
@@ -50,10 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Serve until Ctrl-C."""
-    try:
+    with extras.needed("web"):
         import aiohttp  # noqa: F401
-    except ImportError:
-        raise LocalError("serving a page needs the extra `web`: pip install 'eurobot-od[web]'") from None
     if len(arguments.logs) > MOST_LOGS:
         raise LocalError(f"{len(arguments.logs)} logs do not go side by side: name one or two")
     if arguments.logs and arguments.control:

@@ -16,6 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--counter", type=int, metavar="N", help="count the messages from 1 to N, 2..240, and again")
     add_production(parser, SYNC_COB_ID, "100 ms")
     shared.add_bus(parser)
+    shared.add_reconnect(parser)
 
 
 def add_production(parser: argparse.ArgumentParser, cob_id: int, period: str) -> None:
@@ -47,4 +48,4 @@ def run(arguments: argparse.Namespace) -> None:
 
     frames = syncs(arguments.counter, arguments.cob_id)
     with Master(shared.open_bus(arguments)) as master:
-        produce(master, islice(frames, arguments.count), arguments.period)
+        produce(master, islice(frames, arguments.count), arguments.period, shared.guard(arguments, master))

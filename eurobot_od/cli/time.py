@@ -17,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_production(parser, TIME_COB_ID, "1 s")
     parser.set_defaults(count=1)
     shared.add_bus(parser)
+    shared.add_reconnect(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -27,4 +28,4 @@ def run(arguments: argparse.Namespace) -> None:
     zone = timezone.utc if arguments.utc else None
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), arguments.cob_id)
     with Master(shared.open_bus(arguments)) as master:
-        produce(master, islice(frames, arguments.count), arguments.period)
+        produce(master, islice(frames, arguments.count), arguments.period, shared.guard(arguments, master))

@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--json", action="store_true", help="print a JSON object a line")
     shared.add_bus(parser)
+    shared.add_reconnect(parser)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
         watch = NodeWatch(told, expected=arguments.nodes, patience=arguments.within, guarded=guarded)
         with suppress(KeyboardInterrupt):  # the usual way to end it
-            watch_nodes(master, watch, started + arguments.span)
+            watch_nodes(master, watch, started + arguments.span, shared.guard(arguments, master))
     return ExitStatus.FOUND if any(node.lost for node in watch.nodes.values()) else ExitStatus.FINE
 
 

@@ -211,7 +211,7 @@ class RemoteNode:
         except Refused as error:
             raise NodeRefused(self.node_id, request, error.code, reason(error.code)) from error
         except Silence as error:
-            raise NoAnswer(request, f"answer of node {self.node_id}", 1, transfer.wait) from error
+            raise NoAnswer(request, f"answer from node {self.node_id}", 1, transfer.wait) from error
         except OddAnswer as error:
             raise RemoteError(f"node {self.node_id} gave an odd answer to {request}: {error}") from error
 

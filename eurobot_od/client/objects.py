@@ -12,6 +12,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, NamedTuple, cast
 from zlib import crc32
 
+from eurobot_od.amounts import amount
 from eurobot_od.errors import LONGEST_NAME, FieldError, LocalError, UnknownName
 from eurobot_od.od.dictionary import Dictionary, data_type
 from eurobot_od.od.values import REALS, UNICODE_STRING, VISIBLE_STRING, Address, DataType, Limits, Value, label
@@ -209,7 +210,7 @@ def written(thing: NamedObject, value: Value) -> str:
 def shown(thing: NamedObject, data: bytes) -> str:
     """Write an object's bytes for a person on one line, long ones by their number and CRC."""
     if len(data) > LONGEST_SHOWN:
-        return f"{len(data)} bytes (CRC-32 0x{crc32(data):08X})"
+        return f"{amount(len(data), 'byte')} (CRC-32 0x{crc32(data):08X})"
     value = decode(thing, data)
     text = written(thing, value)
     return text if text.isprintable() else data.hex(" ").upper()

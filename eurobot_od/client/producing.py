@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from datetime import datetime
+from functools import partial
 from itertools import count
 
 from eurobot_od.client.master import Master
+from eurobot_od.client.reconnecting import Guard, unguarded
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.od.time_of_day import TimeOfDay
@@ -33,10 +35,14 @@ def times(now: Callable[[], datetime], cob_id: int = TIME_COB_ID) -> Iterator[Fr
     return (Frame(cob_id, TimeOfDay.of(now()).data) for _ in count())
 
 
-def produce(master: Master, frames: Iterable[Frame], period: float) -> None:
-    """Send a frame at once and then one every `period` seconds, until there is no other. Raises BusError."""
+def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard = unguarded) -> None:
+    """Send a frame at once and then one every `period` seconds, until there is no other, under a guard.
+
+    Raises BusError.
+    """
     due = master.clock()
     for frame in frames:
-        master.send(*frame)
+        guard(partial(master.send, *frame))
         due += period * (1 + max(0, int((master.clock() - due) // period)))
-        master.pump(due - master.clock())
+        while (left := due - master.clock()) > 0:
+            guard(partial(master.pump, left))

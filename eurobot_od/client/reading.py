@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from eurobot_od.amounts import amount
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
 from eurobot_od.client.master import RemoteNode
@@ -97,7 +98,7 @@ def dcf_of_node(node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, st
             left_out.append(Reading(thing, refusal=error.reason))
             continue
         if thing.type and len(data) < thing.type.size:
-            left_out.append(Reading(thing, refusal=f"{len(data)} bytes are not {thing.type.name}"))
+            left_out.append(Reading(thing, refusal=f"{amount(len(data), 'byte')}, which is no {thing.type.name}"))
         else:
             contents[thing.address] = data
     return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

@@ -14,6 +14,7 @@ from math import inf
 from statistics import median_low
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od.client.reconnecting import Guard, unguarded
 from eurobot_od.device.guarding import TOGGLE
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NODE_IDS
@@ -163,14 +164,19 @@ class NodeWatch:
         self._told(NodeEvent(now, node_id, change, self.nodes[node_id].state))
 
 
-def watch_nodes(master: Master, watch: NodeWatch, end: float = inf) -> None:
-    """Watch the nodes of a master's bus until its clock is at `end`. Raises BusError."""
+def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:
+    """Watch the nodes of a master's bus until its clock is at `end`, step by step under a guard. Raises BusError."""
     for node_id in NODE_IDS:
         master.listeners[ERROR_CONTROL_BASE + node_id] = partial(_receive, master, watch, node_id)
-    while (now := master.clock()) < end:
-        for cob_id in watch.tick(now):
-            master.request(cob_id)
-        master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
+    while master.clock() < end:
+        guard(partial(_step, master, watch, end))
+
+
+def _step(master: Master, watch: NodeWatch, end: float) -> None:
+    now = master.clock()
+    for cob_id in watch.tick(now):
+        master.request(cob_id)
+    master.pump(min(max(watch.next_wakeup - now, 0.001), LONGEST_PAUSE, end - now))
 
 
 def _receive(master: Master, watch: NodeWatch, node_id: int, data: bytes) -> None:

@@ -11,6 +11,7 @@ from typing import Generic, TypeAlias, TypeVar
 
 from typing_extensions import NamedTuple
 
+from eurobot_od.amounts import amount
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
 
 T = TypeVar("T")
@@ -104,7 +105,7 @@ class FunctionListener(Generic[T]):
         if seconds > self._slow_after:
             self.slow += 1
             if has_doubled(self.slow):
-                text = f"held up the others for {seconds * 1000:.1f} ms, {self.slow} times so far"
+                text = f"held up the others for {seconds * 1000:.1f} ms, {amount(self.slow, 'time')} so far"
                 self._report(Report(Event.LISTENER_SLOW, self.name, text, timestamp))
 
     def has_failed(self, error: BaseException, timestamp: float) -> None:
@@ -117,7 +118,7 @@ class FunctionListener(Generic[T]):
         """Note that a message was dropped before the function could be called with it."""
         self.lost += 1
         if has_doubled(self.lost):
-            text = f"too many calls wait, {self.lost} messages lost so far; the newest are kept"
+            text = f"too many calls wait, {amount(self.lost, 'message')} lost so far; the newest are kept"
             self._report(Report(Event.QUEUE_OVERFLOW, self.name, text, timestamp))
 
     def statistics(self) -> ListenerStatistics:

@@ -7,7 +7,7 @@ written out); a file's value is its ParameterValue or else its DefaultValue; nam
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import NamedTuple, TypeAlias
 
@@ -30,15 +30,17 @@ WHOLE_DEVICE = (-1, -1)
 
 
 class Difference(NamedTuple):
-    """One difference: where (a sub-index below 0: in the whole object), in what, and the two texts."""
+    """One difference: where (a sub-index below 0: in the whole object), in what, the two texts, the object's name."""
 
     where: Address
     aspect: str
     left: str
     right: str
+    name: str = ""
 
     def __str__(self) -> str:
-        return one_line(f"{place(self.where)}: {self.aspect}: {self.left} -> {self.right}")
+        where = f"{place(self.where)} {self.name}".rstrip()
+        return one_line(f"{where}: {self.aspect}: {self.left} -> {self.right}")
 
 
 def place(address: Address) -> str:
@@ -64,7 +66,27 @@ def compare(
     node_id = node_id or left.node_id or right.node_id
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
     told = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
-    return sorted([*(each for each in told if each.left != each.right), *_missing_subs(left, right)])
+    found = sorted([*(each for each in told if each.left != each.right), *_missing_subs(left, right)])
+    return _named(found, left, right)
+
+
+def _named(found: Iterable[Difference], *devices: LintedDevice) -> list[Difference]:
+    """Return differences with the names of their objects, from the first device that has what they are in."""
+    return [
+        each._replace(
+            name=max((_name_in(one, each.where) for one in devices), key=lambda name: (name != "", "." in name))
+        )
+        for each in found
+    ]
+
+
+def _name_in(device: LintedDevice, address: Address) -> str:
+    index, sub = address
+    whole = device.objects.get(index)
+    variable = whole.variable(sub) if whole and sub >= 0 else None
+    if whole is None or variable is None or whole.code not in COMPOSED:
+        return whole.name if whole else ""
+    return f"{whole.name}.{variable.name}"
 
 
 def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[Difference]:
@@ -90,7 +112,7 @@ def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[Difference
     """Give the sub-indices that one has and the other has not, of objects that are in both."""
     for index, left, right in _shared(one, other):
         for sub in left.keys() ^ right.keys():
-            yield Difference((index, sub), "sub-index", _name(left.get(sub)), _name(right.get(sub)))
+            yield Difference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
@@ -100,8 +122,8 @@ def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Membe
         yield index, left, right
 
 
-def _name(variable: DescribedVariable | None) -> str:
-    return (variable.name or "there") if variable else ABSENT
+def _presence(variable: DescribedVariable | None) -> str:
+    return "there" if variable else ABSENT
 
 
 Members: TypeAlias = dict[int, DescribedVariable]
@@ -117,7 +139,26 @@ def _variables(
     for index, left, right in _shared(one, other):
         for sub in left.keys() & right.keys():
             for name, aspect in aspects.items():
-                yield Difference((index, sub), name, aspect(left[sub], node_id), aspect(right[sub], node_id))
+                texts = aspect(left[sub], node_id), aspect(right[sub], node_id)
+                if texts[0] != texts[1]:
+                    yield Difference((index, sub), name, *_as_written(name, texts, left[sub], right[sub]))
+
+
+ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
+    "value": lambda each: each.value_entry,
+    "low limit": lambda each: each.section.entries.get("lowlimit"),
+    "high limit": lambda each: each.section.entries.get("highlimit"),
+}
+"""Where the number of an aspect is written."""
+
+
+def _as_written(aspect: str, texts: tuple[str, str], *variables: DescribedVariable) -> Iterator[str]:
+    """Yield two texts, whole numbers in hexadecimal if one of the files writes it so."""
+    entries = [ENTRIES[aspect](each) for each in variables] if aspect in ENTRIES else []
+    is_hexadecimal = any(each and each.value.lstrip().lower().startswith("0x") for each in entries)
+    digits = 2 * max((each.type.size for each in variables if each.type), default=0) if is_hexadecimal else 0
+    for text in texts:
+        yield f"0x{int(text):0{digits}X}" if is_hexadecimal and text.isdecimal() else text
 
 
 def _limit_of(key: str) -> Aspect:
@@ -225,7 +266,7 @@ def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], n
     known = variables(device)
     said = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     found = compare(device, _overlaid(device, answers), node_id)
-    return sorted(said + found)
+    return sorted([*_named(said, device), *found])
 
 
 def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[Difference]:
@@ -235,7 +276,7 @@ def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) 
     if isinstance(answer, int):
         is_missing = answer in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
         told = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
-        yield Difference(address, "on the node", _name(variable), told)
+        yield Difference(address, "on the node", _presence(variable), told)
     elif variable.type and variable.type.bits and len(answer) != variable.type.size:
         yield Difference(address, "bytes", str(variable.type.size), str(len(answer)))
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
+from eurobot_od.amounts import amount
 from eurobot_od.escaping import one_line
 
 
@@ -106,6 +107,17 @@ def summed_up(findings: Iterable[Finding]) -> list[Finding]:
         first._replace(message=f"{first.message} (and {len(others)} more; -v lists them)") if others else first
         for first, *others in groups.values()
     ]
+
+
+def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
+    """Return the last line: how many findings of each severity there are in so many files.
+
+    Of infos it says how to see them, if they are `hidden`.
+    """
+    counted = ((count(findings, each), each.name.lower()) for each in Severity)
+    found = ", ".join(amount(number, word) for number, word in counted if number)
+    more = " (-v lists infos)" if hidden and count(findings, Severity.INFO) else ""
+    return f"{amount(files, 'file')}: {found or 'nothing found'}{more}"
 
 
 def count(findings: Iterable[Finding], severity: Severity) -> int:

@@ -48,10 +48,13 @@ either way, so that a stop leaves when the driver is back. Ctrl-C may hit the th
 gives the turn back, its frame stays loaded.
 """
 
-from eurobot_od.live.buses import BITRATE as BITRATE
 from eurobot_od.live.buses import DEFAULT_BUS as DEFAULT_BUS
 from eurobot_od.live.buses import Driver as Driver
+from eurobot_od.live.buses import is_named as is_named
 from eurobot_od.live.buses import open_bus as open_bus
 from eurobot_od.live.connection import Opener as Opener
+from eurobot_od.live.interfaces import here as here
+from eurobot_od.live.links import BITRATE as BITRATE
+from eurobot_od.live.links import links as links
 from eurobot_od.live.live import Live as Live
 from eurobot_od.live.reader import Watch as Watch

@@ -12,14 +12,18 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.errors import BusError
+from eurobot_od.errors import BusError, UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.live.links import BITRATE, remedy
 
 if TYPE_CHECKING:
     import can
 
-BITRATE = 500_000
-"""Bit/s of the robot's bus, where neither caller nor python-can's configuration says another."""
+SOCKETCAN = "socketcan"
+"""python-can's name of Linux's own CAN interfaces."""
+
+INTERFACE_KEYS = {"interface", "bustype"}
+"""What python-can's configuration calls the interface."""
 
 DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
 """The in-process bus, where neither caller nor python-can's configuration names one."""
@@ -27,10 +31,10 @@ DEFAULT_BUS = {"interface": "virtual", "channel": "eurobot"}
 RETRY = 0.001
 """Seconds that a driver may take to accept a frame; one that does not is given the frame again later."""
 
-FILTERING = ("socketcan", "etas")
+FILTERING = (SOCKETCAN, "etas")
 """Interfaces with a driver that takes as many receive filters as there are identifiers."""
 
-PROMPT = ("socketcan", "virtual")
+PROMPT = (SOCKETCAN, "virtual")
 """Interfaces with a `send` that does not wait when told so."""
 
 FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
@@ -55,35 +59,66 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     """
     import can
 
-    _silence_logs()
+    silence_logs()
     given = {"interface": interface, "channel": channel, "bitrate": bitrate}
     try:
         config = _configured({key: value for key, value in given.items() if value is not None})
         return can.Bus(ignore_config=True, **config)
     except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
         name = f"{interface or 'configured'} bus {channel or ''}".strip()
-        raise BusError(f"cannot open the {name}: {_one_line(error)}") from error
+        raise BusError(f"cannot open the {name}: {_unopened(error, interface, channel)}") from error
 
 
-def _silence_logs() -> None:
+def _unopened(error: Exception, interface: str | None, channel: str | None) -> str:
+    from can.interfaces import BACKENDS
+
+    if interface is not None and interface not in BACKENDS:
+        return str(UnknownName("interface", interface, sorted(BACKENDS)))
+    return _with_remedy(error, channel if interface == SOCKETCAN else None)
+
+
+def _with_remedy(error: BaseException, name: str | None) -> str:
+    """Return an error in one line, with what helps if it is one with the SocketCAN interface of a name."""
+    helps = remedy(_number(error), name) if name else ""
+    return f"{_one_line(error)}; {helps}" if helps else _one_line(error)
+
+
+def _number(error: BaseException) -> int | None:
+    """Return the operating system's number of an error, its own, python-can's or its cause's."""
+    known: int | None = getattr(error, "error_code", None) or getattr(error, "errno", None)
+    return known if known or error.__cause__ is None else _number(error.__cause__)
+
+
+def is_named(interface: str | None) -> bool:
+    """Tell whether a caller or python-can's configuration names an interface, so that it is not our default."""
+    return bool(_named({"interface": interface} if interface else {}) & INTERFACE_KEYS)
+
+
+def silence_logs() -> None:
     """Have drivers' log lines go where a program has asked for them, and else nowhere: their errors are raised, too."""
     import logging
 
-    for name in ("can", "can_remote"):
+    for name in ("can", "can_remote", "seeedbus"):
         if not logging.getLogger(name).handlers:
             logging.getLogger(name).addHandler(logging.NullHandler())
 
 
 def _configured(given: dict[str, Any]) -> dict[str, Any]:
     """Complete what is given by python-can's configuration, and that by our defaults."""
+    from can import util
+
+    said = _named(given)
+    defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
+    config = dict(util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given))
+    return {"bitrate": BITRATE} | config
+
+
+def _named(given: dict[str, Any]) -> set[str]:
+    """Return which keys somebody gives a value: the caller, python-can's variables or its files."""
     from can import rc, util
 
     sources = (given, rc, util.load_environment_config(), util.load_file_config())
-    said = {key for source in sources for key, value in source.items() if value}
-    named = said & {"interface", "bustype"}
-    defaults = {} if named else {key: value for key, value in DEFAULT_BUS.items() if key not in said}
-    config = dict(util.load_config(config=defaults | given))
-    return {"bitrate": BITRATE} | config
+    return {key for source in sources for key, value in source.items() if value}
 
 
 def _one_line(error: BaseException) -> str:
@@ -119,7 +154,7 @@ class Driver:
         self.filters = any(_is_of(bus, interface) for interface in FILTERING)
         self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
         self._wait = 0.0 if self.prompt else RETRY
-        self._socket = getattr(bus, "socket", None) if _is_of(bus, "socketcan") else None
+        self._socket = getattr(bus, "socket", None) if _is_of(bus, SOCKETCAN) else None
 
     def replace(self, opener: Callable[[], can.BusABC]) -> None:
         """Shut the bus down, which has failed, and open it again; raises BusError."""
@@ -174,4 +209,5 @@ def _is_of(bus: can.BusABC, interface: str) -> bool:
 
 def failure(bus: can.BusABC, error: BaseException) -> BusError:
     """Return an error of a driver in one line."""
-    return BusError(f"the bus {bus.channel_info} failed: {_one_line(error)}")
+    name = str(getattr(bus, "channel", "")) if _is_of(bus, SOCKETCAN) else None
+    return BusError(f"the bus {bus.channel_info} failed: {_with_remedy(error, name)}")

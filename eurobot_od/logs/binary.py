@@ -11,6 +11,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
+from eurobot_od import extras
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.entries import (
     LARGEST,
@@ -97,7 +98,7 @@ def read_messages(file: BinaryIO, _: int = LARGEST) -> Entries:
             for number, time, channel, raw in read_each(messages, _of_logged):
                 yield number, time, channel, raw
     except NotImplementedError:  # what it raises without the package it needs
-        raise LocalError(f"{file.name}: reading it needs the extra `mf4`: pip install 'eurobot-od[mf4]'") from None
+        raise LocalError(f"{file.name}: {extras.missing('asammdf', 'mf4')}") from None
     except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
         yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
 

@@ -5,7 +5,7 @@ Rule of this file: how numbers are written stands here once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import with_defects
@@ -20,6 +20,26 @@ ALIGN: Mapping[str, Callable[[str, int], str]] = {
     "Last values": str.ljust,
 }
 HEADINGS = tuple(ALIGN)
+
+DROPPED = ("Age s", "Count", "Period ms")
+"""The columns that a narrow terminal does without, the least important first."""
+
+ROOM = 24
+"""Characters that the last values have, as long as there is a column to do without."""
+
+GAP = "  "
+"""Between two columns."""
+
+
+def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
+    """Return the numbers of the columns that are shown on so many characters; `lines` are the cells of all of them."""
+    widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
+    shown = list(range(len(HEADINGS)))
+    for dropped in map(HEADINGS.index, DROPPED):
+        if sum(widths[each] + len(GAP) for each in shown[:-1]) + ROOM <= width:
+            break
+        shown.remove(dropped)
+    return shown
 
 
 def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
@@ -48,4 +68,4 @@ def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:
     widths = [max(len(line[column]) for line in lines) for column in range(len(HEADINGS) - 1)]
     for line in lines:
         first = (ALIGN[heading](text, width) for heading, text, width in zip(HEADINGS, line, widths))
-        yield f"{'  '.join(first)}  {line[-1]}".rstrip()
+        yield f"{GAP.join(first)}{GAP}{line[-1]}".rstrip()

@@ -11,12 +11,15 @@ from dataclasses import dataclass
 from eurobot_od.monitor.traffic import SORTS
 
 ENTER, ESCAPE, BACKSPACES = "\r\n", "\x1b", "\x08\x7f"
-HELP = "p pause  s sort  / filter  c clear counts  q quit"
+HELP = "q quit  p pause  s sort  / filter  j k scroll  c clear counts"
 
 
 @dataclass
 class Controls:
-    """Settings of the table: `part` is what names must contain, `typing` whether it is being typed."""
+    """Settings of the table: `part` is what names must contain, `typing` whether it is being typed.
+
+    `top` is how many rows are scrolled away.
+    """
 
     sort: str = "identifier"
     part: str = ""
@@ -24,6 +27,12 @@ class Controls:
     paused: bool = False
     clear: bool = False
     running: bool = True
+    top: int = 0
+
+    def within(self, most: int) -> int:
+        """Return how many rows are scrolled away, `most` at most: what is shown ends with the last row."""
+        self.top = min(self.top, max(most, 0))
+        return self.top
 
     def key(self, key: str) -> None:
         """Take in a key; one that means nothing does nothing."""
@@ -53,6 +62,8 @@ KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
     **dict.fromkeys("p ", lambda controls: {"paused": not controls.paused}),
     "s": lambda controls: {"sort": _next_sort(controls)},
     "/": lambda _: {"typing": True, "part": ""},
+    "j": lambda controls: {"top": controls.top + 1},
+    "k": lambda controls: {"top": max(controls.top - 1, 0)},
     "c": lambda _: {"clear": True},
     "q": lambda _: {"running": False},
 }

@@ -6,13 +6,15 @@ Rule of this file: the only one that imports rich, which is an extra.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
-from rich.console import Group, RenderableType
+from rich.console import Group, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from eurobot_od.amounts import amount
 from eurobot_od.logs.meaning import CANOPEN
-from eurobot_od.monitor.cells import ALIGN, HEADINGS, cells, health
+from eurobot_od.monitor.cells import ALIGN, GAP, HEADINGS, cells, fitting, health
 from eurobot_od.monitor.controls import HELP, Controls
 from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
 
@@ -29,14 +31,22 @@ BAR_WIDTH = 20
 HEAVY_LOAD = 0.8
 
 
+class Size(NamedTuple):
+    """Characters and lines of a terminal."""
+
+    width: int
+    height: int
+
+
 def screen(
-    traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], height: int, notes: Sequence[str] = ()
+    traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
-    """Return everything that is shown on `height` lines; of the `notes` the last."""
+    """Return everything that is shown on a terminal of a size; of the `notes` the last."""
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
-    room = max(height - 8, 1)
+    room = max(size.height - 8, 1)
+    top = controls.within(len(rows) - room)
     colours = {CANOPEN: SERVICE_COLOUR} | dict(zip(traffic.groups, COLOURS))
-    table = _table(rows[:room], now, colours)
+    table = _table(rows[top : top + room], now, colours, size.width)
     return Group(_top(traffic, load), _nodes(traffic, now), table, _bottom(controls, len(rows) - room, notes))
 
 
@@ -44,9 +54,9 @@ def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
     share, rate = load
     filled = min(round(share * BAR_WIDTH), BAR_WIDTH)
     colour = WRONG if share >= HEAVY_LOAD else "green"
-    text = Text(f"{traffic.frames} frames  {rate:.0f}/s  load ")
-    text.append("█" * filled, colour).append("░" * (BAR_WIDTH - filled), OLD).append(f" {share:.1%}", colour)
-    text.append(f" of {traffic.bitrate // 1000} kbit/s")
+    text = Text(f"{traffic.frames} frames  {rate:.0f}/s  load ", no_wrap=True, overflow="ellipsis")
+    text.append(f"{share:.1%}", colour).append(f" of {traffic.bitrate // 1000} kbit/s ")
+    text.append("█" * filled, colour).append("░" * (BAR_WIDTH - filled), OLD)
     if traffic.damage.total:
         kinds = ", ".join(f"{count.number} x {damage.value}" for damage, count in traffic.damage.counts.items())
         text.append(f"   {kinds}", WRONG)
@@ -61,13 +71,16 @@ def _nodes(traffic: Traffic, now: float) -> Text:
     return text
 
 
-def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str]) -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold", expand=True)
-    for heading, align in ALIGN.items():
+def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str], width: int) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
+    lines = [cells(row, now) for row in rows]
+    columns = fitting(lines, width)
+    for heading in map(HEADINGS.__getitem__, columns):
         ratio = 1 if heading == HEADINGS[-1] else None
-        table.add_column(heading, justify="right" if align is str.rjust else "left", no_wrap=True, ratio=ratio)
-    for row in rows:
-        table.add_row(*map(Text, cells(row, now)), style=_style(row, now, colours))
+        justify: JustifyMethod = "right" if ALIGN[heading] is str.rjust else "left"
+        table.add_column(heading, justify=justify, no_wrap=True, ratio=ratio)
+    for row, line in zip(rows, lines):
+        table.add_row(*(Text(line[column]) for column in columns), style=_style(row, now, colours))
     return table
 
 
@@ -81,11 +94,12 @@ def _style(row: TrafficRow, now: float, colours: Mapping[str, str]) -> str:
 
 
 def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:
-    text = Text(f"\n{HELP}   sort: {controls.sort}   filter: {controls.part}{'_' if controls.typing else ''}", OLD)
-    if hidden > 0:
-        text.append(f"   {hidden} rows do not fit")
+    text = Text("\n", no_wrap=True, overflow="ellipsis")
     if controls.paused:
-        text.append("   PAUSED", "bold reverse")
+        text.append("PAUSED", "bold reverse").append("   ")
     if notes:
-        text.append(f"   {notes[-1]}", WRONG)
-    return text
+        text.append(f"{notes[-1]}   ", WRONG)
+    if hidden > 0:
+        text.append(f"{amount(hidden, 'row')} more   ", OLD)
+    typed = f"{controls.part}{'_' if controls.typing else ''}"
+    return text.append(f"sort: {controls.sort}   filter: {typed}   {HELP}", OLD)

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
+from eurobot_od import bounded
 from eurobot_od.errors import DictionaryError
 
 if TYPE_CHECKING:
@@ -103,10 +104,9 @@ class Document(NamedTuple):
 
 
 def read_bytes(file: str | Path) -> bytes:
-    """Return what a file holds; raises DictionaryError if it cannot be read."""
+    """Return what a file holds; raises DictionaryError if it cannot be read, or is too large."""
     try:
-        with open(file, "rb") as stream:  # noqa: PTH123  # `lint` starts without pathlib
-            return stream.read()
+        return bounded.read(file)
     except (OSError, ValueError) as error:
         raise DictionaryError(file, None, getattr(error, "strerror", None) or str(error)) from error
 

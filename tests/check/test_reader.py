@@ -14,6 +14,7 @@ from eurobot_od.frame import Frame
 from tests.check.suites import HEAD, document, read, reader, suite
 from tests.marks import marked
 
+RANGE = "'3001' is not allowed; allowed: 0..3000 mm; {raw: '008#...'} sends any bits"
 GOTO = "{Goto XY: {x: 1, y: 2, angle: 3, speed: 4}}"
 
 # Each row: a step, with ^ before the place of the problem, and what is said of it.
@@ -26,7 +27,7 @@ WRONG_STEPS = {
     "missing key": ("- ^never: Goto Confirm", "never needs the key 'for'"),
     "missing key inside": ("- poll: ^{send: Stop Drive}\n  until: Goto Confirm", "key 'every' is missing"),
     "key twice": ("- {wait: 1 s, ^wait: 2 s}", "key 'wait' is given twice"),
-    "no mapping": ("- ^Stop Drive", "expected a mapping, found 'Stop Drive'"),
+    "no mapping": ("- ^Stop Drive", "expected a mapping, `key: value`, found 'Stop Drive'"),
     # durations
     "no unit": ("- wait: ^500", "'500' is not a duration; write a number and one of us, ms, s, min"),
     "unknown unit": ("- wait: ^1 h", "'1 h' is not a duration"),
@@ -40,10 +41,10 @@ WRONG_STEPS = {
     "field twice": ("- expect: {Goto State Response: {time: 3, ^time: 4}}", "key 'time' is given twice"),
     "field missing": ("- send: ^{Goto XY: {x: 1, y: 2}}", "Goto XY: angle, speed missing"),
     "two messages": ("- send: ^{Stop Drive: {}, Goto Confirm: {}}", "expected one message, found 2 keys"),
-    "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, found a list"),
+    "list for fields": ("- send: {Goto XY: ^[1]}", "expected a mapping, `key: value`, found a list"),
     "list for a value": ("- expect: {Goto State Response: {time: ^[1]}}", "expected a single value, found a list"),
     # values
-    "over the range": (f"- send: {GOTO.replace('x: 1', 'x: ^3001')}", "'3001' is not allowed; allowed: 0..3000 mm"),
+    "over the range": (f"- send: {GOTO.replace('x: 1', 'x: ^3001')}", RANGE),
     "octal": (f"- send: {GOTO.replace('x: 1', 'x: ^010')}", "'010' is not allowed"),
     "no whole number": (f"- send: {GOTO.replace('x: 1', 'x: ^1.5')}", "'1.5' is not allowed"),
     "truth for a colour": ("- expect: {Start Configuration Set: {team colour: ^off}}", "'off' is not allowed"),
@@ -70,6 +71,7 @@ WRONG_STEPS = {
     "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: core, drive, navigation"),
     "error code": ("- emcy: ^0x10000", "0x10000 is not in 0..65535"),
     "unknown object": ("- sdo: {read: ^Producer heartbet time}", "unknown object of drive 'Producer heartbet time'"),
+    "number without 0x": ("- sdo: {read: ^1017}", "unknown object of drive '1017'; did you mean 0x1017?"),
     "nothing to do": ("- sdo: ^{expect: 3}", "an SDO step has either 'read' or 'write'"),
     "nothing to write": ("- sdo: ^{write: 0x1017}", "an SDO write has either 'value' or 'data'"),
     "refused and read": ("- sdo: ^{read: 0x1017, expect: 3, abort: 0x06020000}", "an SDO read that is refused with"),
@@ -98,15 +100,20 @@ WRONG_STEPS = {
 # Each row: a document, with ^ before the place of the problem, and what is said of it.
 WRONG_DOCUMENTS = {
     "nothing": ("^", "the file is empty"),
-    "no mapping": ("^- 1\n", "expected a mapping, found a list"),
-    "tab": ("spec: 1\nsteps:\n^\t- wait: 1 s\n", "found character '\\t' that cannot start any token"),
-    "no YAML": ("spec: [1\nname^: x\n", "expected ',' or ']', but got ':'"),
+    "no mapping": ("^- 1\n", "expected a mapping, `key: value`, found a list"),
+    "tab": ("spec: 1\nsteps:\n^\t- wait: 1 s\n", "a tab; YAML is indented by spaces"),
+    "no YAML": ("spec: [1\nname^: x\n", "a list in [ ] lacks a comma, or its ]"),
     "nested deeply": ("^" + "[" * 2000, "the file is nested too deeply"),
     "alias": ("spec: 1\nname: ^&a x\ntags: [*a]\nsteps: []\n", "an alias refers to this; write it out"),
     "alias of itself": ("spec: 1\nname: x\nsteps: ^&a [*a]\n", "an alias refers to this; write it out"),
     "version": (HEAD.replace("1", "^2") + "steps: []\n", "unknown version '2'; known: 1"),
-    "no steps": ("^" + HEAD, "key 'steps' is missing"),
-    "unknown key": (HEAD + "^step: []\nsteps: []\n", "unknown key 'step'"),
+    "no steps": ("^" + HEAD, "key 'steps' is missing: the steps"),
+    "no version": ("^name: x\nsteps: []\n", "key 'spec' is missing: version of the format, `spec: 1`"),
+    "an expectation without quotes": (
+        HEAD + "steps:\n  - expect: {Goto State Response: {time: ^> 0}}\n",
+        "a text with > or | at its start needs quotes: '> 0'",
+    ),
+    "unknown key": (HEAD + "^step: []\nsteps: []\n", "unknown key 'step'; did you mean steps?"),
     "truth for a name": (HEAD.replace("a suite", "^off") + "steps: []\n", "expected a text, found 'off'"),
     "unknown node": (HEAD.replace("drive", "^wheels") + "steps: []\n", "unknown node 'wheels'"),
     "unknown dialect": (HEAD + "dialect: ^latin\nsteps: []\n", "unknown dialect 'latin'"),

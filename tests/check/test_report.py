@@ -54,9 +54,16 @@ BROKEN = SuiteResult(
 ALL = [RED, LEFT_OUT, BROKEN]
 
 
+def test_a_red_step_is_an_annotation_at_its_line_and_a_green_one_none() -> None:
+    first, second = report.github(ALL)
+    assert first.startswith("::error file=drive.yaml,line=7,col=5,title=the drive%3A <it> arrives & stays # here::Goto")
+    assert "%0Aexpected  Goto State Response: time 0 ms%0Acame      Goto State Response  time=5 ms%0A" in first
+    assert second == "::error file=core.yaml,line=7,col=5,title=the core%3A asked::the bus can0 failed: gone"
+
+
 def test_a_step_is_a_line() -> None:
-    assert report.step_line(RED.steps[0]) == "  ok              0.500 s       1.2 ms  [setup] prepared"
-    assert report.step_line(RED.steps[2]) == "  skipped         0.500 s       1.2 ms  the rest"
+    assert report.step_line(RED.steps[0]) == "  ok              0.500 s       1.2 ms     7  [setup] prepared"
+    assert report.step_line(RED.steps[2]) == "  skipped         0.500 s       1.2 ms     7  the rest"
 
 
 def test_a_step_has_its_colour_on_a_terminal() -> None:
@@ -117,6 +124,29 @@ def test_tap_has_a_line_for_each_step() -> None:
         "1..6",
     ]
     assert "          time: expected 0 ms, came 5 ms" in lines
+
+
+def test_tap_says_where_a_red_step_stands() -> None:
+    lines = list(report.tap([RED]))
+    assert lines[lines.index("  ---") : lines.index("  message: |") + 1] == [
+        "  ---",
+        '  file: "drive.yaml"',
+        "  line: 7",
+        "  message: |",
+    ]
+
+
+def test_green_and_skipped_steps_are_counted() -> None:
+    assert [report.folded(each) for each in ALL] == ["1 ok, 1 skipped", "", ""]
+
+
+def test_what_is_red_is_told_again_with_its_place() -> None:
+    assert list(report.failures(ALL)) == [
+        "drive.yaml:7: <it> arrives & stays # here (simulated)",
+        *report.reason_lines(REASON),
+        "core.yaml:7: asked (on can0)",
+        "    the bus can0 failed: gone",
+    ]
 
 
 def test_json_has_everything() -> None:

@@ -15,8 +15,10 @@ from eurobot_od.robot.check import shipped
 from tests.check.suites import HEAD, document, read, reader
 
 VALIDATOR = jsonschema.Draft7Validator(json.loads(json.dumps(reader(None).schema())))
-GUIDE = Path(__file__).parents[2] / "docs" / "checks.md"
-EXAMPLES = [text for text in re.findall(r"```yaml\n(.*?)```", GUIDE.read_text(), re.DOTALL) if "spec:" in text]
+DOCS = Path(__file__).parents[2] / "docs"
+GUIDE = (DOCS / "checks.md").read_text()
+TUTORIAL = (DOCS / "firmware-check.md").read_text()
+EXAMPLES = re.findall(r'^```yaml title=".*\.check\.yaml"\n(.*?)^```', TUTORIAL, re.DOTALL | re.MULTILINE)
 
 WRONG = {
     "unknown key": HEAD + "step: []\nsteps: []\n",
@@ -59,13 +61,13 @@ def test_it_takes_the_shipped_suites(file: Path) -> None:
 
 
 @pytest.mark.parametrize("text", EXAMPLES)
-def test_it_takes_the_guides_examples(text: str) -> None:
+def test_it_takes_the_tutorial_s_examples(text: str) -> None:
     assert errors(text) == []
 
 
 @pytest.mark.parametrize("key", sorted(keys_of_the_format()))
 def test_the_guide_explains_every_key(key: str) -> None:
-    assert re.search(rf"`{key}[`:]", GUIDE.read_text())
+    assert re.search(rf"`{key}[`:]", GUIDE)
 
 
 @pytest.mark.parametrize("text", WRONG.values(), ids=WRONG.keys())

@@ -97,7 +97,7 @@ NAME, PERIOD = "- sdo: {read: 0x1008}", "- sdo: {read: 0x1017}"
         (
             PERIOD,
             lambda _: None,
-            "no answer of drive after 1 x SDO request (1000 ms each)",
+            "no answer from drive within 1000 ms after SDO request",
             "602#8017100000000405",  # the tester gives up, and says so
         ),
     ],

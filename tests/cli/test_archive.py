@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od import extras
+
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 
@@ -56,6 +58,4 @@ def test_without_the_extra_it_says_what_to_install(
     monkeypatch.setitem(sys.modules, "polars", None)
     said = run(capsys, "archive", log, "-o", str(tmp_path / "season"))
     assert said.status == 2
-    assert said.complaint == (
-        "eurobot-od: polars is not installed; the extra `season` brings it: pip install 'eurobot-od[season]'"
-    )
+    assert said.complaint == f"eurobot-od: {extras.missing('polars', 'season')}"

@@ -45,7 +45,8 @@ CALLS = {
     # chosen
     "by tag": ("red.yaml green.yaml --simulate --tag first", 0, "1 suite: 2 ok in 0.0 s of bus time"),
     "by tags": ("red.yaml green.yaml --simulate --tag first --tag slow", 1, "2 suites: 2 ok, 1 FAILED, 1 skipped in"),
-    "by step": ("red.yaml --simulate --step STOP", 0, "1 suite: 1 ok in 0.0 s of bus time"),
+    "by step": ("green.yaml --simulate --step SEND", 0, "1 suite: 1 ok in 0.0 s of bus time"),
+    "by step behind a red one": ("red.yaml --simulate --step STOP", 1, "1 suite: 1 FAILED, 1 skipped in 1.0 s"),
     # repeated
     "repeated": ("green.yaml --simulate --repeat 3", 0, "3 suites: 6 ok in 0.0 s of bus time"),
     # faults
@@ -109,15 +110,46 @@ def test_a_wrong_file_ends_it_before_anything_is_done(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.usefixtures("folder")
-def test_prints_a_line_a_step_and_why_one_is_red(capsys: pytest.CaptureFixture[str]) -> None:
+def test_prints_what_is_red_as_it_comes_and_why_at_the_end(capsys: pytest.CaptureFixture[str]) -> None:
     out = run(capsys, "check", "red.yaml", "--simulate", "--seed", "7").out.splitlines()
     assert out[0] == "red.yaml: red (simulated, seed 7)"
-    assert out[1] == "  FAILED          0.000 s    1000.0 ms  expect Goto Confirm"
-    assert out[2:5] == [
+    assert out[1] == "  FAILED          0.000 s    1000.0 ms     6  expect Goto Confirm"
+    assert out[2] == "  1 skipped"
+    assert out[3:7] == [
+        "red.yaml:6: expect Goto Confirm (simulated, seed 7)",
         "    no Goto Confirm within 1 s",
         "      expected  Goto Confirm",
         "      came      nothing",
     ]
+
+
+@pytest.mark.usefixtures("folder")
+def test_green_steps_are_counted_and_with_v_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["check", "green.yaml", "--simulate"]
+    assert run(capsys, *words).out.splitlines()[1:] == ["  2 ok", "1 suite: 2 ok in 0.0 s of bus time"]
+    assert [line[:4] for line in run(capsys, *words, "-v").out.splitlines()[1:]] == ["  ok", "  ok", "1 su"]
+
+
+@pytest.mark.usefixtures("folder")
+def test_quietly_it_prints_what_is_red_and_the_last_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert len(run(capsys, "check", "green.yaml", "--simulate", "-q").out.splitlines()) == 1
+    out = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "-q").out.splitlines()
+    assert out[0] == "red.yaml:6: expect Goto Confirm (simulated, seed 1)"
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_step_is_done_with_those_that_it_needs(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", "drive", "--simulate", "--step", "the time falls")
+    assert said.status == 0, said.out
+    assert "FAILED" not in said.out
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_report_that_cannot_be_written_is_refused_before_anything_is_done(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    said = run(capsys, "check", "green.yaml", "--simulate", "--junit", "nowhere/report.xml")
+    assert said == (3, "", "eurobot-od: nowhere/report.xml: No such file or directory\n")
 
 
 def test_writes_a_junit_report(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -131,6 +163,8 @@ def test_prints_one_document_for_a_program(capsys: pytest.CaptureFixture[str]) -
     data = json.loads(run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--json").out)
     assert [step["status"] for suite in data for step in suite["steps"]] == ["ok", "ok", "failed", "skipped"]
     assert run(capsys, "check", "green.yaml", "--simulate", "--tap").out.splitlines()[-1] == "1..2"
+    github = run(capsys, "check", "green.yaml", "red.yaml", "--simulate", "--format", "github").out.splitlines()
+    assert [each.partition(",")[0] for each in github if each.startswith("::")] == ["::error file=red.yaml"]
 
 
 def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None:
@@ -181,7 +215,7 @@ def test_reports_say_why_a_step_is_skipped(capsys: pytest.CaptureFixture[str]) -
     tap = run(capsys, *words.split(), "--tap", "--junit", "report.xml").out
     assert "store and restore # SKIP only with --destructive" in tap
     assert '<skipped message="only with --destructive">' in Path("report.xml").read_text()
-    assert "    only with --destructive" in run(capsys, *words.split()).out.splitlines()
+    assert "    only with --destructive" in run(capsys, *words.split(), "-v").out.splitlines()
 
 
 @pytest.mark.usefixtures("folder")
@@ -211,7 +245,7 @@ def test_ctrl_c_ends_with_teardown_and_report() -> None:
     Path("endless.yaml").write_text(document(endless) + "teardown:\n  - {name: tidy, send: Stop Drive}\n")
     before = signal.getsignal(signal.SIGINT)
     with redirect_stdout(InterruptedAt("begun")) as output:
-        assert cli.main(["check", "endless.yaml", "green.yaml", "--simulate"]) == 130
+        assert cli.main(["check", "endless.yaml", "green.yaml", "--simulate", "-v"]) == 130
     *_, tidy, last = output.getvalue().splitlines()
     assert tidy.endswith("[teardown] tidy")
     assert re.match(r"1 suite: \d+ ok, 1 interrupted in", last)
@@ -222,13 +256,6 @@ def test_a_thousand_steps_are_a_suite_like_any_other(folder: Path, capsys: pytes
     steps = "\n".join(["- send: Check Drive Request", "- expect: Check Drive Response"] * 500)
     (folder / "long.yaml").write_text(document(steps))
     assert run(capsys, "check", "long.yaml", "--simulate").out.splitlines()[-1].startswith("1 suite: 1000 ok in 0.2 s")
-
-
-def test_the_guides_first_suite_runs_at_the_first_try(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (first,) = [text for text in re.findall(r"```yaml\n(.*?)```", GUIDE.read_text(), re.DOTALL) if "spec:" in text]
-    (folder / "first.yaml").write_text(first)
-    said = run(capsys, "check", "first.yaml", "--simulate")
-    assert said.status == 0, said.out
 
 
 def test_a_device_that_is_none_of_the_robots_is_run_from_its_file(tmp_path: Path) -> None:

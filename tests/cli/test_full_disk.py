@@ -24,7 +24,7 @@ WRITING = (
     f"lint --fix {EDS} -o FILE",
     "field LOG -o FILE",
     "match --duration 1 --log FILE",
-    "check bytes --junit FILE",
+    "check bytes --simulate --junit FILE",
     "check --conformance --eds EDS -o FILE",
 )
 FORMER = "; what was there\n"

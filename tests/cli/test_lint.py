@@ -18,13 +18,21 @@ OWN = sorted(str(each) for each in (ROOT / "eds/canopen").glob("*.eds"))
 
 CALLS = [
     # (arguments, exit status, part of the output)
-    (["lint", CLEAN], 0, ""),
-    (["lint", *OWN], 0, "drive.eds:"),
+    (["lint", CLEAN], 0, "1 file: nothing found"),
+    (["lint", *OWN], 0, "3 files: 135 infos (-v lists infos)"),
+    (["lint", *OWN, "-v"], 0, "drive.eds:491:14: I607"),
+    (["lint", *OWN, "--select", "I607"], 0, "drive.eds:491:14: I607"),
+    (["lint", OLD, "--select", "E999"], 2, ""),
+    (["lint", OLD, "--ignore", "W,E3,X"], 2, ""),
     (["lint", OLD], 1, f"{OLD}:1:1: E202 EDSVersion is missing"),
     (["lint", OLD, "--ignore", "E"], 0, "W203"),
     (["lint", OLD, "--ignore", "E", "--strict"], 1, "W203"),
     (["lint", OLD, "--select", "e308,W5"], 1, "E308"),
     (["lint", OLD, "--select", "W5"], 0, "W510"),
+    (["lint", OLD, "--select", "E202", "--format", "github"], 1, f"::error file={OLD},line=1,col=1,title=E202::EDSV"),
+    (["lint", OLD, "--ignore", "E", "--format", "github"], 0, "::warning file="),
+    (["lint", OLD, "--select", "E2", "--format", "sarif"], 1, '"version": "2.1.0"'),
+    (["lint", "--network", OWN[0], "--format", "sarif"], 0, '"ruleId": "W803"'),
     (["lint", CLEAN, "none.eds"], 2, ""),
     (["lint"], 2, ""),
     (["lint", "--explain", "e606"], 0, "E606 (error): No PDO has an identifier of NMT"),
@@ -33,11 +41,11 @@ CALLS = [
     (["lint", "--network", *OWN], 0, "0x008  Goto XY"),
     (["lint", "--network", OWN[0]], 0, "W803 core RPDO 1 waits for 0x00C, which nobody sends"),
     (["lint", "--network", OWN[0], "--strict"], 1, "W804"),
-    (["lint", "--network", str(ROOT / "eds/network.yaml")], 0, "declared by the network file"),
+    (["lint", "--network", "-v", str(ROOT / "eds/network.yaml")], 0, "declared by the network file"),
     (["lint", "--network", "none.yaml"], 2, ""),
     (["diff", CLEAN, CLEAN], 0, ""),
-    (["diff", CLEAN, GENERATED], 1, "0x1400 sub 1: RPDO 1 COB-ID: $NODEID+0x200 -> 0x200"),
-    (["diff", CLEAN, GENERATED, "--node", "5"], 1, "0x1400 sub 1: RPDO 1 COB-ID: 0x205 -> 0x200"),
+    (["diff", CLEAN, GENERATED], 1, ": RPDO 1 COB-ID: $NODEID+0x200 -> 0x200"),
+    (["diff", CLEAN, GENERATED, "--node", "5"], 1, ": RPDO 1 COB-ID: 0x205 -> 0x200"),
     (["diff", CLEAN, GENERATED, "--node", "128"], 2, ""),
     (["diff", CLEAN], 2, ""),
     (["diff", CLEAN, "none.eds"], 2, ""),
@@ -54,9 +62,11 @@ def test_a_call(arguments: list[str], status: int, part: str, capsys: pytest.Cap
 
 def test_a_finding_that_repeats_is_one_line_with_a_count(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["lint", OLD, "--select", "W203"]) == 0
-    assert capsys.readouterr().out.endswith("(and 2 more; -v lists them)\n")
+    finding, last = capsys.readouterr().out.splitlines()
+    assert finding.endswith("(and 2 more; -v lists them)")
+    assert last == "1 file: 3 warnings"
     main(["lint", OLD, "--select", "W203", "-v"])
-    assert capsys.readouterr().out.count("W203") == 3
+    assert capsys.readouterr().out.count("W203 ") == 3
 
 
 FIXED = [(["--fix"], "own.eds"), (["--fix", "-o", "new.eds"], "new.eds")]
@@ -91,9 +101,20 @@ def test_what_cannot_be_repaired_is_told(words: list[str], status: int, capsys: 
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_an_unknown_code_is_no_silent_green(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lint", OLD, "--select", "E3008"]) == 2
+    assert capsys.readouterr().err == "eurobot-od: unknown rule 'E3008'; did you mean E308?\n"
+
+
+def test_differences_are_named_and_as_hexadecimal_as_in_the_files(capsys: pytest.CaptureFixture[str]) -> None:
+    main(["diff", OWN[1], OWN[1].replace("canopen", "firmware2014")])
+    lines = capsys.readouterr().out.splitlines()
+    assert "0x1018 sub 3 Identity object.Revision number: value: 0x00010000 -> 0x00020000" in lines
+
+
 def test_findings_come_in_the_order_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:
     main(["lint", OLD, "-v"])
-    lines = [int(each.removeprefix(OLD).split(":")[1]) for each in capsys.readouterr().out.splitlines()]
+    lines = [int(each.removeprefix(OLD).split(":")[1]) for each in capsys.readouterr().out.splitlines()[:-1]]
     assert lines == sorted(lines)
 
 
@@ -135,7 +156,13 @@ def test_a_network_as_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_differences_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     main(["diff", OWN[0], OWN[0].replace("canopen", "firmware2014"), "--json"])
     found = json.loads(capsys.readouterr().out)
-    mapping = {"where": "0x1A01", "aspect": "TPDO 2 mapping", "left": "0..0 0x2001 sub 1", "right": "0..7 0x2001 sub 1"}
+    mapping = {
+        "where": "0x1A01",
+        "aspect": "TPDO 2 mapping",
+        "left": "0..0 0x2001 sub 1",
+        "right": "0..7 0x2001 sub 1",
+        "name": "Emergency Stop mapping",
+    }
     assert mapping in found
 
 

@@ -31,11 +31,11 @@ def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, v
     assert said.out.rstrip().endswith(verdict)
 
 
-def test_the_readme_says_what_a_sweep_says() -> None:
-    readme = " ".join((Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").split())
+def test_the_documentation_says_what_a_sweep_says() -> None:
+    page = " ".join((Path(__file__).parents[2] / "docs" / "watching.md").read_text(encoding="utf-8").split())
     messages = traffic.message_set()
-    assert f"down to {slowest_bus(messages)} kbit/s" in readme
-    assert f"with {(most_traffic(messages, 500_000) or 0) / 100:.2f} times the traffic" in readme
+    assert f"down to {slowest_bus(messages)} kbit/s" in page
+    assert f"with {(most_traffic(messages, 500_000) or 0) / 100:.2f} times the traffic" in page
 
 
 def test_a_set_of_messages(capsys: pytest.CaptureFixture[str], messages: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -25,12 +26,28 @@ def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], wo
         assert text in said.out
 
 
-@pytest.mark.parametrize("words", [["nonsense"], ["Match"], ["--nonsense"], ["--help", "nonsense"][1:]])
-def test_an_unknown_command_is_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["nonsense"], "unknown command 'nonsense'; known: match, show, "),
+        (["decod", "a.log"], "unknown command 'decod'; did you mean decode?"),
+        (["Match"], "unknown command 'Match'; did you mean match?"),
+        (["--nonsense"], "error: the following arguments are required: COMMAND"),
+    ],
+)
+def test_an_unknown_command_is_wrong_usage(
+    capsys: pytest.CaptureFixture[str], words: list[str], complaint: str
+) -> None:
     said = run(capsys, *words)
     assert said.status == 2
-    assert said.complaint.startswith("eurobot-od: error: ")
+    assert said.complaint.startswith(f"eurobot-od: {complaint}")
     assert said.err.count("\n") == 1
+
+
+def test_the_version_names_python_too(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "--version")
+    assert (said.status, said.err) == (0, "")
+    assert re.fullmatch(r"eurobot-od [0-9.]+, Python 3\.[0-9.]+\S*\n", said.out)
 
 
 @pytest.mark.parametrize("command", cli.COMMANDS)

@@ -24,13 +24,13 @@ def table(tmp_path: Path) -> Path:
 
 def test_the_repositorys_files_are_what_its_table_says(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "make-eds", str(EDS / "protocol.yaml"), "-o", str(EDS), "--check")
-    assert said == (0, f"{EDS}: 7 files are what the table says\n", "")
+    assert said == (0, f"{EDS}: as the table says: 7 files\n", "")
 
 
 def test_the_repositorys_tool_runs_the_command() -> None:
     command = [sys.executable, str(ROOT / "tools" / "make_eds.py"), "--check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"{EDS}: 7 files are what the table says\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{EDS}: as the table says: 7 files\n", "")
 
 
 def test_makes_the_files_of_a_teams_own_table(table: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

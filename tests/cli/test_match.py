@@ -261,7 +261,7 @@ def test_help_lists_the_errors_of_the_world_with_their_units(capsys: pytest.Capt
         (["--enemies", "3"], "argument --enemies: invalid choice: "),
         (["--confederates", "2"], "argument --confederates: invalid choice: "),
         (["--team", "blue"], "argument --team: invalid choice: "),
-        (["--seed", "one"], "argument --seed: invalid int value: 'one'"),
+        (["--seed", "one"], "argument --seed: one is not a whole number"),
         (["--speed", "slow"], "argument --speed: invalid choice: "),
         (["--seeds", "0"], "argument --seeds: 0 is neither a number of seeds nor FIRST-LAST"),
         (["--seeds", "5-2"], "argument --seeds: 5-2 is neither a number of seeds nor FIRST-LAST"),
@@ -293,6 +293,13 @@ def test_wrong_usage_is_told_in_the_last_line(
         (["--seeds", "3", "--log", "a.log"], 2, "--log a.log: write {seed} where each match's seed is to stand"),
         (["--seeds", "3", "--field", "a.svg"], 2, "--field a.svg is for one match, and does not go with --seeds"),
         (["--seeds", "3", "-i", "virtual"], 2, "--interface virtual is for one match, and does not go with --seeds"),
+        (
+            ["-i", "socketcan", "-c", "can0"],
+            2,
+            "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
+        ),
+        (["-b", "250000"], 2, "--bitrate 250000 goes with --speed real only: in simulated time there is no such bus"),
+        (["--field", "nowhere/x.svg"], 3, "nowhere/x.svg: No such file or directory"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
         (["--strategy", "none.py"], 2, "none.py: No such file or directory"),
         (["--seeds", "3", "--strategy", "none.py"], 2, "none.py: No such file or directory"),
@@ -308,7 +315,11 @@ def test_wrong_usage_is_told_in_the_last_line(
         ),
         (["--fault", "goto-not-send"], 2, "unknown fault 'goto-not-send'; did you mean goto-not-sent?"),
         (["--world", "wheel_noise"], 2, "--world wheel_noise: write NAME=VALUE"),
-        (["--world", "wheel_nose=1"], 2, "unknown error of the world 'wheel_nose'; did you mean wheel_noise?"),
+        (
+            ["--world", "wheel_nose=1"],
+            2,
+            "unknown error of the world 'wheel_nose'; did you mean wheel_noise or wheel_scale?",
+        ),
         (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
         (["--set", "drive.Motion.Maximum speed"], 2, "--set drive.Motion.Maximum speed: write NODE.OBJECT=VALUE"),
         (["--set", "rive.Motion.Maximum speed=1"], 2, "unknown node 'rive'; did you mean drive?"),
@@ -317,7 +328,11 @@ def test_wrong_usage_is_told_in_the_last_line(
             2,
             "0x2101:1: Noise.Position deviation = 'x' is not allowed; allowed: an integer",
         ),
-        (["--speed", "real", "-i", "nosuch"], 3, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
+        (
+            ["--speed", "real", "-i", "remot"],
+            3,
+            "cannot open the remot bus: unknown interface 'remot'; did you mean remote?",
+        ),
     ],
 )
 def test_what_cannot_be_played_is_one_line(

@@ -80,6 +80,20 @@ def test_keys_on_a_terminal(log: Path) -> None:
     os.close(terminal)
 
 
+@pytest.mark.skipif(os.name == "nt", reason="needs a pseudo-terminal")
+def test_a_dumb_terminal_gets_plain_lines(log: Path) -> None:
+    import pty
+
+    child, terminal = pty.fork()
+    if child == 0:
+        arguments = ["-m", "eurobot_od", "monitor", str(log), "--speed", "max"]
+        os.execve(sys.executable, [sys.executable, *arguments], os.environ | {"TERM": "dumb"})
+    seen = _until(terminal, b"1 x unknown identifier")
+    assert b"\x1b" not in seen
+    assert os.waitpid(child, 0)[1] == 0
+    os.close(terminal)
+
+
 def _until(terminal: int, expected: bytes) -> bytes:
     """Read from a terminal until something was shown."""
     seen, until = b"", time.monotonic() + 10

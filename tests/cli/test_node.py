@@ -152,7 +152,7 @@ def test_no_line_of_a_drivers_log_stands_before_the_error() -> None:
         (["drive", "--team", "red"], 2, "--team is for the core, not for the drive"),
         (["core", "--beacons"], 2, "--beacons is for the navigation, not for the core"),
         (["drive", "--store", "README.md"], 2, "README.md: "),
-        (["drive", "-i", "nosuch"], 3, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
+        (["drive", "-i", "nosuch"], 3, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
         (["drive", "-i", "socketcan", "-c", "nosuch0"], 3, "cannot open the socketcan bus nosuch0: "),
     ],
 )
@@ -237,14 +237,17 @@ def test_a_device_from_its_file_has_the_values_that_it_is_given(
 def test_a_device_of_a_network_is_named(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "network.yaml"
     file.write_text("nodes: {io: {file: module.eds, node_id: 5}, gate: {file: module.eds, node_id: 6}}")
-    said = run(capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling")
+    said = run(
+        capsys, "node", "gate", "--network", str(file), "--duration", "1 ms", "--fault", "babbling", "-i", "virtual"
+    )
     assert (said.status, said.out.partition(" on ")[0]) == (0, "gate (node-ID 6)")
     assert run(capsys, "node", "--network", str(file)).complaint == "eurobot-od: which node? Name one of io, gate"
 
 
 def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureFixture[str]) -> None:
     folder = str(dialects.folder("canopen"))
-    assert run(capsys, "node", "drive", "--network", folder, "--duration", "1 ms").out.startswith("drive (node-ID 2)")
+    said = run(capsys, "node", "drive", "--network", folder, "--duration", "1 ms", "-i", "virtual")
+    assert said.out.startswith("drive (node-ID 2)")
     said = run(capsys, "node", "drive", "--network", folder, "--set", "0x1017=5")
     assert said.complaint == "eurobot-od: --set is for devices that are none of the robot's, not for the drive"
 

@@ -158,7 +158,7 @@ def test_a_node_without_an_eds_is_read_and_written_by_number(run: Run, tmp_path:
 @pytest.mark.parametrize(
     ("words", "status", "err"),
     [
-        (["read", "9", "0x1017"], 1, "no answer of node 9 after 1 x read 0x1018:1 vendor (300 ms each)"),
+        (["read", "9", "0x1017"], 1, "no answer from node 9 within 300 ms after read 0x1018:1 vendor"),
         (["read", "128", "0x1017"], 2, "node-ID 128 is not in 1..127"),
         (["read", "nobody", "0x1017"], 2, "unknown node 'nobody'; known: core, drive, navigation"),
         (["read", "2", "Motoin"], 2, "unknown object 'Motoin'; did you mean Motion?"),
@@ -280,7 +280,7 @@ def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_pat
         said = "eurobot-od: the DCF needs files beside it (drive-200E-0.bin): write it by -o FILE\n"
         assert run(*words) == (2, "", said)
         node.set_data(0x200E, 0, b"c")
-        change = "node 2 differs from live.dcf in 1 objects:\n0x200E:0 Script  63 -> 61 0A 62\n"
+        change = "node 2 differs from live.dcf in 1 object:\n0x200E:0 Script  63 -> 61 0A 62\n"
         assert run(channel, "configure", "2", str(file), "--dry-run") == (1, change, "")
 
 

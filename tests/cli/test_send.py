@@ -241,8 +241,8 @@ def test_a_wrong_command_line_is_one_line_and_sends_nothing(
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["-i", "nosuch"], 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
-        (["-i", "nosuch", "-c", "can7"], 'cannot open the nosuch bus can7: Unknown interface type "nosuch"'),
+        (["-i", "nosuch"], "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
+        (["-i", "nosuch", "-c", "can7"], "cannot open the nosuch bus can7: unknown interface 'nosuch'; "),
         (["-i", "socketcan", "-c", "nosuch0"], "cannot open the socketcan bus nosuch0: "),
         (["-i", "remote", "-c", "ws://127.0.0.1:9/"], "cannot open the remote bus ws://127.0.0.1:9/: "),
     ],

@@ -9,6 +9,7 @@ from urllib.request import urlopen
 
 import pytest
 
+from eurobot_od import extras
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, line
 
@@ -45,7 +46,7 @@ def test_what_is_refused(
 def test_without_its_extra(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "aiohttp", None)
     said = run(capsys, "serve")
-    assert said.complaint == "eurobot-od: serving a page needs the extra `web`: pip install 'eurobot-od[web]'"
+    assert said.complaint == f"eurobot-od: {extras.missing('aiohttp', 'web')}"
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])

@@ -246,7 +246,7 @@ def test_silence_anywhere_names_what_is_written_and_what_is_not(
         with pytest.raises(ConfigurationError) as told:
             configure(master.node(2), make(NEW), NOW)
     head, _, state = str(told.value).partition("; ")
-    assert head.startswith("no answer of node 2")
+    assert head.startswith("no answer from node 2")
     assert state.startswith("node 2 is pre-operational; written and not stored: ")
     new, _, old = state.partition("not written: ")
     speed = "0x2101:1 Motion.Maximum speed"

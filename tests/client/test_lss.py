@@ -81,7 +81,7 @@ def test_a_refusal_is_in_words(command: int, error: tuple[int, int], steps: LssS
 
 
 def test_silence_is_no_answer() -> None:
-    with wired() as master, pytest.raises(NoAnswer, match=r"^no answer after 1 x LSS store"):
+    with wired() as master, pytest.raises(NoAnswer, match=r"^no answer within 5000 ms after LSS store"):
         perform(master, lss.store())
 
 

@@ -47,12 +47,12 @@ BAD = [
     (Trouble(without=(0x1F51,)), f"node 9 refused to read {CONTROL}: Object does not exist (0x06020000)",
      "its program is as it was"),
     (Trouble(refuses=0), f"node 9 refused to write {CONTROL} (STOP): {STATE}", "its program may be stopped"),
-    (Trouble(silent_after=0), f"no end of it in {STATUS} after 1 x start of an operation (30000 ms each)",
+    (Trouble(silent_after=0), f"no end of it in {STATUS} within 30000 ms after start of an operation",
      "its program may be stopped"),
     (Trouble(refuses=3), f"node 9 refused to write {CONTROL} (CLEAR): {STATE}",
      "its program is stopped and may be cleared"),
     (Trouble(error_after=3, error=7), f"{STATUS} says: flash secured", "its program is stopped and may be cleared"),
-    (Trouble(busy_for=40.0, error_after=3), f"no end of it in {STATUS} after 1 x start of an operation (30000 ms each)",
+    (Trouble(busy_for=40.0, error_after=3), f"no end of it in {STATUS} within 30000 ms after start of an operation",
      "its program may be stopped"),
     (Trouble(refuses_data=True),
      "node 9 refused to write 0x1F50:1 Program data: Access failed due to a hardware error (0x06060000)",
@@ -81,7 +81,7 @@ def test_a_failure_says_why_and_in_which_state_the_node_is(trouble: Trouble, why
 def test_nobody_there() -> None:
     with (
         wired() as master,
-        pytest.raises(ProgramError, match=r"^no answer of node 9 .*; node 9: its program is as it was"),
+        pytest.raises(ProgramError, match=r"^no answer from node 9 .*; node 9: its program is as it was"),
     ):
         load(master.node(NODE_ID), PROGRAM)
 

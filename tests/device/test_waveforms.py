@@ -61,7 +61,7 @@ Noise: {walk: {start: 20, step: 0.5, every: 100 ms, seed: 7, low: 10, high: 30}}
 
 WRONG = [
     ("", "line 1: the file is empty"),
-    ("[1]", "line 1: expected a mapping, found a list"),
+    ("[1]", "line 1: expected a mapping, `key: value`, found a list"),
     ("A: x", "line 1: expected a number, found 'x'"),
     ("A: nan", "line 1: expected a number, found 'nan'"),
     ("A: 1\nA: 2", "line 2: key 'A' is given twice"),

@@ -333,7 +333,7 @@ def test_a_slow_listener_is_called_on_and_reported_less_and_less() -> None:
     for timestamp in range(9):
         gatekeeper.receive(GOTO_FRAME, float(timestamp))
     assert [each.timestamp for each in gatekeeper.reports] == [0.0, 1.0, 3.0, 7.0]
-    assert str(gatekeeper.reports[0]) == "listener slow: slow: held up the others for 20.0 ms, 1 times so far"
+    assert str(gatekeeper.reports[0]) == "listener slow: slow: held up the others for 20.0 ms, 1 time so far"
     assert gatekeeper.statistics().listeners == (ListenerStatistics("slow", delivered=9, lost=0, slow=9),)
 
 

@@ -1,6 +1,6 @@
 """Faults of other programs that touch our users, each in its smallest form: one that passes says it is mended.
 
-When one does, take it out here, the limit out of `interop_rows`, and the warning out of README.md.
+When one does, take it out here, the limit out of `interop_rows`, and the warning out of docs/master.md.
 """
 
 from __future__ import annotations

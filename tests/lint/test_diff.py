@@ -50,19 +50,19 @@ def test_how_it_is_written_does_not_count(what: str, pattern: str, replacement: 
 DIFFERENT = [
     # (section, old, new, the differences as text)
     ("2000", "DataType=0x0007", "DataType=0x0004", ["type: UNSIGNED32 -> INTEGER32", "limit"]),
-    ("2000", "AccessType=ro", "AccessType=rwr", ["0x2000 sub 0: access: ro -> rwr"]),
-    ("2000", "PDOMapping=1", "PDOMapping=0", ["0x2000 sub 0: mappable: yes -> no"]),
-    ("2007", "HighLimit=100", "HighLimit=0x65", ["0x2007 sub 0: high limit: 100 -> 101"]),
-    ("1017", "DefaultValue=500", "DefaultValue=600", ["0x1017 sub 0: value: 500 -> 600"]),
-    ("2008", "DefaultValue=mm", "DefaultValue=cm", ["0x2008 sub 0: value: mm -> cm"]),
-    ("2002", "ObjectType=0x8", "ObjectType=0x9", ["0x2002: object: ARRAY -> RECORD"]),
+    ("2000", "AccessType=ro", "AccessType=rwr", ["0x2000 sub 0 Measured value: access: ro -> rwr"]),
+    ("2000", "PDOMapping=1", "PDOMapping=0", ["0x2000 sub 0 Measured value: mappable: yes -> no"]),
+    ("2007", "HighLimit=100", "HighLimit=0x65", ["0x2007 sub 0 Set value: high limit: 0x0064 -> 0x0065"]),
+    ("1017", "DefaultValue=500", "DefaultValue=600", ["0x1017 sub 0 Producer heartbeat time: value: 500 -> 600"]),
+    ("2008", "DefaultValue=mm", "DefaultValue=cm", ["0x2008 sub 0 Unit: value: mm -> cm"]),
+    ("2002", "ObjectType=0x8", "ObjectType=0x9", ["0x2002 Channels: object: ARRAY -> RECORD"]),
     ("1400sub1", "+0x200", "+0x80000200", ["COB-ID: $NODEID+0x200 -> $NODEID+0x200, not valid"]),
     ("1A00sub2", "0x20010310", "0x20020110", ["32..47 0x2001 sub 3 -> 0..31 0x2000 sub 0; 32..47 0x2002 sub 1"]),
     ("1A00sub0", "DefaultValue=2", "DefaultValue=0", ["-> no data"]),
     ("1A00sub4", "0x00000000", "0x20020110", []),  # behind the mapped ones: means nothing
     ("DeviceInfo", "BaudRate_50=1", "BaudRate_50=0", ["device: bit rates: 50, 125, 250, 500, 1000 -> 125, 250"]),
-    ("2002sub3", "[2002sub3]", "[2002sub4]", ["sub 3: sub-index: Channel 3 -> -", "sub 4: sub-index: - -> Channel 3"]),
-    ("2008", "[2008]", "[2F08]", ["0x2008: object: VAR -> -", "0x2F08: object: - -> VAR"]),
+    ("2002sub3", "[2002sub3]", "[2002sub4]", ["3 Channels.Channel 3: sub-index: there", "4 Channels.Channel 3: "]),
+    ("2008", "[2008]", "[2F08]", ["0x2008 Unit: object: VAR -> -", "0x2F08 Unit: object: - -> VAR"]),
 ]  # fmt: skip
 
 
@@ -78,7 +78,7 @@ def test_what_it_means_counts(section: str, old: str, new: str, expected: list[s
 def test_names_count_if_that_is_asked_for() -> None:
     changed = CLEAN.replace("ParameterName=Unit", "ParameterName=Einheit")
     found = compare(device(CLEAN), device(changed), with_names=True)
-    assert [str(each) for each in found] == ["0x2008 sub 0: name: Unit -> Einheit"]
+    assert [str(each) for each in found] == ["0x2008 sub 0 Unit: name: Unit -> Einheit"]
 
 
 def test_an_eds_and_its_dcf_are_the_same_for_the_dcfs_node() -> None:
@@ -106,24 +106,30 @@ LIVE: list[tuple[dict[tuple[int, int], bytes | int], list[str]]] = [
     # (what the node says, the differences)
     ({}, []),
     ({(0x1017, 0): b"\xf4\x01"}, []),
-    ({(0x1017, 0): b"\xf5\x01"}, ["0x1017 sub 0: value: 500 -> 501"]),
-    ({(0x1017, 0): b"\xf4\x01\x00"}, ["0x1017 sub 0: bytes: 2 -> 3"]),
-    ({(0x1017, 0): AbortCode.NO_OBJECT}, ["0x1017 sub 0: on the node: Producer heartbeat time -> -"]),
+    ({(0x1017, 0): b"\xf5\x01"}, ["0x1017 sub 0 Producer heartbeat time: value: 500 -> 501"]),
+    ({(0x1017, 0): b"\xf4\x01\x00"}, ["0x1017 sub 0 Producer heartbeat time: bytes: 2 -> 3"]),
+    ({(0x1017, 0): AbortCode.NO_OBJECT}, ["0x1017 sub 0 Producer heartbeat time: on the node: there -> -"]),
     (
         {(0x1017, 0): 0x08000000},
-        ["0x1017 sub 0: on the node: Producer heartbeat time -> abort 0x08000000 General error"],
+        ["0x1017 sub 0 Producer heartbeat time: on the node: there -> abort 0x08000000 General error"],
     ),
     ({(0x1017, 0): AbortCode.NO_DATA}, []),  # nothing to tell, as an error field without errors
     ({(0x2000, 0): b"\x01\x02\x03\x04"}, []),  # process data
     ({(0x1001, 0): b"\x01"}, []),  # a state
     ({(0x2007, 0): b"\xfb\xff"}, []),  # -5
     ({(0x2008, 0): b"mm"}, []),
-    ({(0x2005, 0): b"\x00\xff\x11"}, ["0x2005 sub 0: value: 00ff10 -> 00ff11"]),
+    ({(0x2005, 0): b"\x00\xff\x11"}, ["0x2005 sub 0 Key: value: 00ff10 -> 00ff11"]),
     ({(0x2005, 0): b"\x00\xff\x10"}, []),
-    ({(0x2004, 0): b"\x00\x00\x80\x3f"}, ["0x2004 sub 0: value: 0.0 -> 1.0"]),
+    ({(0x2004, 0): b"\x00\x00\x80\x3f"}, ["0x2004 sub 0 Factor: value: 0.0 -> 1.0"]),
     ({(0x1014, 0): b"\x85\x00\x00\x00"}, []),  # $NODEID+0x80 of node 5
-    ({(0x1400, 1): b"\x05\x02\x00\x80"}, ["0x1400 sub 1: RPDO 1 COB-ID: 0x205 -> 0x205, not valid"]),
-    ({(0x1A00, 0): b"\x01"}, ["0x1A00: TPDO 1 mapping: 0..31 0x2000 sub 0; 32..47 0x2001 sub 3 -> 0..31 0x2000 sub 0"]),
+    (
+        {(0x1400, 1): b"\x05\x02\x00\x80"},
+        ["0x1400 sub 1 RPDO 1 communication.COB-ID: RPDO 1 COB-ID: 0x205 -> 0x205, not valid"],
+    ),
+    (
+        {(0x1A00, 0): b"\x01"},
+        ["0x1A00 TPDO 1 mapping: TPDO 1 mapping: 0..31 0x2000 sub 0; 32..47 0x2001 sub 3 -> 0..31 0x2000 sub 0"],
+    ),
 ]
 
 
@@ -141,8 +147,8 @@ def test_a_live_node_is_compared_by_sdo() -> None:
         changed = compare_live(file, read_bytes(master.node(2), readable(file)), 2)
     assert same == []
     assert [str(each) for each in changed] == [
-        "0x1017 sub 0: value: 1000 -> 123",
-        "0x1400 sub 1: RPDO 1 COB-ID: 0x001 -> 0x001, not valid",
+        "0x1017 sub 0 Producer heartbeat time: value: 1000 -> 123",
+        "0x1400 sub 1 Emergency Shutdown.COB-ID used by PDO: RPDO 1 COB-ID: 0x001 -> 0x001, not valid",
     ]
 
 

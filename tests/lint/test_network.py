@@ -195,7 +195,7 @@ def test_our_network_file_has_nothing_above_info() -> None:
 MALFORMED = [
     # (text, what the error says)
     ("", "line 1: the file is empty"),
-    ("core.eds", "line 1: expected a mapping, found 'core.eds'"),
+    ("core.eds", "line 1: expected a mapping, `key: value`, found 'core.eds'"),
     ("nodes: {}\n", "line 1: it names no nodes"),
     ("nodes:\n  core: {node_id: 1}\n", "line 2: key 'file' is missing"),
     ("nodes: {core: {file: core.eds, node_id: 128}}", "expected a number from 1 to 127, found '128'"),
@@ -206,7 +206,7 @@ MALFORMED = [
     ("nodes: {core: {file: core.eds, colour: red}}", "unknown key 'colour'"),
     ("nodes: {core: {file: core.eds}}\nnodes: {}", "line 2: key 'nodes' is given twice"),
     ("nodes: {core: {file: core.eds}}\nshared: x", "line 2: expected a list, found 'x'"),
-    ("nodes: [", "line 1: expected the node content, but found '<stream end>'"),
+    ("nodes: [", "line 1: a value is missing"),
     ("nodes: {core: {file: [a]}}", "expected a single value, found a list"),
     ("nodes: {core: {file: none.eds}}", "No such file"),
 ]

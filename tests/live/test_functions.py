@@ -108,7 +108,7 @@ def test_when_too_many_calls_wait_the_oldest_are_lost_counted_and_reported(scene
         (Event.QUEUE_OVERFLOW, "hears", 0.0),
         (Event.QUEUE_OVERFLOW, "hears", 1.0),
     ]
-    assert str(scene.reports[0]).endswith("too many calls wait, 1 messages lost so far; the newest are kept")
+    assert str(scene.reports[0]).endswith("too many calls wait, 1 message lost so far; the newest are kept")
 
 
 @pytest.mark.parametrize("leave", [sys.exit, lambda *_: 1 / 0], ids=["exit", "error"])

@@ -157,8 +157,8 @@ def test_default_is_the_in_process_bus(
 
 
 NO_BUSES: list[tuple[dict[str, Any], str]] = [
-    ({"interface": "nosuch"}, 'cannot open the nosuch bus: Unknown interface type "nosuch"'),
-    ({"interface": "nosuch", "channel": "x"}, 'cannot open the nosuch bus x: Unknown interface type "nosuch"'),
+    ({"interface": "nosuch"}, "cannot open the nosuch bus: unknown interface 'nosuch'; known: "),
+    ({"interface": "nosuch", "channel": "x"}, "cannot open the nosuch bus x: unknown interface 'nosuch'; known: "),
     ({"interface": "socketcan", "channel": "nosuch0"}, "cannot open the socketcan bus nosuch0: "),
     ({"interface": "slcan", "channel": "/dev/nosuch"}, "cannot open the slcan bus /dev/nosuch: "),
     ({"interface": "recording", "channel": "unplugged"}, "cannot open the recording bus unplugged: [Errno 19] No such"),

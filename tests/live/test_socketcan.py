@@ -19,16 +19,19 @@ import pytest
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.live import Live, open_bus
+from eurobot_od.od.values import SYNC_COB_ID
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
+from tests.cli.console import run
 from tests.live.loose import LONG, Reports, wait_for
 from tests.processes import PATIENCE, node, process
 
 INTERFACE = "vcan0"
 PROTOCOL = EurobotProtocol.load()
 BUS = ("-i", "socketcan", "-c", INTERFACE)
+SETS_UP = f"`sudo ip link set {INTERFACE} up` sets it up"
 CAN_FRAME = struct.Struct("=IB3x8s")
 ERROR_FLAG = 0x20000000
 
@@ -94,13 +97,51 @@ def test_an_interface_that_bounces_leaves_no_deaf_process() -> None:
         for _ in range(2):
             ip("down")
             for each in (drive, navigation):
-                assert each.line("bus failed").endswith("Network is down [Error Code 100]; it is opened again")
+                assert each.line("bus failed").endswith(
+                    f"Network is down [Error Code 100]; {SETS_UP}; it is opened again"
+                )
             ip("up")
             for each in (drive, navigation):
                 assert "after a gap of " in each.line("bus back")
         with open_bus("socketcan", INTERFACE) as fresh, node("core", "--team", "red", *BUS) as core:
             core.line("start configuration confirmed after ")
             check_drive(fresh)
+
+
+@pytest.mark.parametrize("words", [["send", "Stop Drive"], ["scan"], ["check", "drive", "-q"], ["time"]])
+def test_a_network_that_is_down_is_answered_with_what_sets_it_up(
+    words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    ip("down")
+    said = run(capsys, *words, *BUS)
+    assert said.status == 3
+    assert SETS_UP in said.out + said.err
+    assert "sent " not in said.out
+
+
+def test_the_doctor_sees_an_interface_and_what_mends_it(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "doctor")
+    assert f"interface  -i socketcan -c {INTERFACE} (up)" in said.out.splitlines()
+    ip("down")
+    said = run(capsys, "doctor")
+    assert said.status == 1
+    assert said.out.splitlines()[-1] == f"wrong      {INTERFACE} is down: sudo ip link set {INTERFACE} up"
+
+
+def test_a_command_without_a_bus_lists_what_is_here(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "scan")
+    assert said.status == 2
+    assert f"here: -i socketcan -c {INTERFACE} (up)" in said.err
+
+
+def test_sync_goes_on_behind_an_interface_that_bounces(bus: can.BusABC) -> None:
+    with process(sys.executable, "-m", "eurobot_od", "sync", "--period", "100 ms", *BUS):
+        wait_for(bus, SYNC_COB_ID)
+        ip("down")
+        with pytest.raises(can.CanOperationError, match="Network is down"):
+            wait_for(bus, -1)
+        ip("up")
+        wait_for(bus, SYNC_COB_ID)
 
 
 def test_without_reconnection_a_bounce_ends_a_node_with_status_3() -> None:

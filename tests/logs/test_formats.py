@@ -281,7 +281,7 @@ def test_mf4_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("can.io.mf4.asammdf", None)
     file = tmp_path / "bus.mf4"
     file.write_bytes(b"")
-    with pytest.raises(LocalError, match="needs the extra `mf4`"):
+    with pytest.raises(LocalError, match="the extra `mf4` brings it"):
         read(file)
 
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import io
+import re
 
 import pytest
 from rich.console import Console
 
 from eurobot_od.frame import Frame
 from eurobot_od.monitor.controls import Controls
-from eurobot_od.monitor.screen import COLOURS, SERVICE_COLOUR, screen
+from eurobot_od.monitor.screen import COLOURS, SERVICE_COLOUR, Size, screen
 from eurobot_od.monitor.traffic import SORTS, Traffic
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
 
+WIDE = Size(120, 24)
 DECODER = decoder(dialects.DEFAULT)
 
 
@@ -28,10 +30,16 @@ def traffic() -> Traffic:
 
 
 def shown(
-    traffic: Traffic, controls: Controls | None = None, now: float = 2.5, load: float = 0.25, height: int = 24
+    traffic: Traffic,
+    controls: Controls | None = None,
+    now: float = 2.5,
+    load: float = 0.25,
+    size: Size = WIDE,
 ) -> str:
-    console = Console(file=io.StringIO(), width=120, height=height, force_terminal=True, color_system="standard")
-    console.print(screen(traffic, controls or Controls(), now, (load, 1000.0), height))
+    console = Console(
+        file=io.StringIO(), width=size.width, height=size.height, force_terminal=True, color_system="standard"
+    )
+    console.print(screen(traffic, controls or Controls(), now, (load, 1000.0), size))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -63,8 +71,38 @@ def test_what_is_wrong_is_red(traffic: Traffic) -> None:
 
 
 def test_what_does_not_fit_is_counted(traffic: Traffic) -> None:
-    assert "2 rows do not fit" in shown(traffic, height=9)
-    assert "do not fit" not in shown(traffic)
+    assert "2 rows more" in shown(traffic, size=Size(120, 9))
+    assert " more" not in shown(traffic)
+
+
+COLUMNS = [
+    (120, "ID Message Count Period ms Age s Last values"),
+    (76, "ID Message Count Period ms Last values"),
+    (70, "ID Message Period ms Last values"),
+    (60, "ID Message Last values"),
+]
+
+
+@pytest.mark.parametrize(("width", "headings"), COLUMNS, ids=[str(width) for width, _ in COLUMNS])
+def test_a_narrow_terminal_does_without_columns_and_shows_the_values(
+    traffic: Traffic, width: int, headings: str
+) -> None:
+    lines = plain(shown(traffic, size=Size(width, 24))).splitlines()
+    assert all(len(line) <= width for line in lines)
+    (heading,) = [line for line in lines if line.startswith("ID ")]
+    assert " ".join(heading.split()) == headings
+
+
+def plain(text: str) -> str:
+    return re.sub(r"\x1b\[[0-9;]*m", "", text)
+
+
+def test_rows_scroll_and_the_last_one_stays_in_sight(traffic: Traffic) -> None:
+    controls = Controls()
+    for keys, message in (("", "Goto XY"), ("j", "Kalman Position"), ("jjjj", "Heartbeat"), ("k", "Kalman Position")):
+        for key in keys:
+            controls.key(key)
+        assert message in shown(traffic, controls, size=Size(120, 9))
 
 
 def test_filter_and_pause_are_shown(traffic: Traffic) -> None:
@@ -84,6 +122,9 @@ KEYS: list[tuple[str, Controls]] = [
     ("c", Controls(clear=True)),
     ("q", Controls(running=False)),
     ("x", Controls()),
+    ("jj", Controls(top=2)),
+    ("jjk", Controls(top=1)),
+    ("k", Controls()),
     ("/", Controls(typing=True)),
     ("/goto\r", Controls(part="goto")),
     ("/Goto XY\n", Controls(part="Goto XY")),

@@ -74,20 +74,66 @@ def test_sets_up_extras_apart(checkout: Checkout) -> None:
     assert checkout.installed() == [str(checkout.root), f"{checkout.root}[test]"]
 
 
-@pytest.mark.usefixtures("checkout")
-def test_sets_up_again_when_the_environment_is_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_sets_up_again_when_the_environment_is_gone(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
     environment.prepare()
     made: list[Path] = []
 
     def create(folder: Path, *, with_pip: bool) -> None:
         assert with_pip
         made.append(folder)
-        environment.PYTHON.symlink_to(sys.executable)
+        real(folder, with_pip=False)
+        checkout.pip(0)
 
+    real = venv.create
     environment.PYTHON.unlink()
     monkeypatch.setattr(venv, "create", create)
     environment.prepare()
     assert made == [environment.FOLDER]
+
+
+def test_an_environment_that_was_broken_off_is_made_anew(checkout: Checkout, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(folder: Path, **_: object) -> None:
+        real(folder, with_pip=False)
+        raise subprocess.CalledProcessError(1, "ensurepip")
+
+    def create(folder: Path, **_: object) -> None:
+        real(folder, with_pip=False)
+        checkout.pip(0)
+
+    real = venv.create
+    environment.PYTHON.unlink()
+    monkeypatch.setattr(venv, "create", fail)
+    with pytest.raises(SystemExit, match="could not be made: Command 'ensurepip' returned non-zero exit status 1"):
+        environment.prepare()
+    left = environment.FOLDER / "left over"
+    left.touch()
+    monkeypatch.setattr(venv, "create", create)
+    environment.prepare()
+    assert not left.exists()
+    assert not (environment.FOLDER / environment.UNFINISHED).exists()
+
+
+def test_an_environment_without_pip_is_told_in_one_line(checkout: Checkout) -> None:
+    next(environment.FOLDER.rglob("pip.py")).unlink()
+    with pytest.raises(SystemExit) as ended:
+        environment.prepare()
+    assert ended.value.code == f"{environment.FOLDER} has no pip; remove it and try again"
+    assert checkout.installed() == []
+
+
+@pytest.mark.usefixtures("checkout")
+@pytest.mark.parametrize("module", ["venv", "ensurepip"])
+def test_a_python_that_cannot_make_environments_is_told_in_one_line_with_the_way_out(
+    module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(environment, "find_spec", lambda name: None if name == module else object())
+    environment.PYTHON.unlink()
+    with pytest.raises(SystemExit) as ended:
+        environment.prepare()
+    said = str(ended.value.code)
+    assert said.startswith(f"this Python has no {module}, which makes environments; ")
+    assert "sudo apt install python3-venv" in said
+    assert "\n" not in said
 
 
 @pytest.mark.usefixtures("checkout")

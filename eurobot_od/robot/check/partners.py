@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
-from eurobot_od.check.simulated import NodeUnderTest
+from eurobot_od.check.results import SuiteResult
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.simulated import NodeUnderTest, run_simulated
+from eurobot_od.check.suite import Suite
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.assembly import assemble
 from eurobot_od.robot.check.drill import drill
+from eurobot_od.robot.faults import faulty_kinds
 from eurobot_od.robot.nodes import KINDS, Core, Node, role_of
 from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
 
@@ -29,3 +33,8 @@ def nodes_under_test(
     in_the_world = [node for node in nodes if not isinstance(node, Core)]
     assemble(in_the_world, replace(ON_A_BENCH, seed=seed), clock)
     return [NodeUnderTest(node, partial(drill, node) if isinstance(node, Core) else None) for node in nodes]
+
+
+def simulate(suite: Suite, options: RunOptions, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
+    """Run a suite against simulated nodes, those that can have some faults having them; raises UnknownName."""
+    return run_simulated(suite, options, partial(nodes_under_test, kinds=faulty_kinds(faults)), seed)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
-from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od import extras
+from eurobot_od.errors import UnknownName
 from eurobot_od.files import write_whole
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.robot.picture.picture import PAGE, picture
@@ -28,12 +30,15 @@ class SeenMatch(NamedTuple):
 
 
 def _png(match: SeenMatch, title: str) -> bytes:
-    try:
-        import resvg_py
-    except ImportError:
-        raise LocalError("a PNG needs the extra `png`: pip install 'eurobot-od[png]'") from None
     # One pixel for each unit of the drawing: on an A4 page that is 360 to the inch.
-    return bytes(resvg_py.svg_to_bytes(svg_string=picture(match.recording, title), width=PAGE[0]))
+    return bytes(_renderer().svg_to_bytes(svg_string=picture(match.recording, title), width=PAGE[0]))
+
+
+def _renderer() -> ModuleType:
+    """Return what makes pixels of SVG; raises LocalError without the extra that brings it."""
+    with extras.needed("png"):
+        import resvg_py
+    return resvg_py
 
 
 def _html(match: SeenMatch, title: str) -> bytes:
@@ -49,19 +54,27 @@ def _html(match: SeenMatch, title: str) -> bytes:
     return page(title, [columns.data(true_path(match.truth, columns.start or 0.0))], [FieldPanel]).encode()
 
 
+PNG = ".png"
+"""The suffix of the one format that needs an extra."""
+
 PICTURE_FORMATS: Mapping[str, Callable[[SeenMatch, str], bytes]] = {
     ".svg": lambda match, title: picture(match.recording, title).encode(),
     ".html": _html,
-    ".png": _png,
+    PNG: _png,
 }
 
 
 def form(file: Path) -> Callable[[SeenMatch, str], bytes]:
-    """Return what makes the file of a match for its suffix; raises UnknownName for a suffix of no format."""
-    try:
-        return PICTURE_FORMATS[file.suffix.lower()]
-    except KeyError:
-        raise UnknownName("picture format", file.suffix or file.name, PICTURE_FORMATS) from None
+    """Return what makes the file of a match for its suffix.
+
+    Raises UnknownName for a suffix of no format, LocalError for a PNG without the extra.
+    """
+    suffix = file.suffix.lower()
+    if suffix not in PICTURE_FORMATS:
+        raise UnknownName("picture format", file.suffix or file.name, PICTURE_FORMATS)
+    if suffix == PNG:
+        _renderer()  # complains before a match is played, not after it
+    return PICTURE_FORMATS[suffix]
 
 
 def save(match: SeenMatch, file: Path, title: str) -> None:

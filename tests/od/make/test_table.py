@@ -9,14 +9,18 @@ from tests.marks import marked
 from tests.od.make.tables import TABLE
 
 NUMBER = "expected a whole number, decimal or 0x hexadecimal, found"
+KEYS = (
+    "known: file, vendor, serial_number, hardware_version, software_version, bit_rate, bit_rates, heartbeat, "
+    "heartbeat_timeout, nodes, settings, objects, messages, dialects, traffic"
+)
 # Each row: a text of the table, what replaces it (with ^ before the place of the problem), what is said of it.
 INVALID = {
     # no YAML, or not the one document that is wanted
-    "not YAML": ("bit_rates: [500]", "bit_rates: [500\nheartbeat^: 9]", "expected ',' or ']', but got ':'"),
-    "two documents": ("dialects:", "^---\ndialects:", "but found another document"),
+    "not YAML": ("bit_rates: [500]", "bit_rates: [500\nheartbeat^: 9]", "a list in [ ] lacks a comma, or its ]"),
+    "two documents": ("dialects:", "^---\ndialects:", "a second document, where one is all there can be"),
     "control character": ("name: Somebody", "name: Some^\x07body", "special characters are not allowed"),
     # keys
-    "unknown key": ("heartbeat: 1000", "^heart: 5\nheartbeat: 1000", "unknown key 'heart'"),
+    "unknown key": ("heartbeat: 1000", "^heart: 5\nheartbeat: 1000", f"unknown key 'heart'; {KEYS}"),
     "missing key": ("{name: Somebody, number: 0}", "^{name: Somebody}", "key 'number' is missing"),
     "key twice": ("serial_number: 1", "serial_number: 1\n^serial_number: 1", "key 'serial_number' is given twice"),
     "name twice": ("  drive:\n", "  ^core: *core\n  drive:\n", "key 'core' is given twice"),
@@ -34,7 +38,7 @@ INVALID = {
     "list for number": ("heartbeat: 1000", "heartbeat: ^[1]", f"{NUMBER} a list"),
     "mapping for text": ("author: somebody", "author: ^{}", "expected a text, found a mapping"),
     "text for list": ("watches: [drive]", "watches: ^drive", "expected a list, found 'drive'"),
-    "list for mapping": ("{name: Somebody, number: 0}", "^[]", "expected a mapping, found a list"),
+    "list for mapping": ("{name: Somebody, number: 0}", "^[]", "expected a mapping, `key: value`, found a list"),
     "range of three": ("[0, 100]", "^[0, 1, 2]", "expected a list of 2, found 3"),
     "not ASCII": ("name: Somebody", "name: ^Jürg", "expected printable ASCII characters, found 'Jürg'"),
     "no date": ('"05-28-2014"', '^"28.5.2014"', "expected a date mm-dd-yyyy, found '28.5.2014'"),
@@ -122,11 +126,13 @@ def test_tells_all_problems_at_once() -> None:
     assert complaints(text) == [
         "table.yaml:1:1: key 'heartbeat' is missing",
         "table.yaml:7:12: expected a list, found 'no'",
-        "table.yaml:8:1: unknown key 'h'",
+        f"table.yaml:8:1: unknown key 'h'; {KEYS}",
         f"table.yaml:43:25: {NUMBER} 'x'",
     ]
 
 
-@pytest.mark.parametrize(("text", "what"), [("", "the file is empty"), ("- 1", "expected a mapping, found a list")])
+@pytest.mark.parametrize(
+    ("text", "what"), [("", "the file is empty"), ("- 1", "expected a mapping, `key: value`, found a list")]
+)
 def test_tells_a_file_without_a_table(text: str, what: str) -> None:
     assert complaints(text) == [f"table.yaml:1:1: {what}"]

@@ -23,7 +23,7 @@ from eurobot_od.robot.messages import (
     StopDrive,
 )
 from eurobot_od.robot.picture import style
-from eurobot_od.robot.picture.files import SeenMatch, save
+from eurobot_od.robot.picture.files import SeenMatch, form, save
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.protocol import decoder
@@ -277,7 +277,9 @@ def test_another_suffix_is_refused(tmp_path: Path) -> None:
 
 def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
-    with pytest.raises(LocalError, match=r"needs the extra `png`"):
+    with pytest.raises(LocalError, match=r"the extra `png` brings it"):
+        form(tmp_path / "match.png")  # asked before a match is played
+    with pytest.raises(LocalError, match=r"the extra `png` brings it"):
         save(SEEN, tmp_path / "match.png", "Match")
     assert not (tmp_path / "match.png").exists()
 

@@ -1,0 +1,73 @@
+"""Say what is installed, which CAN interfaces are here and how they are, and the command that mends what is wrong.
+
+Exit status 1 if something is to be mended; an extra that is not installed is no fault.
+"""
+
+from __future__ import annotations
+
+import argparse
+import platform
+from collections.abc import Iterable, Iterator, Mapping
+
+from eurobot_od import extras
+from eurobot_od.cli import ExitStatus, version
+from eurobot_od.escaping import one_line
+from eurobot_od.extras import Package
+
+FOR_DEVELOPERS = ("test", "bench")
+"""Extras that nobody needs who only uses the program."""
+
+NEEDED = ("canopen", "python-can", "PyYAML", "typing-extensions")
+"""What every installation has."""
+
+
+def add_arguments(_: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+
+
+def run(_: argparse.Namespace) -> ExitStatus:
+    """Print what there is; 1 if something is to be mended."""
+    from eurobot_od import live
+    from eurobot_od.live.interfaces import drivers, refused
+    from eurobot_od.live.links import troubles
+
+    links = live.links()
+    wrong = [*(trouble for link in links for trouble in troubles(link)), *denied(refused())]
+    loaded = drivers()
+    for line in (
+        f"{version()}, {platform.platform()}",
+        *packages([each for name in NEEDED for each in extras.installed(name)]),
+        "",
+        *extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS}),
+        "",
+        *(f"interface  {each}" for each in [*map(str, live.here())] or ["none"]),
+        f"drivers    {', '.join(name for name, failure in loaded.items() if not failure)}",
+        f"no driver  {', '.join(name for name, failure in loaded.items() if failure)}",
+        "",
+        *(f"wrong      {what}: {mends}" for what, mends in wrong),
+        *(["nothing is wrong"] if not wrong else []),
+    ):
+        print(one_line(line))
+    return ExitStatus.FOUND if wrong else ExitStatus.FINE
+
+
+def packages(found: Iterable[Package]) -> Iterator[str]:
+    """Yield a line for each package."""
+    for name, installed in found:
+        yield f"package    {name} {installed or 'is not installed'}"
+
+
+def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
+    """Yield a line for each extra: the versions that are installed, or what installs it."""
+    width = max(map(len, brought), default=0)
+    for name, requirements in brought.items():
+        found = [package for each in requirements for package in extras.installed(each)]
+        is_there = all(package.version for package in found)
+        versions = ", ".join(" ".join(package) for package in found)
+        yield f"extra      {name:{width}}  {versions if is_there else f'not installed: {extras.install(requirements)}'}"
+
+
+def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """Yield what is wrong with serial ports that this user may not open, and what mends it."""
+    for port in ports:
+        yield f"{port} is not to be opened by this user", "sudo usermod -aG dialout $USER, and log in again"

@@ -1,0 +1,16 @@
+"""What may be written to a stream: colours, and lines that are drawn again in place."""
+
+from __future__ import annotations
+
+import os
+from typing import TextIO
+
+
+def redraws(stream: TextIO) -> bool:
+    """Whether a line can be written over: a terminal, and none that says it is dumb."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def in_colour(stream: TextIO) -> bool:
+    """Whether colours are wanted and shown: NO_COLOR is not set (no-color.org), and the terminal has them."""
+    return redraws(stream) and not os.environ.get("NO_COLOR")

@@ -1,0 +1,89 @@
+"""Packages that only some commands need: an extra that is missing is one line, with what installs it.
+
+Rule of this file: which packages an extra brings stands in `pyproject.toml` alone; the installed package's metadata say
+it. The line names those, not `eurobot-od[EXTRA]`, as it has to be true for a checkout, too.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from eurobot_od.errors import LocalError
+
+OF_AN_EXTRA = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra\s*==\s*['\"](?P<extra>[^'\"]+)['\"].*")
+"""A requirement that an extra brings, as metadata have it: `polars>=1.20; extra == 'season'`."""
+
+
+NAMED = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[(?P<extra>[^\]]+)\])?")
+"""Which package a requirement is about, and which extra of it."""
+
+
+@contextmanager
+def needed(extra: str) -> Iterator[None]:
+    """Import something inside that the extra brings; raises LocalError if it is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        if (error.name or "").startswith("eurobot_od"):
+            raise
+        raise LocalError(missing(error.name or "", extra)) from None
+
+
+def missing(what: str, extra: str) -> str:
+    """Say that a module is not installed, and what installs the extra that brings it."""
+    return f"{what} is not installed; the extra `{extra}` brings it{_by(brought().get(extra, []))}"
+
+
+def _by(packages: list[str]) -> str:
+    return f": {install(packages)}" if packages else ""
+
+
+def install(packages: list[str]) -> str:
+    """Return the command that installs packages for this Python."""
+    return " ".join([sys.executable, "-m pip install", *(f"'{each}'" for each in packages)])
+
+
+def brought() -> dict[str, list[str]]:
+    """Return the packages that each extra brings, with their versions; none if this package itself is not installed."""
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        requirements = requires("eurobot-od") or []
+    except PackageNotFoundError:
+        return {}
+    return of_extras(requirements)
+
+
+class Package(NamedTuple):
+    """A package, and the version that is installed, empty if none is."""
+
+    name: str
+    version: str
+
+
+def installed(requirement: str) -> list[Package]:
+    """Return the package that a requirement names and, of `package[extra]`, what that extra brings."""
+    from importlib.metadata import PackageNotFoundError, requires, version
+
+    match = NAMED.match(requirement)
+    if match is None:
+        return []
+    name, extra = match["name"], match["extra"]
+    try:
+        found = [Package(name, version(name))]
+    except PackageNotFoundError:
+        return [Package(name, "")]
+    inside = of_extras(requires(name) or []).get(extra, []) if extra else []
+    return found + [each for further in inside for each in installed(further)]
+
+
+def of_extras(requirements: list[str]) -> dict[str, list[str]]:
+    """Sort requirements, as metadata write them, by the extra that brings them; the others are passed over."""
+    extras: dict[str, list[str]] = {}
+    for match in filter(None, map(OF_AN_EXTRA.fullmatch, requirements)):
+        extras.setdefault(match["extra"], []).append(match["package"])
+    return extras

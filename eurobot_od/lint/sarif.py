@@ -1,0 +1,59 @@
+"""Findings as SARIF 2.1.0, which code scanning services and editors read.
+
+Source: OASIS, "Static Analysis Results Interchange Format (SARIF) Version 2.1.0"; each function names its section.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from eurobot_od.escaping import one_line
+from eurobot_od.lint.findings import Finding, Rule, Severity
+
+SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "note"}
+
+
+def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
+    """Return a log of one run (3.13, 3.14), `rules` being all that were asked."""
+    numbers = {each.code: number for number, each in enumerate(rules)}
+    driver = {"name": "eurobot-od lint", "rules": list(map(_rule, rules))}
+    run = {
+        "tool": {"driver": driver},
+        "columnKind": "unicodeCodePoints",
+        "results": [_result(each, numbers[each.code]) for each in findings],
+    }
+    return {"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}
+
+
+def _rule(rule: Rule) -> dict[str, Any]:
+    """Describe a rule (3.49)."""
+    return {
+        "id": rule.code,
+        "shortDescription": {"text": rule.demand},
+        "help": {"text": f"Source: {rule.clause}"},
+        "defaultConfiguration": {"level": LEVELS[rule.severity]},
+    }
+
+
+def _result(finding: Finding, rule: int) -> dict[str, Any]:
+    """Describe a finding (3.27); `rule` is its rule's number in the list."""
+    place = {
+        "artifactLocation": {"uri": _uri(Path(finding.file))},
+        "region": {"startLine": finding.line, "startColumn": finding.column},
+    }
+    return {
+        "ruleId": finding.code,
+        "ruleIndex": rule,
+        "level": LEVELS[finding.severity],
+        "message": {"text": one_line(finding.message)},
+        "locations": [{"physicalLocation": place}],
+    }
+
+
+def _uri(file: Path) -> str:
+    """Return a file's URI (3.4.3), relative to the working folder if the file was named so."""
+    return file.as_uri() if file.is_absolute() else quote(file.as_posix())

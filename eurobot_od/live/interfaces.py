@@ -1,0 +1,67 @@
+"""Which CAN interfaces this machine has: SocketCAN's, and what the drivers of python-can find."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+from eurobot_od.live.buses import SOCKETCAN, silence_logs
+from eurobot_od.live.links import links
+
+NOT_ASKED = ("virtual", "udp_multicast", "socketcand", SOCKETCAN)
+"""What python-can finds anywhere, what it listens for in the network for seconds, and what `links` tells better."""
+
+
+class Attached(NamedTuple):
+    """An interface of python-can, its channel, and how it `is`, as far as that is known."""
+
+    interface: str
+    channel: str
+    is_: str = ""
+
+    def __str__(self) -> str:
+        how = f" ({self.is_})" if self.is_ else ""
+        return f"-i {self.interface} -c {self.channel}{how}"
+
+
+PORTS = ("ttyUSB*", "ttyACM*")
+"""Serial ports, as slcan adapters have."""
+
+
+def refused(folder: Path = Path("/dev")) -> list[str]:
+    """Return the serial ports that this user may not open."""
+    ports = sorted(port for pattern in PORTS for port in folder.glob(pattern))
+    return [str(port) for port in ports if not os.access(port, os.R_OK | os.W_OK)]
+
+
+def drivers() -> dict[str, str]:
+    """Load the drivers of python-can; return why one cannot be loaded, or nothing, by its interface."""
+    from can.interfaces import BACKENDS
+
+    silence_logs()
+    return {interface: _failure(module) for interface, (module, _) in sorted(BACKENDS.items())}
+
+
+def _failure(module: str) -> str:
+    try:
+        import_module(module)
+    except Exception as error:  # whatever a driver raises while it looks for its library
+        return " ".join(str(error).split()) or type(error).__name__
+    return ""
+
+
+def here() -> list[Attached]:
+    """Return the interfaces of this machine; what a driver that is not installed would find is not among them."""
+    return [*(Attached(SOCKETCAN, link.name, str(link)) for link in links()), *_found()]
+
+
+def _found() -> list[Attached]:
+    """Ask the drivers of python-can."""
+    import can
+    from can.interfaces import BACKENDS
+
+    silence_logs()
+    found = can.detect_available_configs([each for each in BACKENDS if each not in NOT_ASKED])
+    return [Attached(str(each["interface"]), str(each["channel"])) for each in found]

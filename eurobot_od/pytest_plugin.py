@@ -1,0 +1,298 @@
+"""What pytest gets from this package: check suites as tests, and fixtures for nodes, simulated or on a bus.
+
+Rule of this file: pytest loads it in every run of an environment that has this package, so nothing of the package is
+imported before something of it is asked for.
+
+Without `--eurobot-interface` suites run in simulated time, and fixtures have a bus inside the process. With it the
+devices on that bus are tested. A suite file is collected if its name ends in `.check.yaml`, or if it fits a pattern of
+the ini option `eurobot_suites`; no other YAML is looked at. A suite runs as a whole when its first step is asked for:
+steps build on each other. Each of its steps is a test, which tells how that step ended.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pytest
+
+if TYPE_CHECKING:
+    import can
+
+    from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.check.results import StepResult, SuitePart, SuiteResult
+    from eurobot_od.check.suite import Step, Suite
+    from eurobot_od.client.master import Master, RemoteNode
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.values import Value
+    from eurobot_od.simulation.network import Network
+    from eurobot_od.yaml_places import Place
+
+PATTERNS = ("*.check.yaml", "*.check.yml")
+"""Files that are suites by their names."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the bus to test on, and what is a suite."""
+    group = parser.getgroup("eurobot-od", "CANopen nodes and check suites")
+    group.addoption("--eurobot-interface", help="python-can interface of the devices to test; left out: simulated ones")
+    group.addoption("--eurobot-channel", help="channel of the interface, such as can0")
+    group.addoption("--eurobot-bitrate", type=int, help="bit/s")
+    parser.addini("eurobot_suites", "patterns of check suites besides *.check.yaml", "args", default=[])
+    parser.addini(
+        "eurobot_network", "network file or folder of EDS files of suites; left out: eurobot-od.yaml, or the robot's"
+    )
+
+
+# Suites as tests
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """Collect a suite file."""
+    patterns = (*PATTERNS, *parent.config.getini("eurobot_suites"))
+    if any(file_path.match(each) for each in patterns):
+        return SuiteFile.from_parent(parent, path=file_path)
+    return None
+
+
+class SuiteFile(pytest.File):
+    """A file of suites; what is wrong with it is an error of collecting, with line and column."""
+
+    def collect(self) -> Iterator[pytest.Collector]:
+        from eurobot_od.errors import DictionaryError, LocalError
+
+        try:
+            suites = _read(self.config, self.path)
+        except (DictionaryError, LocalError) as error:
+            raise self.CollectError(str(error)) from None
+        for suite in suites:
+            yield SuiteTests.from_parent(self, name=suite.name, suite=suite)
+
+
+class SuiteTests(pytest.Collector):
+    """The tests of a suite: a test for each step."""
+
+    def __init__(self, *, suite: Suite, **options: Any) -> None:
+        super().__init__(**options)
+        self.suite = suite
+        self.extra_keyword_matches.update(suite.tags)
+
+    def collect(self) -> Iterator[pytest.Item]:
+        from eurobot_od.check.results import SuitePart
+
+        suite = self.suite
+        parts = (
+            ("setup ", SuitePart.SETUP, suite.setup),
+            ("", SuitePart.STEPS, suite.steps),
+            ("teardown ", SuitePart.TEARDOWN, suite.teardown),
+        )
+        for title, part, steps in parts:
+            for number, step in enumerate(steps, 1):
+                yield StepTest.from_parent(self, name=f"{title}{number}: {step.name}", part=part, step=step)
+
+    @cached_property
+    def steps(self) -> tuple[StepResult, ...]:
+        """How the steps ended, for which the suite is run once."""
+        return _run(self.config, self.suite).steps
+
+
+class StepTest(pytest.Item):
+    """A step of a suite."""
+
+    parent: SuiteTests
+
+    def __init__(self, *, part: SuitePart, step: Step, **options: Any) -> None:
+        super().__init__(**options)
+        self._part, self._step = part, step
+
+    def runtest(self) -> None:
+        """Tell how the step ended, which is how the worst of its parts did."""
+        from eurobot_od.check.results import Status
+
+        places = set(_places(self._step))
+        results = [each for each in self.parent.steps if each.section is self._part and each.place in places]
+        _fail(results)
+        if all(each.status is Status.SKIPPED for each in results):
+            reasons = (each.reason.what for each in results if each.reason)
+            pytest.skip(next(reasons, "a step before failed"))
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Say what was expected and what came; an error of ours in its own line."""
+        from eurobot_od.errors import EurobotError
+
+        if excinfo.errisinstance(EurobotError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int, str]:
+        """Return file, line from 0, and heading."""
+        return self.path, self._step.place.line - 1, f"{self.parent.name}: {self.name}"
+
+
+def _places(step: Step) -> Iterator[Place]:
+    """Give where a step and the steps in it stand."""
+    yield step.place
+    for each in getattr(step.action, "steps", ()):
+        yield from _places(each)
+
+
+def _fail(steps: Iterable[StepResult]) -> None:
+    """Fail if a step is red, with what was expected, what came and the last frames."""
+    from eurobot_od.check.report import reason_lines
+    from eurobot_od.check.runner import GOES_ON
+
+    for step in steps:
+        if step.status not in GOES_ON:
+            said = reason_lines(step.reason) if step.reason else [step.status.value]
+            pytest.fail("\n".join([f"{step.name} (line {step.place.line})", *said]), pytrace=False)
+
+
+READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
+
+
+def _read(config: pytest.Config, file: Path) -> list[Suite]:
+    """Read the suites of a file; raises LocalError, DictionaryError."""
+    from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.od.network import DEFAULT
+    from eurobot_od.robot.check.shipped import NETWORKS
+
+    named = config.getini("eurobot_network")
+    path = config.rootpath / (named or DEFAULT)
+    networks = NETWORKS._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
+    if named or path.is_file():
+        networks = networks._replace(find=lambda dialect: NETWORKS.find(dialect) if dialect else path)
+    return config.stash.setdefault(READER, SuiteReader(networks)).read_files([file])
+
+
+def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: int = 1) -> SuiteResult:
+    """Run a suite, its teardown also after Ctrl-C; raises BusError, UnknownName."""
+    from eurobot_od.check.live import run_live
+    from eurobot_od.check.runner import Interrupt, RunOptions
+    from eurobot_od.robot.check.partners import simulate
+
+    live = config.getoption("eurobot_interface")
+    if live and suite.world:
+        pytest.skip("its nodes have to share a world")
+    interrupt = Interrupt()
+    options = RunOptions(interrupt=interrupt)
+    with interrupt.by_ctrl_c():
+        result = (
+            run_live(suite, options, partial(_open_bus, config)) if live else simulate(suite, options, faults, seed)
+        )
+    if interrupt.requested:
+        raise KeyboardInterrupt
+    return result
+
+
+def _open_bus(config: pytest.Config, otherwise: str = "") -> can.BusABC:
+    """Open the bus of the options, or else one inside the process; raises BusError."""
+    from eurobot_od.live import open_bus
+
+    interface = config.getoption("eurobot_interface")
+    if not interface:
+        return open_bus("virtual", otherwise)
+    return open_bus(interface, config.getoption("eurobot_channel"), config.getoption("eurobot_bitrate"))
+
+
+# Fixtures
+
+
+@pytest.fixture
+def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteResult]]:
+    """Run a suite file, `eurobot_check("drive.yaml")`, and fail if a step is red; return the results.
+
+    The file is looked for beside the test, then among the suites that come with the package. Simulated nodes have the
+    faults `faults`, and all chance from `seed`.
+    """
+
+    def check(file: str, faults: Iterable[str] = (), seed: int = 1) -> list[SuiteResult]:
+        from eurobot_od.errors import DictionaryError, LocalError
+        from eurobot_od.robot.check import shipped
+
+        beside = request.path.with_name(file)
+        try:
+            path = beside if beside.is_file() else shipped.find(file)
+            results = [_run(request.config, suite, faults, seed) for suite in _read(request.config, path)]
+        except (DictionaryError, LocalError) as error:
+            pytest.fail(str(error), pytrace=False)
+        _fail(step for result in results for step in result.steps)
+        return results
+
+    return check
+
+
+@pytest.fixture
+def eurobot_network() -> Network:
+    """A bus in simulated time: `attach` nodes, `run(until=...)` seconds, in no time."""
+    from eurobot_od.simulation.network import Network
+
+    return Network()
+
+
+@pytest.fixture
+def eurobot_bus(request: pytest.FixtureRequest) -> Iterator[Callable[[], can.BusABC]]:
+    """Open the bus of the options, or else one inside the process for this test: each call is one more participant."""
+    with ExitStack() as stack:
+
+        def open_one() -> can.BusABC:
+            return stack.enter_context(_open_bus(request.config, request.node.nodeid))
+
+        yield open_one
+
+
+@pytest.fixture
+def eurobot_master(eurobot_bus: Callable[[], can.BusABC]) -> Master:
+    """A CANopen master on the bus: `node(5).upload((0x1018, 1))`, NMT, heartbeats."""
+    from eurobot_od.client.master import Master
+
+    return Master(eurobot_bus())
+
+
+class DescribedNode(NamedTuple):
+    """A device as its file describes it: `remote` for NMT, states and bytes."""
+
+    remote: RemoteNode
+    dictionary: Dictionary
+
+    def read(self, name: str) -> Value:
+        """Read an object by number or name; raises NodeRefused, NoAnswer, UnknownName, BusError."""
+        from eurobot_od.client.objects import decode, find_one
+
+        thing = find_one(name, self.dictionary)
+        return decode(thing, self.remote.upload(thing.address, thing.name))
+
+    def write(self, name: str, value: Value) -> None:
+        """Write an object by number or name; raises as `read`, and FieldError for a value that it does not allow."""
+        from eurobot_od.client.objects import encode, find_one
+
+        thing = find_one(name, self.dictionary)
+        self.remote.download(thing.address, encode(thing, value), thing.name)
+
+
+@pytest.fixture
+def eurobot_node(
+    request: pytest.FixtureRequest, eurobot_bus: Callable[[], can.BusABC], eurobot_master: Master
+) -> Iterator[Callable[..., DescribedNode]]:
+    """Reach a device by its EDS or DCF: `eurobot_node("motor.eds", node_id=5).read("Motor.Speed")`.
+
+    Without a bus of the options the device is run from its file, as a thread of the test. A file is looked for beside
+    the test.
+    """
+    with ExitStack() as stack:
+
+        def reach(file: str | Path, node_id: int | None = None) -> DescribedNode:
+            from eurobot_od.od.dictionary import Dictionary
+
+            dictionary = Dictionary.load(request.path.parent / file, node_id)
+            if not request.config.getoption("eurobot_interface"):
+                from eurobot_od.device.simulated import SimulatedDevice
+                from eurobot_od.live import Live
+
+                stack.enter_context(Live.node(eurobot_bus(), SimulatedDevice(dictionary)))
+            return DescribedNode(eurobot_master.node(dictionary.node_id), dictionary)
+
+        yield reach

@@ -1,0 +1,57 @@
+"""What completes the command line in shells is there, and is what the commands take now."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from importlib import import_module
+
+import pytest
+
+from eurobot_od import cli
+from eurobot_od.cli.completion import SHELLS
+from tests.cli.console import run
+
+MADE_ANEW = "python3 tools/make_completion.py makes it anew"
+LONG = re.compile(r"^ +(?:-\w(?: \S+)?, )?(--[a-z-]+)", re.MULTILINE)
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_each_shell_has_its_text(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "completion", shell)
+    assert (said.status, said.err) == (0, "")
+    assert all(command in said.out for command in cli.COMMANDS), MADE_ANEW
+
+
+def test_another_shell_is_wrong_usage(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "completion", "cmd")
+    assert (said.status, said.out) == (2, "")
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_it_is_what_the_command_takes_now(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    parser = cli.Parser(command)
+    import_module(f"eurobot_od.cli.{command.replace('-', '_')}").add_arguments(parser)
+    text = run(capsys, "completion", "bash").out
+    name = f"_shtab_eurobot_od_{command.replace('-', '_')}_option_strings"
+    (options,) = re.findall(rf"^{name}=\((.*)\)", text, re.MULTILINE)
+    assert set(re.findall(r"--[a-z-]+", options)) == set(LONG.findall(parser.format_help())), MADE_ANEW
+
+
+COMPLETED = [
+    (["ma"], ["make-eds", "match"]),
+    (["lint", "--str"], ["--strict"]),
+    (["nmt", "2", "pre"], ["pre-operational"]),
+    (["completion", "f"], ["fish"]),
+]
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash here")
+@pytest.mark.parametrize(("words", "completions"), COMPLETED)
+def test_bash_completes(words: list[str], completions: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    text = run(capsys, "completion", "bash").out
+    line = f"COMP_WORDS=(eurobot-od {' '.join(words)}); COMP_CWORD={len(words)}; _shtab_eurobot_od"
+    script = f"{text}\n{line}; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    assert sorted(done.stdout.split()) == completions

@@ -1,0 +1,237 @@
+"""What people get wrong in their first week, on the command line and in YAML, and exactly what is printed then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eurobot_od import cli
+from tests.check.suites import HEAD
+from tests.cli.console import Said, run
+
+EDS = Path(__file__).parents[2] / "eds" / "canopen" / "drive.eds"
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run in a folder with one EDS, without a configuration of python-can's."""
+    (tmp_path / "drive.eds").write_bytes(EDS.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL", "CAN_CONFIG"):
+        monkeypatch.delenv(name, raising=False)
+
+
+# The command line: words, exit status, and the one line that is printed
+
+MISTAKES = {
+    "a command with a slip": ("decod|run.log", 2, "unknown command 'decod'; did you mean decode?"),
+    "a message with a slip": (
+        "send|Goto XZ|x=1",
+        2,
+        "unknown message 'Goto XZ'; did you mean Goto XY?",
+    ),
+    "a field forgotten": ("send|Goto XY|x=1|-i|virtual", 2, "Goto XY: y, angle, speed missing"),
+    "a value out of range": (
+        "send|Goto XY|x=5000|y=1|angle=2|speed=3",
+        2,
+        "Goto XY: x = 5000 is not allowed; allowed: 0..3000 mm",
+    ),
+    "a node with a slip": ("node|drv", 2, "unknown node 'drv'; did you mean drive?"),
+    "a fault with a slip": (
+        "check|drive|--simulate|--fault|stop-ignord",
+        2,
+        "unknown fault 'stop-ignord'; did you mean stop-ignored or nmt-stop-ignored or reset-ignored?",
+    ),
+    "a suite with a slip": ("check|drve|--simulate", 2, "unknown suite 'drve'; did you mean drive?"),
+    "an interface with a slip": (
+        "scan|-i|socketcn|-c|can0",
+        3,
+        "cannot open the socketcn bus can0: unknown interface 'socketcn'; did you mean socketcan or socketcand?",
+    ),
+    "a bus for a simulated match": (
+        "match|-i|socketcan|-c|can0",
+        2,
+        "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
+    ),
+    "a picture in no folder": ("match|--field|nowhere/x.svg", 3, "nowhere/x.svg: No such file or directory"),
+    "a rule with a slip": ("lint|--select|E3008|drive.eds", 2, "unknown rule 'E3008'; did you mean E308?"),
+    "a log that is not there": ("decode|nowhere.log", 3, "nowhere.log: No such file or directory"),
+    "a file that is no log": (
+        "decode|drive.eds",
+        2,
+        "unknown log format 'eds'; known: log, candump, asc, csv, trc, blf, db, mf4, pcap, pcapng",
+    ),
+    "a node-ID too high": ("read|200|0x1000|-i|virtual", 2, "node-ID 200 is not in 1..127"),
+    "a node that is not there": (
+        "read|9|0x1000|-i|virtual|-c|nobody|--timeout|50ms",
+        1,
+        "no answer from node 9 within 50 ms after read 0x1018:1 vendor",
+    ),
+    "a time without its unit": (
+        "node|drive|--duration|10",
+        2,
+        "'10' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
+    ),
+}
+
+USAGES = {
+    "a bit rate in words": ("scan|-b|500k", "argument -b/--bitrate: 500k is not in 1000..1000000 bit/s"),
+    "a speed in words": ("monitor|--speed|fast", "argument --speed: fast is not a positive number nor max"),
+    "a number in words": ("match|--seed|one", "argument --seed: one is not a whole number"),
+    "an option without its value": ("check|--step", "argument --step: expected one argument"),
+}
+
+
+@pytest.mark.parametrize(("words", "status", "printed"), MISTAKES.values(), ids=MISTAKES.keys())
+def test_a_mistake_on_the_command_line(
+    words: str, status: int, printed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(capsys, *words.split("|")) == Said(status, "", f"eurobot-od: {printed}\n")
+
+
+@pytest.mark.parametrize(("words", "printed"), USAGES.values(), ids=USAGES.keys())
+def test_a_wrong_usage(words: str, printed: str, capsys: pytest.CaptureFixture[str]) -> None:
+    command, *others = words.split("|")
+    line = f"eurobot-od {command}: error: {printed}; see eurobot-od {command} --help\n"
+    assert run(capsys, command, *others) == Said(2, "", line)
+
+
+WITH_A_BUS = [
+    ["scan"],
+    ["read", "drive", "0x1000"],
+    ["send", "Stop Drive"],
+    ["node", "drive"],
+    ["check", "drive"],
+    ["monitor"],
+    ["watch", "2"],
+    ["sync"],
+    ["time"],
+    ["nmt", "drive", "start"],
+    ["lss", "find"],
+    ["diff", "drive.eds", "--node", "2"],
+    ["monitor", "-c", "can0"],
+]
+
+
+@pytest.mark.parametrize("words", WITH_A_BUS, ids=" ".join)
+def test_a_command_for_a_bus_asks_which_and_does_nothing(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, *words)
+    assert said.status == 2
+    assert said.err.startswith("eurobot-od: which bus? Name it by -i and -c, such as -i socketcan -c can0; here: ")
+    assert said.err.count("\n") == 1
+    assert "sent" not in said.out
+
+
+# YAML: a suite's text, and all that is printed; steps stand below HEAD, from line 5 on
+
+TEXTS = {
+    "no version": ("name: a\nsteps: []\n", ["1:1: key 'spec' is missing: version of the format, `spec: 1`"]),
+    "another version": ("spec: 2\nname: a\nsteps: []\n", ["1:7: unknown version '2'; known: 1"]),
+    "a key with a slip": (
+        "spec: 1\nname: a\nstep: []\n",
+        ["1:1: key 'steps' is missing: the steps", "3:1: unknown key 'step'; did you mean steps?"],
+    ),
+    "a node with a slip": (
+        "spec: 1\nname: a\nnode: drve\nsteps: []\n",
+        ["3:7: unknown node 'drve'; did you mean drive?"],
+    ),
+    "a colon in a text": (
+        "spec: 1\nname: the drive: stops\nsteps: []\n",
+        ["2:16: a ': ' in a text needs quotes; else this line is indented otherwise"],
+    ),
+    "nothing": ("", ["1:1: the file is empty"]),
+    "no steps yet": (f"{HEAD}steps:\n", ["4:7: expected a list, found nothing"]),
+}
+
+STEPS = {
+    "indented otherwise": (
+        "  - send: Stop Drive\n   - wait: 1 s\n",
+        "6:4: this line is indented otherwise than those it belongs to",
+    ),
+    "a tab": ("\t- send: Stop Drive\n", "5:1: a tab; YAML is indented by spaces"),
+    "a colon forgotten": (
+        "  - send Stop Drive\n",
+        "5:5: expected a mapping, `key: value`, found 'send Stop Drive'",
+    ),
+    "a bracket forgotten": (
+        "  - send: {Goto XY: {x: 1, y: 1, angle: 2, speed: 3}\n",
+        "6:1: a mapping in { } lacks a comma, or its }",
+    ),
+    "a quote forgotten": ("  - wait: '1 s\n", "6:1: a quote that begins a text is never closed"),
+    "an expectation without quotes": (
+        "  - expect: {Goto State Response: {time: > 0}}\n",
+        "5:42: a text with > or | at its start needs quotes: '> 0'",
+    ),
+    "a variable without quotes": (
+        "  - expect: {Goto State Response: {time: {t}}}\n",
+        "5:42: expected a single value, found a mapping; a text in { } needs quotes: '{t}'",
+    ),
+    "a variable that nobody has saved": (
+        "  - expect: {Goto State Response: {time: '{t}'}}\n",
+        "5:42: unknown variable 't'",
+    ),
+    "an action with a slip": ("  - sned: Stop Drive\n", "5:5: unknown action 'sned'; did you mean send?"),
+    "two actions": (
+        "  - send: Stop Drive\n    wait: 1 s\n",
+        "6:5: a step has one action, and 'send' is one already",
+    ),
+    "a key of another action": (
+        "  - send: Stop Drive\n    within: 1 s\n",
+        "6:5: unknown key next to send 'within'; known: name, repeat",
+    ),
+    "a message with a slip": (
+        "  - send: Stop Drve\n",
+        "5:11: unknown message 'Stop Drve'; did you mean Stop Drive?",
+    ),
+    "a field with a slip": (
+        "  - send: {Goto XY: {x: 1, y: 1, angle: 2, sped: 3}}\n",
+        "5:44: unknown field of Goto XY 'sped'; did you mean speed?",
+    ),
+    "a field forgotten": ("  - send: {Goto XY: {x: 1, y: 1, angle: 2}}\n", "5:11: Goto XY: speed missing"),
+    "a value out of range": (
+        "  - send: {Goto XY: {x: 3001, y: 1, angle: 2, speed: 3}}\n",
+        "5:25: '3001' is not allowed; allowed: 0..3000 mm; {raw: '008#...'} sends any bits",
+    ),
+    "a time without its unit": (
+        "  - wait: 500\n",
+        "5:11: '500' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
+    ),
+    "an index without 0x": (
+        "  - sdo: {read: 1017}\n",
+        "5:17: unknown object of drive '1017'; did you mean 0x1017?",
+    ),
+    "an object's value out of range": (
+        "  - sdo: {write: 0x1017, value: 70000}\n",
+        "5:33: '70000' is not allowed; allowed: 0..65535",
+    ),
+    "a state with a slip": (
+        "  - heartbeat: operationl\n",
+        "5:16: unknown NMT state 'operationl'; did you mean operational or pre-operational?",
+    ),
+    "a command with another name": (
+        "  - nmt: restart\n",
+        "5:10: unknown NMT command 'restart'; did you mean start?",
+    ),
+    "a span forgotten": ("  - never: Goto Confirm\n", "5:5: never needs the key 'for'"),
+    "a period forgotten": (
+        "  - poll: {send: Goto State Request}\n    until: {Goto State Response: {time: 0}}\n",
+        "5:11: key 'every' is missing: time from one to the next",
+    ),
+    "a frame as it is not written": (
+        "  - send: {raw: 008 0102}\n",
+        "5:17: expected a frame such as 008#D27423, found '008 0102'",
+    ),
+    "a word that YAML reads as another": (
+        "  - name: off\n    wait: 1 s\n",
+        "5:11: expected a text, found 'off', which needs quotes to be one",
+    ),
+}
+ALL = TEXTS | {f"step: {name}": (f"{HEAD}steps:\n{text}", [line]) for name, (text, line) in STEPS.items()}
+
+
+@pytest.mark.parametrize(("text", "printed"), ALL.values(), ids=ALL.keys())
+def test_a_mistake_in_yaml(text: str, printed: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    Path("mine.yaml").write_text(text)
+    lines = "".join(f"mine.yaml:{line}\n" for line in printed)
+    assert run(capsys, "check", "mine.yaml", "--simulate") == Said(cli.ExitStatus.WRONG_INPUT, "", lines)

@@ -1,0 +1,215 @@
+"""Every command and every example of the documentation runs as it stands, and prints what the page says.
+
+A block with a comment `<!-- not run: why -->` before it is left out, one with `<!-- exit status 0 or 1 -->` ends so. A
+block with a title is a file. What follows a command is what it prints, `...` standing for any lines or the rest of one;
+a command that nothing follows may print what it likes. Commands run in a folder that has the checkout's, and on a bus
+inside the process, whatever bus they name. What would go on for ever is interrupted at its first line.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import shlex
+import shutil
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+from interop_rows.bench import live, open_bus
+
+from eurobot_od import cli
+from eurobot_od.device.simulated import SimulatedDevice
+from eurobot_od.live import Live
+
+ROOT = Path(__file__).parents[1]
+PAGES = {
+    str(file.relative_to(ROOT)): file.read_text(encoding="utf-8")
+    for pattern in ("*.md", "docs/*.md", "tools/**/*.md")
+    for file in sorted(ROOT.glob(pattern))
+}
+BLOCK = re.compile(r'^(?:<!-- (.*?) -->\n)?```(\w+)(?: title="(.*?)")?\n(.*?)^```$', re.DOTALL | re.MULTILINE)
+COMMENT = re.compile(r"|exit status \d( or \d)*|not run: .{8,}")
+PRINTED = re.compile(r"^ *print\(.*\)  # (.*)$", re.MULTILINE)
+
+STAND_INS = (
+    # (what a page says, what is run): no comment; a bus of this process; short matches, and few; any free port
+    (r"\s+# .*", ""),
+    (r"socketcan", "virtual"),
+    (r"-i remote -c ws://\S+", "-i virtual -c can0"),
+    (r"--seeds \d+", "--seeds 2 --jobs 1"),
+    (r"(eurobot-od match\b(?!.*--(?:duration|emergency-at)))", r"\1 --duration 5"),
+    (r"(eurobot-od serve.*)", r"\1 --listen 127.0.0.1:0"),
+)
+ENDLESS = ("node", "monitor", "serve")
+
+
+class Block(NamedTuple):
+    """A fenced block: the comment before it, its language, the file that it is, and its text."""
+
+    comment: str
+    language: str
+    title: str
+    text: str
+
+    @property
+    def runs(self) -> bool:
+        return self.language in ("console", "python") and not self.comment.startswith("not run: ")
+
+
+BLOCKS = {page: [Block(*found) for found in BLOCK.findall(text)] for page, text in PAGES.items()}
+
+
+class Command(NamedTuple):
+    """A line after `$`, and the lines that it prints, none if the page does not say."""
+
+    line: str
+    printed: tuple[str, ...]
+
+
+def commands(text: str) -> Iterator[Command]:
+    """Give the commands of a block."""
+    for each in re.split(r"^\$ ", text, flags=re.MULTILINE)[1:]:
+        line, *printed = each.rstrip("\n").split("\n")
+        yield Command(line, tuple(printed))
+
+
+def agrees(printed: Sequence[str], lines: Sequence[str]) -> bool:
+    """Tell whether lines are what a page says; its lines `...` stand for any number of them."""
+    if not printed:
+        return not lines
+    first, *rest = printed
+    if first.strip() == "...":
+        return any(agrees(rest, lines[skipped:]) for skipped in range(len(lines) + 1))
+    begin, cut, _ = first.partition("...")
+    if not lines or not (lines[0].rstrip() == first or (cut and lines[0].startswith(begin))):
+        return False
+    return agrees(rest, lines[1:])
+
+
+class Terminal(io.TextIOWrapper):
+    """What a command writes to; at the first line of an endless one somebody presses Ctrl-C."""
+
+    def __init__(self, endless: bool) -> None:
+        self.written = io.BytesIO()
+        super().__init__(self.written, encoding="utf-8", write_through=True)
+        self._waits = endless
+
+    def write(self, text: str) -> int:
+        if self._waits and "\n" in text:
+            self._waits = False
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        return super().write(text)
+
+
+class Shell:
+    """Runs the commands of a page."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self._monkeypatch = monkeypatch
+
+    def run(self, line: str) -> tuple[int, list[str]]:
+        """Run a command; give its exit status, and the lines that it printed."""
+        for pattern, instead in STAND_INS:
+            line = re.sub(pattern, instead, line)
+        program, *words = self._globbed(shlex.split(line))
+        if (program, words[0]) == ("python3", "tools/run.py"):
+            program = words.pop(0)
+        if program in ("eurobot-od", "tools/run.py"):
+            return self._eurobot_od(words)
+        {"export": self._export, "cp": self._cp}[program](words)
+        return 0, []
+
+    def _globbed(self, words: list[str]) -> Iterator[str]:
+        for word in words:
+            yield from sorted(map(str, Path().glob(word))) if word.startswith("*") else [word]
+
+    def _eurobot_od(self, words: list[str]) -> tuple[int, list[str]]:
+        endless = words[0] in ENDLESS
+        terminal = Terminal(endless)
+        with redirect_stdout(terminal), redirect_stderr(terminal):
+            try:
+                status = cli.main(words)
+            except SystemExit as end:
+                status = int(end.code or 0)
+        if endless and status == cli.ExitStatus.INTERRUPTED:
+            status = 0
+        return status, terminal.written.getvalue().decode().splitlines()
+
+    def _export(self, words: list[str]) -> None:
+        for word in words:
+            self._monkeypatch.setenv(*word.split("=", 1))
+
+    def _cp(self, words: list[str]) -> None:
+        shutil.copy(*words)
+
+
+@pytest.fixture(scope="module")
+def bus() -> Iterator[None]:
+    """The robot and a motor on a bus can0, which anything of this process can reach."""
+    with ExitStack() as stack:
+        for role in ("core", "drive", "navigation"):
+            stack.enter_context(live(role, open_bus("can0")))
+        motor = SimulatedDevice.load(ROOT / "docs" / "motor.eds", node_id=5, given={"Motor.Speed": 1200})
+        stack.enter_context(Live.node(open_bus("can0"), motor))
+        yield
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+    """A shell in a folder with the checkout's folders, and EDS files."""
+    for name in ("docs", "eds", "eurobot_od"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for file in (ROOT / "docs" / "motor.eds", *(ROOT / "eds" / "canopen").iterdir()):
+        shutil.copy(file, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    for name in ("CAN_INTERFACE", "CAN_CHANNEL"):
+        monkeypatch.delenv(name, raising=False)
+    return Shell(monkeypatch)
+
+
+@pytest.mark.usefixtures("bus")
+@pytest.mark.parametrize("page", [page for page, blocks in BLOCKS.items() if any(each.runs for each in blocks)])
+def test_a_page_runs_as_it_stands(page: str, shell: Shell, capsys: pytest.CaptureFixture[str]) -> None:
+    names: dict[str, object] = {"__name__": page}
+    for block in BLOCKS[page]:
+        if block.title:
+            Path(block.title).write_text(block.text, encoding="utf-8")
+        elif block.runs and block.language == "python":
+            capsys.readouterr()
+            exec(compile(block.text, page, "exec"), names)
+            assert agrees(PRINTED.findall(block.text), capsys.readouterr().out.splitlines()), block.text
+        elif block.runs:
+            wanted = set(map(int, re.findall(r"\d+", block.comment))) or {0}
+            for line, printed in commands(block.text):
+                status, lines = shell.run(line)
+                assert status in wanted, (line, lines[-8:])
+                assert not printed or agrees(printed, lines), (line, lines[:40])
+
+
+def test_few_blocks_cannot_run_and_each_says_why() -> None:
+    blocks = [each for page in BLOCKS.values() for each in page if each.language in ("console", "python")]
+    assert sum(not each.runs for each in blocks) <= 0.25 * len(blocks)
+    assert [each.comment for each in blocks if not COMMENT.fullmatch(each.comment)] == []
+
+
+AGREE = [
+    # (what the page says, what came, whether that is the same)
+    (["a", "b"], ["a", "b"], True),
+    (["a"], ["a", "b"], False),
+    (["a", "..."], ["a", "b", "c"], True),
+    (["...", "c"], ["a", "b", "c"], True),
+    (["...", "b"], ["a", "b", "c"], False),
+    (["a..."], ["abc"], True),
+    (["a..."], ["bc"], False),
+    ([], ["a"], False),
+]
+
+
+@pytest.mark.parametrize(("printed", "lines", "same"), AGREE)
+def test_what_is_printed_is_compared(printed: list[str], lines: list[str], same: bool) -> None:
+    assert agrees(printed, lines) is same

@@ -1,0 +1,65 @@
+"""Makes the files that complete the command line in shells, `eurobot_od/completions/`, by shtab.
+
+Run it when a command or an option has changed; tests/cli/test_completion.py says when that is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from environment import ROOT, ensure
+
+FOLDER = ROOT / "eurobot_od" / "completions"
+FILES = re.compile(r"(^|_)(files?|logs?|left|right|output|store|strategy|against|network|eds)$")
+"""Arguments whose values are files, beside those that are read as paths."""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the whole command line as one parser."""
+    from eurobot_od.cli import COMMANDS
+
+    whole = argparse.ArgumentParser("eurobot-od")
+    whole.add_argument("--version", action="store_true", help="print the version, and end")
+    commands = whole.add_subparsers()
+    for command, text in COMMANDS.items():
+        each = commands.add_parser(command, help=text)
+        import_module(f"eurobot_od.cli.{command.replace('-', '_')}").add_arguments(each)
+        _prepare(each)
+    return whole
+
+
+def _prepare(parser: argparse.ArgumentParser) -> None:
+    """Say which arguments are files; shtab takes a dictionary of choices for commands, and nothing else does."""
+    import shtab
+
+    for action in parser._actions:  # there is no other way to them
+        if isinstance(action, argparse._SubParsersAction):
+            for each in action.choices.values():
+                _prepare(each)
+        elif action.choices is not None:
+            action.choices = list(action.choices)
+        elif action.type is Path or FILES.search(action.dest):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+
+
+def main() -> int:
+    """Write the files."""
+    ensure("shtab", "test")
+    sys.path.insert(0, str(ROOT))
+    import shtab
+
+    from eurobot_od.cli.completion import SHELLS
+
+    FOLDER.mkdir(exist_ok=True)
+    for shell, name in SHELLS.items():
+        (FOLDER / name).write_text(shtab.complete(parser(), shell=shell), encoding="utf-8")
+        print(FOLDER / name)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
