@@ -17,7 +17,6 @@ from eurobot_od.errors import LocalError
 OF_AN_EXTRA = re.compile(r"(?P<package>[^;]+?)\s*;.*\bextra\s*==\s*['\"](?P<extra>[^'\"]+)['\"].*")
 """A requirement that an extra brings, as metadata have it: `polars>=1.20; extra == 'season'`."""
 
-
 NAMED = re.compile(r"(?P<name>[A-Za-z0-9._-]+)(\[(?P<extra>[^\]]+)\])?")
 """Which package a requirement is about, and which extra of it."""
 
@@ -35,11 +34,9 @@ def needed(extra: str) -> Iterator[None]:
 
 def missing(what: str, extra: str) -> str:
     """Say that a module is not installed, and what installs the extra that brings it."""
-    return f"{what} is not installed; the extra `{extra}` brings it{_by(brought().get(extra, []))}"
-
-
-def _by(packages: list[str]) -> str:
-    return f": {install(packages)}" if packages else ""
+    packages = brought().get(extra, [])
+    command = f": {install(packages)}" if packages else ""
+    return f"{what} is not installed; the extra `{extra}` brings it{command}"
 
 
 def install(packages: list[str]) -> str:

@@ -19,3 +19,6 @@ class Bench(Protocol):
 
     async def send(self, frame: Frame) -> float:
         """Send a frame and return, once it is on its way, its time by the loop's clock; raises BusError."""
+
+    async def recover(self) -> bool:
+        """Open a bus that has failed again; return whether it works before all patience is at an end."""

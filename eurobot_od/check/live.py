@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from typing import TYPE_CHECKING
 
 from eurobot_od import live as runtime
@@ -29,13 +30,40 @@ RETRY = 0.001
 """Seconds from one try to the next."""
 
 
-class LiveBench:
-    """The bench of a python-can bus; `seen` and `failed` may be called from any thread."""
+RECOVERY = 10.0
+"""Seconds that a bus has to come back for the teardown."""
 
-    def __init__(self, bus: can.BusABC) -> None:
-        self._driver = runtime.Driver(bus)
+STEADY = 0.3
+"""Seconds without an error, after which a bus that is open again works: SocketCAN opens one that is down, too."""
+
+
+class LiveBench:
+    """The bench of a python-can bus, opened by `open_bus`; use it as a context manager. Opening raises BusError.
+
+    `seen` and `failed` may be called from any thread.
+    """
+
+    def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
+        self._open_bus, self._watching = open_bus, ExitStack()
         self._loop = asyncio.get_running_loop()
         self.trace = Trace()
+
+    def __enter__(self) -> LiveBench:
+        self._open()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._watching.close()
+
+    def _open(self) -> None:
+        bus = self._open_bus()
+        self._driver = runtime.Driver(bus)
+        self._watching.enter_context(runtime.Watch(bus, self.seen, time.monotonic, self.failed))
+
+    @property
+    def name(self) -> str:
+        """What the driver calls the bus."""
+        return str(self._driver.bus.channel_info)
 
     async def begin(self) -> None:
         """Return at once: nobody knows when the nodes on a real bus are up."""
@@ -47,6 +75,21 @@ class LiveBench:
     def failed(self, failure: BusError) -> None:
         """Take in that the bus has failed."""
         self._loop.call_soon_threadsafe(self.trace.fail, failure)
+
+    async def recover(self) -> bool:
+        """Open the bus again, for the teardown, as often as it takes; False if it does not work in `RECOVERY` s."""
+        end = self._loop.time() + RECOVERY
+        while self._loop.time() < end:
+            with suppress(Exception):  # of a bus that has failed, what its end has to say is only a consequence
+                self._watching.close()
+            self.trace.recover()
+            with suppress(BusError):
+                self._open()
+                await asyncio.sleep(STEADY)
+                if not self.trace.has_failed:
+                    return True
+            await asyncio.sleep(STEADY)
+        return False
 
     async def send(self, frame: Frame) -> float:
         """Hand a frame to the driver; raises BusError if it does not take it."""
@@ -63,9 +106,7 @@ def run_live(suite: Suite, options: RunOptions, open_bus: Callable[[], can.BusAB
     """Run a suite against the nodes on a bus; raises BusError if it cannot be opened."""
 
     async def main() -> SuiteResult:
-        bus = open_bus()
-        bench = LiveBench(bus)
-        with runtime.Watch(bus, bench.seen, time.monotonic, bench.failed):
-            return await Runner(suite, bench, options).run(f"on {bus.channel_info}")
+        with LiveBench(open_bus) as bench:
+            return await Runner(suite, bench, options).run(f"on {bench.name}")
 
     return asyncio.run(main())

@@ -103,13 +103,18 @@ class Runner:
         self._start = self._trace.now
         self._doer = Doer(suite.timeout, suite.decoder, self._bench)
         await self._options.interrupt.guard(self._until_teardown())
-        self._stopped = self._error is not None
+        self._stopped = self._error is not None and not await self._is_back()
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
 
     async def _until_teardown(self) -> None:
         await self._section(SuitePart.SETUP, self._suite.setup, keep_going=False)
         await self._section(SuitePart.STEPS, self._asked_for(), self._options.keep_going)
+
+    async def _is_back(self) -> bool:
+        """Wait for a bus that has worked and failed to be there again, so that the teardown can be done."""
+        has_worked = any(result.status is Status.PASSED for result in self._results)
+        return bool(self._suite.teardown) and has_worked and await self._bench.recover()
 
     def _asked_for(self) -> Sequence[Step]:
         """Return the steps that are asked for, and those that they need."""

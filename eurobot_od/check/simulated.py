@@ -87,6 +87,10 @@ class SimulatedBench:
         self._network.observers.append(seen)
         await asyncio.sleep(POWER_UP)
 
+    async def recover(self) -> bool:
+        """Return at once: a simulated bus never comes back, as none is ever lost."""
+        return False
+
     async def send(self, frame: Frame) -> float:
         """Send a frame and return when it is through; raises NotSent."""
         sent: asyncio.Future[float] = asyncio.get_running_loop().create_future()

@@ -53,6 +53,15 @@ class Trace:
         self._failure = failure
         self._wake()
 
+    def recover(self) -> None:
+        """Note that the bus is open again."""
+        self._failure = None
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the bus is gone."""
+        return self._failure is not None
+
     def _wake(self) -> None:
         if self._waiting is not None and not self._waiting.done():
             self._waiting.set_result(None)

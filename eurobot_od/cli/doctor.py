@@ -27,28 +27,35 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 def run(_: argparse.Namespace) -> ExitStatus:
     """Print what there is; 1 if something is to be mended."""
-    from eurobot_od import live
-    from eurobot_od.live.interfaces import drivers, refused
-    from eurobot_od.live.links import troubles
+    from eurobot_od.live.interfaces import refused
+    from eurobot_od.live.links import links, troubles
 
-    links = live.links()
-    wrong = [*(trouble for link in links for trouble in troubles(link)), *denied(refused())]
-    loaded = drivers()
-    for line in (
-        f"{version()}, {platform.platform()}",
-        *packages([each for name in NEEDED for each in extras.installed(name)]),
-        "",
-        *extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS}),
-        "",
-        *(f"interface  {each}" for each in [*map(str, live.here())] or ["none"]),
-        f"drivers    {', '.join(name for name, failure in loaded.items() if not failure)}",
-        f"no driver  {', '.join(name for name, failure in loaded.items() if failure)}",
-        "",
-        *(f"wrong      {what}: {mends}" for what, mends in wrong),
-        *(["nothing is wrong"] if not wrong else []),
-    ):
+    wrong = [*(trouble for link in links() for trouble in troubles(link)), *denied(refused())]
+    for line in (*_installed(), "", *_interfaces(), ""):
         print(one_line(line))
-    return ExitStatus.FOUND if wrong else ExitStatus.FINE
+    for what, mends in wrong:
+        print(one_line(f"wrong      {what}: {mends}"))
+    if wrong:
+        return ExitStatus.FOUND
+    print("nothing is wrong")
+    return ExitStatus.FINE
+
+
+def _installed() -> Iterator[str]:
+    yield f"{version()}, {platform.platform()}"
+    yield from packages(each for name in NEEDED for each in extras.installed(name))
+    yield ""
+    yield from extra_lines({name: each for name, each in extras.brought().items() if name not in FOR_DEVELOPERS})
+
+
+def _interfaces() -> Iterator[str]:
+    from eurobot_od.live.interfaces import drivers, here
+
+    loaded = drivers()
+    for each in [*map(str, here())] or ["none"]:
+        yield f"interface  {each}"
+    yield f"drivers    {', '.join(name for name, loads in loaded.items() if loads)}"
+    yield f"no driver  {', '.join(name for name, loads in loaded.items() if not loads)}"
 
 
 def packages(found: Iterable[Package]) -> Iterator[str]:

@@ -11,8 +11,14 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-MOVING = {"\x1b[A": "k", "\x1b[B": "j", "\x1b[5~": 10 * "k", "\x1b[6~": 10 * "j"}
-"""What terminals send for the keys up, down, page up and page down, and the letters that they stand for."""
+UP, DOWN = "\x10", "\x0e"
+"""What the keys up and down are here: Control-P and Control-N, as in other programs; nobody types them into a text."""
+
+PAGE = 10
+"""So many lines are a page."""
+
+MOVING = {"\x1b[A": UP, "\x1b[B": DOWN, "\x1b[5~": PAGE * UP, "\x1b[6~": PAGE * DOWN}
+"""What terminals send for the keys up, down, page up and page down."""
 
 WaitForKey = Callable[[float], str]
 """Waits for a time in s, or less if a key was pressed, and returns the keys pressed."""
@@ -47,8 +53,8 @@ def _posix_keys() -> Iterator[WaitForKey]:
     def wait(pause: float) -> str:
         ready, _, _ = select.select([descriptor], [], [], pause)
         pressed = os.read(descriptor, 64).decode(errors="ignore") if ready else ""
-        for sequence, letters in MOVING.items():
-            pressed = pressed.replace(sequence, letters)
+        for sequence, meant in MOVING.items():
+            pressed = pressed.replace(sequence, meant)
         return pressed
 
     try:

@@ -98,7 +98,7 @@ def _run_files(arguments: Namespace) -> ExitStatus:
         except DictionaryError as error:
             unreadable.append(error)
     read = len(arguments.files) - len(unreadable)
-    status = _report(arguments, findings, read) if read else ExitStatus.FINE
+    status = _report(arguments, findings, read) if read or arguments.json else ExitStatus.FINE
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status

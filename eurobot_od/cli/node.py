@@ -196,7 +196,7 @@ def _waveforms(file: Path, dictionary: Dictionary) -> dict[Address, Waveform]:
     from eurobot_od.client.objects import find_one
     from eurobot_od.device.waveforms import read_waveforms
 
-    found = read_waveforms(bounded.read(file).decode(), str(file))
+    found = read_waveforms(bounded.read(file).decode(errors="replace"), str(file))
     return {find_one(name, dictionary).address: waveform for name, waveform in found.items()}
 
 

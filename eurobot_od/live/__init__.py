@@ -55,6 +55,5 @@ from eurobot_od.live.buses import open_bus as open_bus
 from eurobot_od.live.connection import Opener as Opener
 from eurobot_od.live.interfaces import here as here
 from eurobot_od.live.links import BITRATE as BITRATE
-from eurobot_od.live.links import links as links
 from eurobot_od.live.live import Live as Live
 from eurobot_od.live.reader import Watch as Watch

@@ -62,8 +62,8 @@ KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
     **dict.fromkeys("p ", lambda controls: {"paused": not controls.paused}),
     "s": lambda controls: {"sort": _next_sort(controls)},
     "/": lambda _: {"typing": True, "part": ""},
-    "j": lambda controls: {"top": controls.top + 1},
-    "k": lambda controls: {"top": max(controls.top - 1, 0)},
+    **dict.fromkeys("j\x0e", lambda controls: {"top": controls.top + 1}),
+    **dict.fromkeys("k\x10", lambda controls: {"top": max(controls.top - 1, 0)}),
     "c": lambda _: {"clear": True},
     "q": lambda _: {"running": False},
 }

@@ -123,6 +123,26 @@ def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None
     assert result.steps[-1].status is Status.SKIPPED
 
 
+def test_the_teardown_is_done_when_a_lost_bus_is_back(open_bus: Callable[[], can.BusABC]) -> None:
+    class Lost(Unplugged):
+        def send(self, msg: can.Message, timeout: float | None = None) -> None:
+            if msg.arbitration_id == 0x008:
+                raise OSError("gone")
+
+    buses = iter([Lost(receiving=True, sending=None), Unplugged(receiving=False, sending=None), open_bus()])
+    steps = '- send: Stop Drive\n- send: {raw: "008#"}\n- wait: 10 min'
+    with open_bus() as witness:
+        result = run(document(steps, HEAD + "teardown:\n  - send: Stop Drive\n"), lambda: next(buses))
+        assert witness.recv(2.0) is not None
+    assert str(result.error) == "the bus unplugged failed: gone"
+    assert [step.status for step in result.steps] == [
+        Status.PASSED,
+        Status.BUS_FAILED,
+        Status.SKIPPED,
+        Status.PASSED,
+    ]
+
+
 def test_an_interrupt_gives_up_the_step_and_tidies_up(open_bus: Callable[[], can.BusABC]) -> None:
     interrupt = Interrupt()
     options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())

@@ -15,10 +15,8 @@ def test_an_interface_is_written_as_the_command_line_takes_it() -> None:
     assert str(Attached("socketcan", "can0", "down")) == "-i socketcan -c can0 (down)"
 
 
-def test_drivers_that_load_and_why_others_do_not() -> None:
-    loaded = drivers()
-    assert loaded["virtual"] == ""
-    assert all("\n" not in failure for failure in loaded.values())
+def test_drivers_that_load() -> None:
+    assert drivers()["virtual"]
 
 
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may open everything")

@@ -124,6 +124,8 @@ KEYS: list[tuple[str, Controls]] = [
     ("x", Controls()),
     ("jj", Controls(top=2)),
     ("jjk", Controls(top=1)),
+    ("\x0e\x0e\x10", Controls(top=1)),
+    ("/a\x0e", Controls(part="a", typing=True)),
     ("k", Controls()),
     ("/", Controls(typing=True)),
     ("/goto\r", Controls(part="goto")),
