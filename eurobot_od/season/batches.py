@@ -30,7 +30,7 @@ CHUNK = 1 << 21
 ENTRIES = 1 << 14
 """Entries that are taken at once where a reader gives them one by one."""
 
-ROWS = 1 << 18
+ROWS = 1 << 17
 """A batch has about so many entries, if the log has."""
 
 USUAL = (

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -74,15 +75,17 @@ class MessageDecoding:
     """How the frames of one message become the rows of its `table`, and what may be wrong with them."""
 
     def __init__(self, binding: Binding, table: str, answers: str) -> None:
-        columns = message_columns(binding, tables.PLACE)
+        place = [each.name for each in tables.PLACE]
+        columns = message_columns(binding, place)
         self.table, self.schema = table, _message_schema(binding, columns, answers)
-        self.checks = defects.MessageChecks(binding)
+        self._checks = defects.MessageChecks(binding)
         self._readable = readable(binding)
-        self._columns = [*tables.PLACE, *(each.expression.alias(each.name) for each in columns)]
+        self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
 
-    def rows(self, frames: pl.DataFrame) -> pl.DataFrame:
-        """Decode the frames that are long enough."""
-        return frames.filter(self._readable).select(self._columns)
+    def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
+        """Return the rows of the frames that are long enough, and what is wrong with them all."""
+        wrong = list(self._checks.defects(frames))
+        return (frames.filter(self._readable) if wrong else frames).select(self._columns), wrong
 
 
 EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
@@ -99,14 +102,14 @@ def _message_schema(binding: Binding, columns: Iterable[FieldColumn], answers: s
         "receivers": ", ".join(binding.receivers),
         "answers": answers,
     }
-    schema = pa.schema([*tables.PLACE.items(), *plain], said)
+    schema = pa.schema([*tables.PLACE, *plain], said)
     return tables.with_metadata(schema, {each.name: each.metadata for each in columns})
 
 
 TYPES = {
     "large_string": pa.string(),
     "large_binary": pa.binary(),
-    "dictionary<values=large_string, indices=uint32, ordered=0>": tables.PLACE["run"],
+    "dictionary<values=large_string, indices=uint32, ordered=0>": tables.WORD,
 }
 """Types for which other programs know a simpler one."""
 
@@ -115,6 +118,9 @@ TYPES = {
 
 ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
 """How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
+
+MANY = 1 << 16
+"""So many frames of a message are decoded and written at once, if there are."""
 
 UNREPEATED = (*ENCODINGS, "data")
 """Columns whose values seldom come again: a dictionary of them would be in vain."""
@@ -142,8 +148,30 @@ class _Table:
             self._writer.write_table(rows.select(self._schema.names).to_arrow().cast(self._schema))
 
 
+class _MessageTable:
+    """The table of a message; its frames are kept until there are MANY, as to decode and write a few costs as much."""
+
+    def __init__(self, decoding: MessageDecoding, table: _Table) -> None:
+        self._decoding, self._table = decoding, table
+        self._kept: list[pl.DataFrame] = []
+
+    def take(self, frames: pl.DataFrame) -> list[pl.DataFrame]:
+        """Take frames; return what is wrong with those that are written now."""
+        self._kept.append(frames)
+        return self.flush() if sum(map(len, self._kept)) >= MANY else []
+
+    def flush(self) -> list[pl.DataFrame]:
+        """Decode and write the frames that are kept; return what is wrong with them."""
+        if not self._kept:
+            return []
+        rows, wrong = self._decoding(pl.concat(self._kept))
+        self._kept.clear()
+        self._table.write(rows)
+        return wrong
+
+
 class RunTables:
-    """All tables of a run, each a file in a folder."""
+    """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
 
     def __init__(self, folder: Path, run: str, decoding: Decoding) -> None:
         self._folder, self._run, self._decoding = folder, run, decoding
@@ -153,7 +181,8 @@ class RunTables:
             self._table(name, tables.with_metadata(tables.SCHEMAS[name], {})) for name in (tables.FRAMES, tables.DAMAGE)
         )
         self._messages = {
-            cob_id: (each, self._table(each.table, each.schema)) for cob_id, each in decoding.messages.items()
+            cob_id: _MessageTable(each, self._table(each.table, each.schema))
+            for cob_id, each in decoding.messages.items()
         }
         self._counts = {"frames": 0, "damage": 0}
         self._ends: dict[str, float | None] = {"start": None, "end": None}
@@ -166,8 +195,10 @@ class RunTables:
     def __enter__(self) -> RunTables:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        with self._stack:
+            if error is None:
+                self._write_damage(wrong for each in self._messages.values() for wrong in each.flush())
 
     def row(self) -> dict[str, Any]:
         """Return whose frames they are, how much was written, and when it began and ended."""
@@ -175,30 +206,35 @@ class RunTables:
 
     def take(self, batch: Batch) -> None:
         """Decode and write a batch."""
-        run = pl.lit(self._run).cast(pl.Categorical).alias("run")
-        frames = batch.frames.with_columns(run, *FROM_DATA)
-        wrong = [batch.foreign, *self._of_messages(frames)]
-        damage = pl.concat([each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong]).sort("line")
+        frames = batch.frames.with_columns(self._constant, *FROM_DATA)
         self._frames.write(frames)
-        self._damage.write(damage.with_columns(run, pl.col("kind").cast(pl.Categorical)))
-        self._count(batch, len(damage))
+        self._write_damage((batch.foreign, *self._of_messages(frames)))
+        self._count(batch)
+
+    @cached_property
+    def _constant(self) -> pl.Expr:
+        return pl.lit(self._run).cast(pl.Categorical).alias("run")
 
     def _of_messages(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
         """Write the messages; yield what is wrong with them and with all other frames."""
         others = []
         for (cob_id,), some in frames.partition_by("cob_id", as_dict=True).items():
-            if int(cob_id) not in self._messages:
+            if int(cob_id) in self._messages:
+                yield from self._messages[int(cob_id)].take(some)
+            else:
                 others.append(some)
-                continue
-            message, table = self._messages[int(cob_id)]
-            table.write(message.rows(some))
-            yield from message.checks.defects(some)
         if others:
             yield from defects.of_others(pl.concat(others), self._decoding.services)
 
-    def _count(self, batch: Batch, damaged: int) -> None:
+    def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
+        parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]
+        if parts:
+            damage = pl.concat(parts).sort("line")
+            self._damage.write(damage.with_columns(self._constant, pl.col("kind").cast(pl.Categorical)))
+            self._counts["damage"] += len(damage)
+
+    def _count(self, batch: Batch) -> None:
         self._counts["frames"] += len(batch.frames)
-        self._counts["damage"] += damaged
         times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
         if times:
             begin = self._ends["start"]
