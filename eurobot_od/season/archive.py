@@ -2,15 +2,18 @@
 
 Rule of this file: a log is in the season whole or not at all, and once. Its name there comes from its bytes and from
 those of the EDS files, so that the same file again, under whatever name, is known; its row in `runs` is put in place
-last, after all its other files, so that a run that was broken off is done again.
+last, after all its other files, so that a run that was broken off is done again. Any number of processes may work on
+one season at once: each makes its runs in folders of its own; of two with the same bytes the last one is there.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import secrets
 import shutil
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -68,9 +71,35 @@ def archive(
     for file in files:
         with file.open("rb") as opened:
             formats.form_of(opened, form)  # complains before anything is done
-    (season / BEGUN).mkdir(parents=True, exist_ok=True)
     archiver = Archiver(season, network, form, unwatched if workers.executor else told)
-    yield from blocks.run(archiver, files, workers._replace(block=BLOCK))
+    with _begun(season / BEGUN):
+        yield from blocks.run(archiver, files, workers._replace(block=BLOCK))
+
+
+@contextmanager
+def _begun(folder: Path) -> Iterator[None]:
+    """Have the folder in which runs are made; what is left of one that was broken off goes if nobody else works there.
+
+    Who works there has locked it, until the operating system ends that with its program; elsewhere than on POSIX, and
+    on a file system without locks, it stays.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if os.name != "posix":
+        yield
+        return
+    from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):
+            flock(descriptor, LOCK_EX | LOCK_NB)
+            for left in folder.iterdir():
+                shutil.rmtree(left, ignore_errors=True)
+        with suppress(OSError):
+            flock(descriptor, LOCK_SH)
+        yield
+    finally:
+        os.close(descriptor)
 
 
 @dataclass(frozen=True)
@@ -101,8 +130,7 @@ class Archiver:
     def _put(self, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
         """Write all tables of a run, and move them into the season; return its row in the table `runs`."""
         run = known["run"]
-        begun = self.season / BEGUN / run
-        shutil.rmtree(begun, ignore_errors=True)  # what a run left that was broken off
+        begun = self.season / BEGUN / f"{run}.{secrets.token_hex(4)}"
         try:
             with RunTables(begun, run, self._decoding) as written:
                 for batch in batches(file, self.form):

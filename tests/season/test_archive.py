@@ -15,7 +15,7 @@ from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
-from eurobot_od.season.archive import BEGUN, Archiver, archive
+from eurobot_od.season.archive import BEGUN, Archived, Archiver, archive
 from eurobot_od.season.tables import table_names
 from eurobot_od.season.writing import Network
 from tests.season.seasons import table, write_log
@@ -82,7 +82,7 @@ def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> N
     left = season / BEGUN / run / "frames"
     left.mkdir(parents=True)
     (left / f"{run}.parquet").write_bytes(b"half")
-    assert not Archiver(season, NETWORK)(log).known
+    assert [each.known for each in archive([log], season, NETWORK)] == [False]
     assert len(table(season, "frames")) == len(FRAMES)
     assert list((season / BEGUN).iterdir()) == []
 
@@ -99,6 +99,19 @@ def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
 
 def table_files(season: Path, name: str) -> list[tuple[str, bytes]]:
     return [(file.name, file.read_bytes()) for file in sorted((season / name).iterdir())]
+
+
+def test_two_copies_at_once_are_one_run(log: Path, tmp_path: Path) -> None:
+    season, copy, other = tmp_path / "season", tmp_path / "copy.log", list[Archived]()
+    shutil.copy(log, copy)
+
+    def meanwhile(_: int) -> None:
+        other.append(Archiver(season, NETWORK)(copy))
+
+    archived = Archiver(season, NETWORK, told=meanwhile)(log)
+    assert [each.run for each in other] == [archived.run]
+    assert len(table_rows(season)) == 1
+    assert len(table(season, "frames")) == len(FRAMES)
 
 
 def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> None:
