@@ -119,7 +119,10 @@ class Season:
             parts = " UNION ALL BY NAME ".join(_read_files(files) for files in self._alike(table))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         if MESSAGES in words and MESSAGES not in self.files:
-            connection.register(MESSAGES, self.messages)
+            connection.register(
+                "known", self.messages
+            )  # of a table that is not its own DuckDB cannot tell how far it is
+            connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
 
 
 @contextmanager
@@ -131,7 +134,8 @@ def _watched(connection: duckdb.DuckDBPyConnection, told: Told) -> Iterator[None
 
     def watch() -> None:
         while not over.wait(INTERVAL):
-            told(max(0, round(connection.query_progress())))  # negative where DuckDB cannot tell
+            if (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
+                told(round(done))
 
     thread = Thread(target=watch, daemon=True)
     thread.start()
