@@ -8,16 +8,15 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Generator, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from eurobot_od.cli import progress
 from eurobot_od.errors import LocalError
-from eurobot_od.sdo.client import unwatched
 
 if TYPE_CHECKING:
     from eurobot_od.logs.entries import LogEntry
+    from eurobot_od.sdo.client import Progress
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
@@ -84,13 +83,20 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             file: BinaryIO = sys.stdin.buffer
         else:
             file = stack.enter_context(Path(log).open("rb", buffering=0))
-        descriptor = file.fileno()
-        said = os.fstat(descriptor)
-        if stat.S_ISREG(said.st_mode):
-            draw = stack.enter_context(progress.bar(log, after=progress.SHORT)) if is_watched else unwatched
+        said = os.fstat(file.fileno())
+        if not stat.S_ISREG(said.st_mode):
+            yield io.BufferedReader(Read(file, lambda _: sys.stdout.flush()), CHUNK)
+        elif is_watched and sys.stderr.isatty():
+            draw = stack.enter_context(_bar(log))
             yield io.BufferedReader(Read(file, lambda done: draw(done, said.st_size)))
         else:
-            yield io.BufferedReader(Read(file, lambda _: sys.stdout.flush()), CHUNK)
+            yield io.BufferedReader(Read(file, lambda _: None))
+
+
+def _bar(log: str) -> AbstractContextManager[Progress]:
+    from eurobot_od.cli import progress  # where it is not needed, a command starts without
+
+    return progress.bar(log, after=progress.SHORT)
 
 
 class Read(io.RawIOBase):

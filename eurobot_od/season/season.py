@@ -119,9 +119,8 @@ class Season:
             parts = " UNION ALL BY NAME ".join(_read_files(files) for files in self._alike(table))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         if MESSAGES in words and MESSAGES not in self.files:
-            connection.register(
-                "known", self.messages
-            )  # of a table that is not its own DuckDB cannot tell how far it is
+            # Copied: how far a query is, DuckDB can tell only of tables of its own.
+            connection.register("known", self.messages)
             connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
 
 
