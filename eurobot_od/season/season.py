@@ -97,7 +97,7 @@ class Season:
         """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
 
         `values` are those of `$name` in the query; those that it does not name are left out. `told` hears now and then,
-        in another thread, how far the query is.
+        in another thread, how far the query is, and at the end that it is done.
         """
         import duckdb
 
@@ -143,6 +143,7 @@ def _watched(connection: duckdb.DuckDBPyConnection, told: Told) -> Iterator[None
     finally:
         over.set()
         thread.join()
+    told(100)
 
 
 def _read_files(files: list[Path]) -> str:

@@ -15,13 +15,7 @@ from eurobot_od.cli import progress as module
 from eurobot_od.cli.progress import LONG, PERCENT, REDRAWN, bar, counted, line
 from eurobot_od.robot.dialects import eds_folder
 from eurobot_od.sdo.client import unwatched
-
-
-class Terminal(io.StringIO):
-    """A stream that is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
+from tests.cli.console import Terminal
 
 
 @pytest.mark.parametrize(
