@@ -85,12 +85,12 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             file = stack.enter_context(Path(log).open("rb", buffering=0))
         said = os.fstat(file.fileno())
         if not stat.S_ISREG(said.st_mode):
-            yield io.BufferedReader(Read(file, lambda _: sys.stdout.flush()), CHUNK)
+            yield io.BufferedReader(Source(file, lambda _: sys.stdout.flush()), CHUNK)
         elif is_watched and sys.stderr.isatty():
             draw = stack.enter_context(_bar(log))
-            yield io.BufferedReader(Read(file, lambda done: draw(done, said.st_size)))
+            yield io.BufferedReader(Source(file, lambda done: draw(done, said.st_size)))
         else:
-            yield io.BufferedReader(Read(file, lambda _: None))
+            yield io.BufferedReader(Source(file, lambda _: None))
 
 
 def _bar(log: str) -> AbstractContextManager[Progress]:
@@ -99,7 +99,7 @@ def _bar(log: str) -> AbstractContextManager[Progress]:
     return progress.bar(log, after=progress.SHORT)
 
 
-class Read(io.RawIOBase):
+class Source(io.RawIOBase):
     """What a file or a pipe gives; `told` hears before each read how many bytes have been read."""
 
     def __init__(self, file: BinaryIO, told: Callable[[int], object]) -> None:
