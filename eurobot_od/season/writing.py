@@ -119,11 +119,11 @@ TYPES = {
 ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
 """How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
 
-MANY = 1 << 16
-"""So many frames of a message are decoded and written at once, if there are."""
-
 UNREPEATED = (*ENCODINGS, "data")
 """Columns whose values seldom come again: a dictionary of them would be in vain."""
+
+MANY = 1 << 16
+"""So many frames of a message are decoded and written at once, if there are."""
 
 
 class _Table:
