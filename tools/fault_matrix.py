@@ -10,6 +10,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from functools import cache, partial
+from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.campaign import blocks
@@ -186,4 +187,4 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(import_module("fault_matrix").main())  # other processes find it by this name

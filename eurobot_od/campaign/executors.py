@@ -5,12 +5,12 @@ Rule of this file: an executor of `concurrent.futures` is all that a campaign se
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from typing import NamedTuple
 
-from eurobot_od.campaign.processes import Processes, cores
 from eurobot_od.errors import LocalError
 
 DASK = "dask://"
@@ -39,12 +39,19 @@ class Workers(NamedTuple):
 HERE = Workers()
 
 
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @contextmanager
 def local(number: int) -> Iterator[Workers]:
     """Give so many processes of this machine; one is this process itself. They end with the `with` block."""
     if number == 1:
         yield HERE
         return
+    from eurobot_od.campaign.processes import Processes
+
     with Processes(number) as executor:
         yield Workers(number, executor)
 

@@ -17,11 +17,6 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 class Processes(ProcessPoolExecutor):
     """So many processes; at the end of the `with` block they end at once, whatever they are doing.
 

@@ -1,7 +1,7 @@
 """Results as rows of Parquet and back: named tuples and data classes, by the types of their fields.
 
-Rule of this file: what comes back is equal to what was written. Numbers, texts, paths, enums, lists, tuples, mappings
-from texts, values that may be None, and records of all these are all that a record may have.
+Rule of this file: what comes back is equal to what was written. Numbers, texts, bytes, paths, enums, lists, tuples,
+mappings from texts, values that may be None, and records of all these are all that a record may have.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ SIMPLE: Mapping[object, pa.DataType] = {
     float: pa.float64(),
     str: pa.string(),
     bool: pa.bool_(),
+    bytes: pa.binary(),
     Path: pa.string(),
 }
 

@@ -105,7 +105,7 @@ def tap(results: Iterable[SuiteResult]) -> Iterator[str]:
         for step in result.steps:
             number += 1
             yield from _tap_step(number, result, step)
-        if result.error is not None:
+        if result.error:
             yield one_line(f"Bail out! {result.error}")
     yield f"1..{number}"
 
@@ -195,7 +195,7 @@ def as_data(results: Sequence[SuiteResult]) -> list[dict[str, Any]]:
             "how": result.how,
             "seconds": round(result.seconds, 6),
             "skipped": result.skipped or None,
-            "error": None if result.error is None else str(result.error),
+            "error": result.error or None,
             "steps": [_step_data(step) for step in result.steps],
         }
         for result in results

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.check.patterns import Mismatch
-from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.yaml_places import Place
 
@@ -72,7 +71,7 @@ class SuiteResult:
     steps: tuple[StepResult, ...] = ()
     seconds: float = 0.0
     skipped: str = ""
-    error: BusError | None = None
+    error: str = ""
 
     def count(self, *statuses: Status) -> int:
         """Return how many steps ended in one of some ways."""
@@ -82,3 +81,10 @@ class SuiteResult:
     def failed(self) -> bool:
         """Whether a step is red."""
         return self.count(Status.FAILED) > 0
+
+
+class CheckedSeed(NamedTuple):
+    """How all suites ended for one seed of the simulation."""
+
+    seed: int
+    suites: tuple[SuiteResult, ...]

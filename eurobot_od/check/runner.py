@@ -94,7 +94,7 @@ class Runner:
         self._suite, self._bench, self._options, self._trace = suite, bench, options, bench.trace
         self._results: list[StepResult] = []
         self._stopped = False
-        self._error: BusError | None = None
+        self._error = ""
 
     async def run(self, how: str) -> SuiteResult:
         """Run the suite, its teardown in any case; `how` names the bench for reports."""
@@ -103,7 +103,7 @@ class Runner:
         self._start = self._trace.now
         self._doer = Doer(suite.timeout, suite.decoder, self._bench)
         await self._options.interrupt.guard(self._until_teardown())
-        self._stopped = self._error is not None and not await self._is_back()
+        self._stopped = bool(self._error) and not await self._is_back()
         await self._section(SuitePart.TEARDOWN, suite.teardown, keep_going=True)
         return SuiteResult(suite.file, suite.name, how, tuple(self._results), self._since_start, error=self._error)
 
@@ -141,7 +141,7 @@ class Runner:
         try:
             status, reason = await self._judge(step)
         finally:
-            ends_all = self._error is not None or not (status in GOES_ON or keep_going)
+            ends_all = bool(self._error) or not (status in GOES_ON or keep_going)
             self._stopped = self._stopped or ends_all
             took = self._since_start - started
             self._tell(StepResult(section, name, step.place, status, started, took, reason))
@@ -172,7 +172,7 @@ class Runner:
         except (LocalError, RemoteError) as error:
             status, reason = Status.FAILED, Reason(str(error))
         except BusError as error:
-            self._error = error
+            self._error = str(error)
             status, reason = Status.BUS_FAILED, Reason(str(error))
         frames = (
             Line(time - self._start, own, frame, self._doer.words(frame))

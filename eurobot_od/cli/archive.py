@@ -17,7 +17,8 @@ from eurobot_od.cli import ExitStatus, options
 
 if TYPE_CHECKING:
     from eurobot_od.sdo.client import Progress
-    from eurobot_od.season.archive import Archived, Network
+    from eurobot_od.season.archive import Archived
+    from eurobot_od.season.writing import Network
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,20 +34,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Archive all logs; print a line for each."""
-    from eurobot_od.campaign.processes import cores
+    from eurobot_od.campaign import executors
     from eurobot_od.cli.progress import bar, counted
     from eurobot_od.sdo.client import unwatched
 
     with extras.needed("season"):
         from eurobot_od.season.archive import archive
     logs = list(dict.fromkeys(arguments.logs))
-    jobs = min(arguments.jobs or cores(), len(logs))
-    with bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched) as draw:
+    drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
+    with executors.workers(None, arguments.jobs, len(logs)) as workers, drawn as draw:
         told = _adding(draw, logs[0])
-        done = archive(logs, arguments.output, _network(arguments), arguments.format, jobs, told)
-        archived = list(done) if len(logs) == 1 else counted(done, len(logs), "logs", jobs)
-    for each in archived:
-        print(_line(each), flush=True)
+        done = archive(logs, arguments.output, _network(arguments), arguments.format, workers, told)
+        for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
+            print(_line(each), flush=True)
     return ExitStatus.FINE
 
 
@@ -64,12 +64,13 @@ def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
 
 
 def _network(arguments: argparse.Namespace) -> Network:
-    from eurobot_od.season.archive import Network
+    from eurobot_od.season.writing import Network
 
     decoder = options.decoder(arguments)
-    promised = options.promised(arguments, decoder)
-    answers = tuple((each.name, each.answers) for each in promised.messages if each.answers)
-    return Network(decoder.outlines, decoder.protocol.catalogue, answers)
+    names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+    promised = options.promised(arguments, decoder).messages  # one that several nodes send is there for each of them
+    answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
+    return Network(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))
 
 
 def _line(archived: Archived) -> str:

@@ -20,7 +20,7 @@ from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.check.reader import SuiteReader
-    from eurobot_od.check.results import StepResult, SuiteResult
+    from eurobot_od.check.results import CheckedSeed, StepResult, SuiteResult
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
     from eurobot_od.check.vocabulary import Networks
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
     form.add_argument("-v", "--verbose", action="store_true", help="print every step, also green and skipped ones")
     form.add_argument("-q", "--quiet", action="store_true", help="print what is red, and the last line")
-    campaign.add_workers(parser, "--simulate --repeat")
+    campaign.add_campaign(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)
 
@@ -172,7 +172,7 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
     from eurobot_od.check.runner import Interrupt
 
     interrupt = Interrupt()
-    many = arguments.simulate and arguments.repeat > 1 and (arguments.jobs or arguments.executor)
+    many = any(getattr(arguments, option) for option in campaign.OPTIONS)
     with interrupt.by_ctrl_c():
         results = list((_many_results if many else _results)(arguments, suites, interrupt))
     _report(arguments, results)
@@ -192,7 +192,7 @@ def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: 
             result = _run_one(arguments, suite, seed, interrupt)
             _show_end(arguments, result)
             yield result
-            if result.error is not None:
+            if result.error:
                 return
 
 
@@ -204,13 +204,14 @@ def _many_results(
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds by several workers, and show what `_results` shows, seed by seed."""
     from eurobot_od.campaign import blocks
+    from eurobot_od.check.results import CheckedSeed
 
     seeds = range(arguments.seed, arguments.seed + arguments.repeat)
     silent = argparse.Namespace(**{**vars(arguments), "json": True})
+    kept = campaign.results(arguments, CheckedSeed, lambda: _settings(arguments, suites))
     with campaign.workers(arguments, len(seeds)) as workers:
-        done = blocks.run(partial(_check_seed, silent), seeds, workers)
-        counted = campaign.counted(done, len(seeds), "seeds", workers, hidden=not _silent(arguments))
-        for seed, results in zip(seeds, counted):
+        done = blocks.run(partial(_check_seed, silent), seeds, workers, kept)
+        for seed, results in campaign.counted(done, len(seeds), "seeds", workers, hidden=not _silent(arguments)):
             for suite, result in zip(suites, results):
                 _show_result(arguments, suite, seed, result)
                 yield result
@@ -218,13 +219,29 @@ def _many_results(
                 return
 
 
-def _check_seed(arguments: argparse.Namespace, seed: int) -> list[SuiteResult]:
+DEPENDED_ON = ("dialect", "eds", "network", "fault", "tag", "step", "conformance", "destructive", "keep_going")
+"""Options that the results of a seed depend on."""
+
+
+def _settings(arguments: argparse.Namespace, suites: Sequence[Suite]) -> dict[str, str]:
+    """Return all that the results of any seeds depend on: the options, and what the files have in them."""
+    from eurobot_od.campaign.files import digest_of
+
+    named = [Path(each.file) for each in shared.named_files(arguments)]
+    folders = {dialects.folder(suite.dialect or arguments.dialect) for suite in suites}
+    eds = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
+    given = {name: str(getattr(arguments, name)) for name in DEPENDED_ON}
+    return {"campaign": "checks", **given, "files": digest_of([*(suite.file for suite in suites), *named, *eds])}
+
+
+def _check_seed(arguments: argparse.Namespace, seed: int) -> CheckedSeed:
     """Run all suites for one seed, in any process."""
     from eurobot_od.check.reader import SuiteReader
+    from eurobot_od.check.results import CheckedSeed
     from eurobot_od.check.runner import Interrupt
 
     suites = _suites(arguments, SuiteReader(_networks(arguments, lambda _: None), arguments.dialect))
-    return [_run_one(arguments, suite, seed, Interrupt()) for suite in suites]
+    return CheckedSeed(seed, tuple(_run_one(arguments, suite, seed, Interrupt()) for suite in suites))
 
 
 def _show_result(arguments: argparse.Namespace, suite: Suite, seed: int, result: SuiteResult) -> None:

@@ -6,14 +6,11 @@ Lines go to standard output, progress and the report to standard error.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.logs import add_log, entries, opened
-from eurobot_od.cli.terminal import redraws
 from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
@@ -22,9 +19,6 @@ if TYPE_CHECKING:
     from eurobot_od.logs.output import Output
 
 BIT_RATE = 500_000
-PROGRESS_FROM = 8 << 20
-PROGRESS_STEP = 1 << 20
-"""A log of this many bytes or more shows its progress, every time that so much has been written."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -80,8 +74,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     decoding = Decoding(decoder, output, filters(arguments, decoder), window)
     sys.stdout.write(output.header)
     for log in arguments.logs:
-        with opened(log) as file:
-            sys.stdout.writelines(_watched(decoding.lines(file, log, arguments.format, arguments.largest), file))
+        with opened(log, is_watched=not sys.stdout.isatty()) as file:
+            sys.stdout.writelines(decoding.lines(file, log, arguments.format, arguments.largest))
     sys.stdout.flush()
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
@@ -137,27 +131,3 @@ def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
     if arguments.node:
         wanted.append(by_node(arguments.node, [each.name for each in decoder.outlines]))
     return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
-
-
-# Progress
-
-
-def _watched(lines: Iterable[str], file: BinaryIO) -> Iterator[str]:
-    """Show on a terminal how far a long log is read."""
-    shown = redraws(sys.stderr) and not sys.stdout.isatty() and file.seekable()
-    size = os.fstat(file.fileno()).st_size if shown else 0
-    if size < PROGRESS_FROM:
-        yield from lines
-        return
-    written = 0
-    for line in lines:
-        if written % PROGRESS_STEP < len(line):
-            sys.stderr.write(f"\r{bar(file.tell() / size)}")
-        written += len(line)
-        yield line
-    sys.stderr.write("\r" + " " * len(bar(1.0)) + "\r")
-
-
-def bar(share: float, width: int = 40) -> str:
-    """Draw a bar for a share of 0.0 to 1.0."""
-    return f"[{'#' * round(share * width):{width}}] {share:4.0%}"

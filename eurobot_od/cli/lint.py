@@ -8,7 +8,7 @@ from __future__ import annotations
 import gc
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, complain
@@ -92,7 +92,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 def _run_files(arguments: Namespace) -> ExitStatus:
     findings: list[Finding] = []
     unreadable: list[DictionaryError] = []
-    for file in arguments.files:
+    for file in _counted(arguments.files):
         try:
             findings += lint(read_bytes(file), file)
         except DictionaryError as error:
@@ -102,6 +102,15 @@ def _run_files(arguments: Namespace) -> ExitStatus:
     for each in unreadable:
         complain(str(each))
     return ExitStatus.WRONG_INPUT if unreadable else status
+
+
+def _counted(files: Sequence[str]) -> Iterable[str]:
+    """Pass on files, and tell how far it is with them if there are several."""
+    if len(files) == 1:
+        return files
+    from eurobot_od.cli.progress import counted
+
+    return counted(files, len(files), "files", at_once=1)
 
 
 def read_network(files: Sequence[str]) -> LintedNetwork:

@@ -8,14 +8,15 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.logs.entries import LogEntry
+    from eurobot_od.sdo.client import Progress
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
@@ -54,41 +55,62 @@ def _bytes(text: str) -> int:
     return number
 
 
-def entries(logs: list[str], arguments: argparse.Namespace) -> Generator[tuple[str, LogEntry], None, None]:
-    """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`."""
+def entries(
+    logs: list[str], arguments: argparse.Namespace, is_watched: bool = True
+) -> Generator[tuple[str, LogEntry], None, None]:
+    """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`.
+
+    A terminal sees how far a log is that takes its time, unless it is not to be watched.
+    """
     from eurobot_od.logs import formats
 
     for log in logs:
-        with opened(log) as file:
+        with opened(log, is_watched) as file:
             for entry in formats.read(file, arguments.format, arguments.largest):
                 yield log, entry
 
 
 @contextmanager
-def opened(log: str) -> Iterator[io.BufferedReader]:
-    """Open a log. What was decoded of lines from a pipe is shown before the next ones are waited for."""
-    if log != STANDARD_INPUT:
-        with Path(log).open("rb") as file:
-            yield file
-        return
-    if sys.stdin is None:
-        raise LocalError("standard input is closed")
-    standard: io.BufferedReader = sys.stdin.buffer  # type: ignore[assignment]  # as it is, unless a program replaces it
-    is_file = stat.S_ISREG(os.fstat(standard.fileno()).st_mode)
-    yield standard if is_file else io.BufferedReader(Pipe(standard.fileno(), sys.stdout.flush), CHUNK)
+def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
+    """Open a log; a terminal sees how far it is read if it takes its time, unless it is not to be watched.
+
+    What was decoded of lines from a pipe is shown before the next ones are waited for.
+    """
+    with ExitStack() as stack:
+        if log == STANDARD_INPUT:
+            if sys.stdin is None:
+                raise LocalError("standard input is closed")
+            file: BinaryIO = sys.stdin.buffer
+        else:
+            file = stack.enter_context(Path(log).open("rb", buffering=0))
+        said = os.fstat(file.fileno())
+        if not stat.S_ISREG(said.st_mode):
+            yield io.BufferedReader(Source(file, lambda _: sys.stdout.flush()), CHUNK)
+        elif is_watched and sys.stderr.isatty():
+            draw = stack.enter_context(_bar(log))
+            yield io.BufferedReader(Source(file, lambda done: draw(done, said.st_size)))
+        else:
+            yield io.BufferedReader(Source(file, lambda _: None))
 
 
-class Pipe(io.RawIOBase):
-    """The reading end of a pipe or a terminal; `before_waiting` is called before each read."""
+def _bar(log: str) -> AbstractContextManager[Progress]:
+    from eurobot_od.cli import progress  # where it is not needed, a command starts without
 
-    def __init__(self, descriptor: int, before_waiting: Callable[[], object]) -> None:
-        self._descriptor, self._before_waiting = descriptor, before_waiting
+    return progress.bar(log, after=progress.SHORT)
+
+
+class Source(io.RawIOBase):
+    """What a file or a pipe gives; `told` hears before each read how many bytes have been read."""
+
+    def __init__(self, file: BinaryIO, told: Callable[[int], object]) -> None:
+        self.name, self._descriptor, self._told, self._read = file.name, file.fileno(), told, 0
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        self._before_waiting()
+        self._told(self._read)
         data = os.read(self._descriptor, len(buffer))
         buffer[: len(data)] = data
+        self._read += len(data)
         return len(data)

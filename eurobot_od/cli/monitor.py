@@ -128,7 +128,7 @@ def _source(arguments: argparse.Namespace) -> Source:
 
     if not arguments.logs:
         return BusSource(options.open_bus(arguments), opener=options.opener(arguments))
-    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments))
+    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments, is_watched=False))
     return LogSource(timed, arguments.speed)
 
 

@@ -195,12 +195,10 @@ def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
     """Return what a decoder's devices send and how often, as far as that is known: nothing if a period is missing."""
     from eurobot_od.load.network_set import network_set
     from eurobot_od.load.seen import NOTHING
-    from eurobot_od.robot import traffic
 
     try:
-        if not named_files(arguments):
-            return traffic.message_set(arguments.dialect)
-        path = arguments.network or network.DEFAULT
+        named = named_files(arguments)
+        path = arguments.network or network.DEFAULT if named else str(dialects.network_file())
         rows = network.read_network(path) if os.path.exists(path) else NetworkFile([])  # noqa: PTH110
         names = {each.cob_id: each.name for each in decoder.protocol.bindings}
         return network_set(decoder.outlines, names, rows, path)

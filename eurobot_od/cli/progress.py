@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import TextIO, TypeVar
+from typing import NamedTuple, TextIO, TypeVar
 
 from eurobot_od.cli.terminal import redraws
 from eurobot_od.escaping import one_line
@@ -19,9 +19,29 @@ REDRAWN = 0.1
 """Seconds between two drawings."""
 
 
+class Unit(NamedTuple):
+    """What is counted, the word for so many of it a second, and how many of it that is."""
+
+    name: str
+    rate: str
+    number: int
+
+
+BYTES, PERCENT = Unit("bytes", "kB/s", 1000), Unit("%", "%/s", 1)
+
+
 @contextmanager
-def bar(what: str, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> Iterator[Progress]:
-    """Give a function that draws the bar; the bar is gone at the end. Without a terminal nothing is drawn."""
+def bar(
+    what: str,
+    stream: TextIO | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    unit: Unit = BYTES,
+    after: float = 0.0,
+) -> Iterator[Progress]:
+    """Give a function that draws the bar; the bar is gone at the end. Without a terminal nothing is drawn.
+
+    Nothing is drawn of what does not take longer than `after` s either.
+    """
     out = stream or sys.stderr
     if not redraws(out):
         yield unwatched
@@ -32,10 +52,10 @@ def bar(what: str, stream: TextIO | None = None, clock: Callable[[], float] = ti
     def draw(done: int, size: int | None) -> None:
         nonlocal drawn, width
         now = clock()
-        if width and now - drawn < REDRAWN and done != size:
+        if now - started < after or (width and now - drawn < REDRAWN and done != size):
             return
         drawn = now
-        text = line(what, done, size, now - started)
+        text = line(what, done, size, now - started, unit)
         out.write("\r" + text.ljust(width))
         out.flush()
         width = max(width, len(text))
@@ -43,20 +63,22 @@ def bar(what: str, stream: TextIO | None = None, clock: Callable[[], float] = ti
     try:
         yield draw
     finally:
-        out.write("\r" + " " * width + "\r")
-        out.flush()
+        if width:
+            out.write("\r" + " " * width + "\r")
+            out.flush()
 
 
-def line(what: str, done: int, size: int | None, seconds: float) -> str:
-    """Return the bar as text: share, bytes, bytes per second, and from `SHORT` on how long it still takes."""
+def line(what: str, done: int, size: int | None, seconds: float, unit: Unit = BYTES) -> str:
+    """Return the bar as text: share, number, number per second, and from `SHORT` on how long it still takes."""
     what = one_line(what)
-    rate = f"{done / seconds / 1000:.1f} kB/s" if seconds > 0 else ""
+    rate = f"{done / seconds / unit.number:.1f} {unit.rate}" if seconds > 0 else ""
     if size and done and seconds >= SHORT:
         rate += f", about {_about(seconds / done * (size - done))} left"
     if not size:
-        return f"{what}  {done} bytes  {rate}".rstrip()
+        return f"{what}  {done} {unit.name}  {rate}".rstrip()
     filled = done * WIDTH // size
-    return f"{what}  {'█' * filled}{'░' * (WIDTH - filled)} {done / size:4.0%}  {done} of {size} bytes  {rate}".rstrip()
+    drawn = f"{'█' * filled}{'░' * (WIDTH - filled)} {done / size:4.0%}"
+    return f"{what}  {drawn}  {done} of {size} {unit.name}  {rate}".rstrip()
 
 
 SHORT = 2.0

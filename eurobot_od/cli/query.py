@@ -9,10 +9,10 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from eurobot_od import extras
-from eurobot_od.cli import options, output
+from eurobot_od.cli import options, output, progress
 from eurobot_od.errors import LocalError, UnknownName
 
 if TYPE_CHECKING:
@@ -49,10 +49,15 @@ def run(arguments: argparse.Namespace) -> None:
         print("\n".join(f"{name:{width}}  {report.title}" for name, report in reports().items()))
         return
     season, report = Season.open(arguments.season), _report(arguments.report)
-    values = {"bitrate": arguments.bitrate}
-    rows = season.sql(report.sql if report else arguments.sql, values) if report or arguments.sql else _tables(season)
-    if arguments.plot is not None:
-        output.write(arguments.plot, _picture(season, report, rows, arguments.sql, values))
+    question = report.sql if report else arguments.sql
+    with progress.bar(str(arguments.season), unit=progress.PERCENT, after=progress.SHORT) as draw:
+
+        def ask(sql: str) -> pl.DataFrame:
+            return season.sql(sql, {"bitrate": arguments.bitrate}, lambda done: draw(done, 100))
+
+        rows = ask(question) if question else _tables(season)
+        if arguments.plot is not None:
+            output.write(arguments.plot, _picture(ask, report, rows, arguments.sql))
     written = _json if arguments.json else _csv if arguments.csv else _table
     sys.stdout.write(written(rows))
 
@@ -83,12 +88,12 @@ def _tables(season: Season) -> pl.DataFrame:
     return pl.DataFrame(rows, ["table", "rows", "columns"], orient="row")
 
 
-def _picture(season: Season, report: Report | None, rows: pl.DataFrame, sql: str, values: Mapping[str, Any]) -> str:
+def _picture(ask: Callable[[str], pl.DataFrame], report: Report | None, rows: pl.DataFrame, sql: str) -> str:
     from eurobot_od.season.chart import chart_of, draw
 
     if report is None:
         return draw(rows, chart_of(rows), sql or "tables")
-    shown = season.sql(report.chart.sql, values) if report.chart.sql else rows
+    shown = ask(report.chart.sql) if report.chart.sql else rows
     return draw(shown, report.chart, report.title)
 
 

@@ -105,7 +105,7 @@ def _columns(log: str, arguments: argparse.Namespace, decoder: Decoder, panels: 
 
     columns, damage = Columns(Path(log).stem, decoder, arguments.bitrate or BITRATE, panels), DamageCounts()
     decode = lru_cache(REMEMBERED)(decoder)
-    for name, (line, time, _, raw) in entries([log], arguments):
+    for name, (line, time, _, raw) in entries([log], arguments, is_watched=False):
         meaning = decode(raw)
         damage.add(name, line, meaning.defects)
         columns.take(time, meaning)

@@ -156,6 +156,8 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using check' -s v -l verbose -d 'pr
 complete -c eurobot-od -n '_shtab_eurobot_od_using check' -s q -l quiet -d 'print what is red, and the last line'
 complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l jobs -x -d 'processes (default: one a core)'
 complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l executor -x -d 'the workers of a dask scheduler instead'
+complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l results -xka "(__fish_complete_path (commandline -ct))" -d 'keep all results there, as Parquet'
+complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l resume -d 'go on with what is in the folder of the results'
 complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l eds -xka "(__fish_complete_path (commandline -ct))" -d 'EDS or DCF of a device; node-ID where the file says none; repeatable'
 complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l network -xka "(__fish_complete_path (commandline -ct))" -d 'network file (YAML, or nodelist.cpj of CiA 306-3), or a folder of EDS files'
 complete -c eurobot-od -n '_shtab_eurobot_od_using check' -l dialect -x -d 'EDS files to load: canopen, firmware2014, or a folder; left out: the variable EUROBOT_OD_DIALECT, else canopen'

@@ -70,7 +70,8 @@ class Layout:
     `raws` are the raw values that the bits of each field can hold.
 
     The frame is read as one integer, in the byte order that leaves the fewest runs: a value whose slices are stored
-    most significant first is in one piece again when the frame is read as big-endian.
+    most significant first is in one piece again when the frame is read as big-endian. `runs_in` has each field's runs
+    for either order, `runs` for that one.
     Raises LayoutError for over 64 bits, and for parts of a field that overlap or leave a gap.
     """
 
@@ -86,10 +87,10 @@ class Layout:
         self.signed = frozenset(slot.field for slot in self.slots if slot.signed)
         self.raws = {field: _raws(width, field in self.signed) for field, width in self.widths.items()}
         orders: tuple[ByteOrder, ...] = ("little", "big")
-        runs = {order: self.runs_in(order) for order in orders}
+        self.runs_in = {order: self._runs_in(order) for order in orders}
         # With as many runs either way it is little-endian, CANopen's own order: `min` takes the first of equals.
-        self.byte_order: ByteOrder = min(runs, key=lambda order: sum(map(len, runs[order].values())))
-        self.runs = runs[self.byte_order]
+        self.byte_order: ByteOrder = min(orders, key=lambda order: sum(map(len, self.runs_in[order].values())))
+        self.runs = self.runs_in[self.byte_order]
 
     def _collect(self) -> dict[str, list[tuple[int, int]]]:
         """Return for each field its pairs of value bit and frame bit."""
@@ -101,8 +102,7 @@ class Layout:
             offset += bits
         return found
 
-    def runs_in(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
-        """Return each field's runs in a frame that is read in either byte order."""
+    def _runs_in(self, order: ByteOrder) -> dict[str, tuple[Run, ...]]:
         flip = 8 * (self.length - 1) if order == "big" else 0
         return {
             field: _merge([abs(flip - place // 8 * 8) + place % 8 for place in places])

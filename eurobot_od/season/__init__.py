@@ -2,7 +2,8 @@
 
     logs  ->  batches of columns      `batches`: any format, in streaming
           ->  messages and defects    `columns`, `defects`: expressions on the data as a 64-bit integer
-          ->  SEASON/TABLE/RUN.parquet   `archive`: whole or not at all, each log once; names in `tables`
+          ->  files of a run          `writing`: Parquet, table by table; names in `tables`
+          ->  SEASON/TABLE/RUN.parquet   `archive`: whole or not at all, each log once
     SEASON/  ->  lazy frames and SQL  `season`; ready questions in `reports`, their pictures in `chart`
 
 It needs the extra `season`: polars, duckdb and pyarrow. Nothing here knows which devices there are.

@@ -2,14 +2,16 @@
 
 Rule of this file: a batch says what `logs.formats.read` says of the same log, entry by entry. candump's format, which
 long logs are in, is taken apart by columns; a line in any other form than candump's and python-can's own goes through
-the format's reader, and so do all lines of the other formats. Memory holds one batch, however long the log is.
+the format's reader, and so do all lines of the other formats. Memory holds a few batches, however long the log is. As
+lines taken apart need far more than what they say, they are taken from small chunks, and batches made of many of these.
 """
 
 from __future__ import annotations
 
 import gzip
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from itertools import islice
 from typing import Any, BinaryIO, NamedTuple, cast
@@ -22,11 +24,14 @@ from eurobot_od.logs.candump import CandumpFormat
 from eurobot_od.logs.entries import LARGEST, Damage, LogEntry
 from eurobot_od.logs.lines import read_lines
 
-CHUNK = 1 << 23
+CHUNK = 1 << 21
 """Bytes of a log that are taken apart at once."""
 
-ENTRIES = 1 << 17
-"""Entries of a batch where a reader gives them one by one."""
+ENTRIES = 1 << 14
+"""Entries that are taken at once where a reader gives them one by one."""
+
+ROWS = 1 << 17
+"""A batch has about so many entries, if the log has."""
 
 USUAL = (
     r"^\((?<t>[0-9]{1,10}\.[0-9]{1,9})\) (?<channel>[!-~]+) "
@@ -34,9 +39,9 @@ USUAL = (
 )
 """A line with a classic base data frame as candump and python-can write it."""
 
-ENTRY = {"line": pl.UInt64, "t": pl.Float64, "channel": pl.String}
-FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt16, "hex": pl.String})
-FOREIGN = pl.Schema({**ENTRY, "kind": pl.String, "text": pl.String})
+ENTRY: Mapping[str, pl.DataType] = {"line": pl.UInt64(), "t": pl.Float64(), "channel": pl.Categorical()}
+FRAMES = pl.Schema({**ENTRY, "cob_id": pl.UInt16(), "data": pl.Binary()})
+FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
 
 
 class Batch(NamedTuple):
@@ -51,11 +56,42 @@ class Batch(NamedTuple):
 
 
 def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
-    """Yield the batches of an open log; errors as `logs.formats.read`."""
+    """Yield the batches of an open log, the next of which is made meanwhile; errors as `logs.formats.read`."""
+    return _ahead(_joined(_parts(file, form)))
+
+
+def _parts(file: BinaryIO, form: str | None) -> Iterator[Batch]:
     suffix, packed = formats.form_of(file, form)
     if suffix == formats.CANDUMP:
         return _candump_batches(_unpacked_chunks(file) if packed else _chunks(file))
     return _entry_batches(formats.read(file, form))
+
+
+def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:
+    """Put small batches together to such of about ROWS entries."""
+    taken, rows = list[Batch](), 0
+    for part in parts:
+        taken.append(part)
+        rows += len(part.frames) + len(part.foreign)
+        if rows >= ROWS:
+            yield _one(taken)
+            taken, rows = [], 0
+    if taken:
+        yield _one(taken)
+
+
+def _one(parts: list[Batch]) -> Batch:
+    frames, foreign, sizes = zip(*parts)
+    return Batch(pl.concat(frames), pl.concat(foreign), sum(sizes))
+
+
+def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
+    """Pass on batches; a thread makes the next one while the last one is worked on."""
+    with ThreadPoolExecutor(1) as thread:
+        coming = thread.submit(next, made, None)
+        while (batch := coming.result()) is not None:
+            coming = thread.submit(next, made, None)
+            yield batch
 
 
 # Entries one by one
@@ -71,7 +107,7 @@ def _batch(entries: Iterable[LogEntry]) -> Batch:
     foreign: list[tuple[Any, ...]] = []
     for line, time, channel, raw in entries:
         if isinstance(raw, Frame):
-            frames.append((line, time, channel, raw.cob_id, raw.data.hex()))
+            frames.append((line, time, channel, raw.cob_id, raw.data))
         else:
             foreign.append((line, time, channel, raw.damage.value, raw.text))
     return Batch(
@@ -151,9 +187,9 @@ def _of_lines(content: bytes, before: int, time: float) -> Batch:
     frames = usual.select(
         "line",
         pl.col("t").cast(pl.Float64),
-        "channel",
+        pl.col("channel").cast(pl.Categorical),
         pl.col("cob_id").str.to_integer(base=16, dtype=pl.UInt16),
-        "hex",
+        pl.col("hex").str.decode("hex").alias("data"),
     )
     if len(usual) == len(found) or not content:
         return Batch(frames, pl.DataFrame(schema=FOREIGN), len(content))

@@ -26,6 +26,12 @@ from eurobot_od.pdo.layout import Layout, Run
 WORD, LENGTH = "word", "length"
 """Columns that expressions are made of: the data as a little-endian integer, filled up with zeros, and its bytes."""
 
+FROM_DATA = (
+    (pl.col("data") + bytes(8)).bin.head(8).bin.reinterpret(dtype=pl.UInt64).alias(WORD),
+    pl.col("data").bin.size().alias(LENGTH),
+)
+"""How they are made of the column `data`."""
+
 UNKNOWN = "unknown"
 OUT_OF_RANGE = "out of range: "
 """What a flag says: of a value that its sender does not know; before the raw value of one that cannot be."""
@@ -73,7 +79,7 @@ class _Field:
     def __init__(self, binding: Binding, field: str) -> None:
         self.binding, self.field, self.kind = binding, field, binding.kinds[field]
         self.limits, self.raws = binding.limits[field], binding.layout.raws[field]
-        self.raw = _raw(binding, field)
+        self.raw, self.whole = _raw(binding, field), _whole(binding, field)
 
     def columns(self) -> Iterator[FieldColumn]:
         """Give the column of the values, and one of flags if there can be any."""
@@ -81,9 +87,8 @@ class _Field:
         value = FORMS[self.kind.column_form](self)
         said = {"unit": self.kind.unit, "allowed": self.kind.allowed(self.limits)}
         said["null"] = f"see {self.field}_flag" if flags else "never"
-        whole = self._whole()
-        if whole is not None:
-            value = pl.when(~whole).then(value)
+        if self.whole is not None:
+            value = pl.when(~self.whole).then(value)
         yield FieldColumn(self.field, value, {key: text for key, text in said.items() if text})
         if flags:
             words = ", ".join([*self._codes().values(), f"{OUT_OF_RANGE}RAW VALUE"])
@@ -95,12 +100,12 @@ class _Field:
         if sum(map(_count, ranges)) == _count(self.raws):
             return None
         inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
-        whole = self._whole()
-        return pl.when(~pl.any_horizontal(*inside, *([] if whole is None else [whole]))).then(self.raw)
+        inside += [] if self.whole is None else [self.whole]
+        return pl.when(~pl.any_horizontal(*inside)).then(self.raw)
 
     def _flags(self) -> list[pl.Expr]:
-        whole, outside = self._whole(), self.outside()
-        flags: list[pl.Expr] = [] if whole is None else [pl.when(whole).then(pl.lit(UNKNOWN))]
+        outside = self.outside()
+        flags: list[pl.Expr] = [] if self.whole is None else [pl.when(self.whole).then(pl.lit(UNKNOWN))]
         flags += [pl.when(self.raw == raw).then(pl.lit(word)) for raw, word in self._codes().items()]
         return flags if outside is None else [*flags, pl.lit(OUT_OF_RANGE) + outside.cast(pl.String)]
 
@@ -119,13 +124,6 @@ class _Field:
         (numbers,) = self._plain_ranges()
         named = self.kind.named_values().items()
         return {raw: word for raw, word in named if raw in self.raws and raw not in numbers}
-
-    def _whole(self) -> pl.Expr | None:
-        """Return whether this field is unknown together with others, None if it cannot be."""
-        unknown = self.binding.unknown
-        if unknown is None or self.field not in unknown.codes:
-            return None
-        return pl.all_horizontal(*(_raw(self.binding, field) == code for field, code in unknown.codes.items()))
 
     # Values
 
@@ -192,6 +190,14 @@ def _fits(numbers: range, bits: int) -> bool:
     return -most <= numbers.start and numbers.stop <= most
 
 
+def _whole(binding: Binding, field: str) -> pl.Expr | None:
+    """Return whether a field is unknown together with others, None if it cannot be."""
+    unknown = binding.unknown
+    if unknown is None or field not in unknown.codes:
+        return None
+    return pl.all_horizontal(*(_raw(binding, each) == code for each, code in unknown.codes.items()))
+
+
 # Raw values
 
 
@@ -205,7 +211,7 @@ def _raw(binding: Binding, field: str) -> pl.Expr:
 
 
 def _mapped(layout: Layout, field: str) -> pl.Expr:
-    bits = reduce(add, map(_bits, layout.runs_in("little")[field]))
+    bits = reduce(add, map(_bits, layout.runs_in["little"][field]))
     if field not in layout.signed:
         return bits
     if layout.widths[field] == 64:
@@ -216,10 +222,6 @@ def _mapped(layout: Layout, field: str) -> pl.Expr:
 
 def _bits(run: Run) -> pl.Expr:
     """Return a run's bits at their place in the value."""
-    down = pl.col(WORD) // _unsigned(1 << run.offset) if run.offset else pl.col(WORD)
-    bits = down & _unsigned(run.mask)
-    return bits * _unsigned(1 << run.shift) if run.shift else bits
-
-
-def _unsigned(number: int) -> pl.Expr:
-    return pl.lit(number, dtype=pl.UInt64)
+    down = pl.col(WORD) // (1 << run.offset) if run.offset else pl.col(WORD)
+    bits = down & run.mask
+    return bits * (1 << run.shift) if run.shift else bits

@@ -82,7 +82,7 @@ def of_others(frames: pl.DataFrame, services: Mapping[int, CanopenService]) -> I
 FRAME = pl.concat_str(
     pl.col("cob_id").replace_strict(list(HEX_DIGITS), list(HEX_DIGITS.values()), return_dtype=pl.String),
     pl.lit("#"),
-    pl.col("hex").str.to_uppercase(),
+    pl.col("data").bin.encode("hex").str.to_uppercase(),
 )
 """A frame as people write it: `008#D27423592C0D9702`."""
 

@@ -10,9 +10,11 @@ Rule of this file: nothing is written, and nothing is read before it is asked fo
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from functools import cached_property
 from pathlib import Path
+from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
@@ -28,6 +30,13 @@ MESSAGES = "messages"
 """The table of what is known of each message's table, made from its files."""
 
 KNOWN = ("message", "cob_id", "senders", "receivers", "answers")
+
+
+INTERVAL = 0.1
+"""Seconds between two looks at how far a query is."""
+
+Told = Callable[[int], object]
+"""Called with how many percent of a query are done."""
 
 
 class SqlError(LocalError):
@@ -84,10 +93,11 @@ class Season:
         number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt16)
         return made.with_columns(number).sort("cob_id", "eds")
 
-    def sql(self, query: str, values: Mapping[str, Any] | None = None) -> pl.DataFrame:
+    def sql(self, query: str, values: Mapping[str, Any] | None = None, told: Told | None = None) -> pl.DataFrame:
         """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
 
-        `values` are those of `$name` in the query; those that it does not name are left out.
+        `values` are those of `$name` in the query; those that it does not name are left out. `told` hears now and then,
+        in another thread, how far the query is, and at the end that it is done.
         """
         import duckdb
 
@@ -95,8 +105,9 @@ class Season:
         with duckdb.connect() as connection:
             self._add_views(connection, query)
             try:
-                answer = connection.sql(query, params=named or None)
-                return pl.DataFrame() if answer is None else answer.pl()
+                with nullcontext() if told is None else _watched(connection, told):
+                    answer = connection.sql(query, params=named or None)
+                    return pl.DataFrame() if answer is None else answer.pl()
             except duckdb.Error as error:
                 known = f"; tables: {', '.join([*self.files, MESSAGES])}" if "Table with name" in str(error) else ""
                 raise SqlError(str(error).partition("\n")[0] + known) from None
@@ -108,7 +119,31 @@ class Season:
             parts = " UNION ALL BY NAME ".join(_read_files(files) for files in self._alike(table))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         if MESSAGES in words and MESSAGES not in self.files:
-            connection.register(MESSAGES, self.messages)
+            # Copied: how far a query is, DuckDB can tell only of tables of its own.
+            connection.register("known", self.messages)
+            connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
+
+
+@contextmanager
+def _watched(connection: duckdb.DuckDBPyConnection, told: Told) -> Iterator[None]:
+    """Tell how far a connection's queries are while the block lasts."""
+    connection.execute("SET enable_progress_bar = true; SET enable_progress_bar_print = false")
+    connection.execute("SET progress_bar_time = 0")
+    over = Event()
+
+    def watch() -> None:
+        while not over.wait(INTERVAL):
+            if (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
+                told(round(done))
+
+    thread = Thread(target=watch, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+    told(100)
 
 
 def _read_files(files: list[Path]) -> str:

@@ -17,12 +17,13 @@ from eurobot_od.pdo.catalogue import first_free
 RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
 """The logs; all frames; what was wrong, with log and line. Every other table is of a message."""
 
-PLACE: Mapping[str, pa.DataType] = {
-    "run": pa.dictionary(pa.uint32(), pa.string()),
-    "line": pa.uint64(),
-    "t": pa.float64(),
-    "channel": pa.dictionary(pa.uint32(), pa.string()),
-}
+WORD = pa.dictionary(pa.uint32(), pa.string())
+"""Type of texts that come again and again."""
+
+PLACE = tuple(
+    pa.field(name, type_, nullable=False)
+    for name, type_ in (("run", WORD), ("line", pa.uint64()), ("t", pa.float64()), ("channel", WORD))
+)
 SAID = {
     "run": "the log, a row of the table runs",
     "line": "line of the log, or number of the entry where there are no lines",
@@ -48,8 +49,10 @@ SCHEMAS: Mapping[str, pa.Schema] = {
             ("eds", pa.string()),
         ]
     ),
-    FRAMES: pa.schema([*PLACE.items(), ("cob_id", pa.uint16()), ("data", pa.binary())]),
-    DAMAGE: pa.schema([*PLACE.items(), ("kind", pa.dictionary(pa.uint32(), pa.string())), ("text", pa.string())]),
+    FRAMES: pa.schema(
+        [*PLACE, pa.field("cob_id", pa.uint16(), nullable=False), pa.field("data", pa.binary(), nullable=False)]
+    ),
+    DAMAGE: pa.schema([*PLACE, ("kind", WORD), ("text", pa.string())]),
 }
 
 

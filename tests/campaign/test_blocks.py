@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +20,7 @@ from eurobot_od.errors import LocalError
 pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
 
 from eurobot_od.campaign.results import Results
+from tests.campaign.clusters import Cluster, two_workers
 
 
 class Square(NamedTuple):
@@ -113,45 +111,10 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
 # dask
 
 
-class Cluster(NamedTuple):
-    address: str
-    started: list[subprocess.Popen[str]]
-
-
-DASK_SCHEDULER = (sys.executable, "-m", "distributed.cli.dask_scheduler")
-DASK_WORKER = (sys.executable, "-m", "distributed.cli.dask_worker")
-
-
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    """A scheduler and two workers on 127.0.0.1, each a process of its own without a nurse."""
-    pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    file = tmp_path / "scheduler.json"
-    quiet = {"text": True, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    here = ("--host", "127.0.0.1")
-    start = partial(subprocess.Popen, env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}, **quiet)
-    started = [start([*DASK_SCHEDULER, *here, "--port", "0", "--no-dashboard", "--scheduler-file", str(file)])]
-    try:
-        while not file.is_file():
-            assert started[0].poll() is None
-            time.sleep(0.05)
-        address = json.loads(file.read_text())["address"].removeprefix("tcp://")
-        alone = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path))
-        started += [start([*DASK_WORKER, address, *here, *alone]) for _ in range(2)]
-        _wait_for_workers(address, 2)
-        yield Cluster(address, started)
-    finally:
-        for process in started:
-            process.kill()
-        for process in started:
-            process.wait()
-
-
-def _wait_for_workers(address: str, number: int) -> None:
-    from distributed import Client
-
-    with Client(f"tcp://{address}", set_as_default=False) as client:  # type: ignore[no-untyped-call]
-        client.wait_for_workers(number, timeout=60)
+    with two_workers(tmp_path) as cluster:
+        yield cluster
 
 
 def with_pid(folder: str, number: int) -> Square:

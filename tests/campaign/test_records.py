@@ -37,14 +37,26 @@ class Outer:
     colour: Colour
     file: Path
     share: float
+    data: bytes
     sure: bool
     maybe: Inner | None = None
     texts: list[str] = field(default_factory=list)
 
 
 CASES = (
-    Outer(Inner(1), [Inner(2), Inner(None, "")], ("x", "y"), {"a": 1}, Colour.RED, Path("a/b"), 0.1, True, Inner(3)),
-    Outer(Inner(None), [], (), {}, Colour.RED, Path(), float("inf"), False),
+    Outer(
+        Inner(1),
+        [Inner(2), Inner(None, "")],
+        ("x", "y"),
+        {"a": 1},
+        Colour.RED,
+        Path("a/b"),
+        0.1,
+        b"\0\xff",
+        True,
+        Inner(3),
+    ),
+    Outer(Inner(None), [], (), {}, Colour.RED, Path(), float("inf"), b"", False),
     Inner(1 << 62, "\u00e4\n"),
 )
 

@@ -14,7 +14,6 @@ from eurobot_od.check.live import run_live
 from eurobot_od.check.results import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import run_simulated
-from eurobot_od.errors import BusError
 from eurobot_od.robot import dialects
 from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.nodes import Drive
@@ -74,7 +73,7 @@ def test_a_live_node_and_a_simulated_one_get_the_same_verdicts(open_bus: Callabl
 def test_nobody_there_is_red_and_no_failure_of_the_bus(open_bus: Callable[[], can.BusABC]) -> None:
     result = run(document("- send: Check Drive Request\n- {expect: Check Drive Response, within: 50 ms}"), open_bus)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.FAILED]
-    assert result.error is None
+    assert result.error == ""
 
 
 class Unplugged(can.BusABC):
@@ -116,8 +115,7 @@ BROKEN = {
 def test_a_failing_bus_ends_the_suite(bus: dict[str, object], what: str) -> None:
     text = HEAD + "steps:\n  - wait: 20 ms\n  - send: Stop Drive\n  - wait: 1 s\n"
     result = run(text, lambda: Unplugged(**bus))  # type: ignore[arg-type]
-    assert isinstance(result.error, BusError)
-    assert str(result.error) == what
+    assert result.error == what
     broken = [step for step in result.steps if step.status is Status.BUS_FAILED]
     assert len(broken) == 1
     assert result.steps[-1].status is Status.SKIPPED

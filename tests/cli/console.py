@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from typing import NamedTuple
 
 import pytest
@@ -30,3 +31,10 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> Said:
     except SystemExit as end:
         status = int(end.code or 0)
     return Said(status, *capsys.readouterr())
+
+
+class Terminal(io.StringIO):
+    """A stream that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True

@@ -30,6 +30,19 @@ def test_it_says_what_became_of_each_log(log: str, tmp_path: Path, capsys: pytes
     assert again.out.startswith(f"{log}: known, ")
 
 
+def test_what_answers_what_is_kept_also_where_two_nodes_answer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("duckdb", reason="the extra `season` is not installed")
+    log, season = tmp_path / "start.log", str(tmp_path / "season")
+    log.write_text("(1.000000) can0 2C0#DD86\n(1.001000) can0 300#\n(1.002000) can0 300#\n")
+    run(capsys, "archive", str(log), "-o", season)
+    said = run(capsys, "query", season, "--report", "answers", "--csv").out.splitlines()
+    assert [line.split(",")[:5] for line in said[1:]] == [
+        ["Start Configuration Set", "Start Configuration Confirm", "1", "1", "1.0"]
+    ]
+
+
 @pytest.mark.parametrize(
     ("words", "status", "complaint"),
     [

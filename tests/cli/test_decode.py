@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from eurobot_od import cli
-from eurobot_od.cli.decode import bar
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -229,11 +228,6 @@ def test_a_reader_that_leaves_is_no_error(good: Path, tmp_path: Path) -> None:
         running.stdout.close()
         assert running.stderr.read() == b""
         assert running.wait() == 0
-
-
-@pytest.mark.parametrize(("share", "drawn"), [(0.0, "[    ]   0%"), (0.5, "[##  ]  50%"), (1.0, "[####] 100%")])
-def test_progress_bar(share: float, drawn: str) -> None:
-    assert bar(share, 4) == drawn
 
 
 # Statistics

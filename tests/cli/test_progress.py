@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
-from eurobot_od.cli.progress import LONG, REDRAWN, bar, counted, line
+from eurobot_od.cli import main
+from eurobot_od.cli import progress as module
+from eurobot_od.cli.progress import LONG, PERCENT, REDRAWN, bar, counted, line
+from eurobot_od.robot.dialects import eds_folder
 from eurobot_od.sdo.client import unwatched
-
-
-class Terminal(io.StringIO):
-    """A stream that is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
+from tests.cli.console import Terminal
 
 
 @pytest.mark.parametrize(
@@ -31,6 +30,23 @@ class Terminal(io.StringIO):
 )
 def test_a_line(done: int, size: int | None, seconds: float, text: str) -> None:
     assert line("x", done, size, seconds) == text
+
+
+def test_a_line_of_what_is_known_in_percent() -> None:
+    filled = "███████░░░░░░░░░░░░░░░░░░░░░░░"
+    assert line("x", 25, 100, 5.0, PERCENT) == f"x  {filled}  25%  25 of 100 %  5.0 %/s, about 15 s left"
+
+
+def test_of_what_is_over_soon_nothing_is_drawn() -> None:
+    terminal, now = Terminal(), [0.0]
+    with bar("x", terminal, lambda: now[0], after=1.0) as progress:
+        now[0] = 0.9
+        progress(50, 100)
+        before = terminal.getvalue()
+        now[0] = 1.0
+        progress(75, 100)
+        after = terminal.getvalue()
+    assert (before, "75 of 100 bytes" in after) == ("", True)
 
 
 def test_a_terminal_sees_the_bar_now_and_then_and_nothing_of_it_at_the_end() -> None:
@@ -49,6 +65,31 @@ def test_without_a_terminal_nothing_is_drawn() -> None:
     with bar("x", stream) as progress:
         assert progress is unwatched
     assert stream.getvalue() == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "seen"),
+    [
+        ("compare LOG LOG", "of 18500 bytes"),
+        ("replay LOG --speed 100000 -i virtual", "of 18500 bytes"),
+        ("export mcap LOG -o OUT.mcap", "of 18500 bytes"),
+        ("decode LOG", "of 18500 bytes"),
+        ("field LOG -o OUT.svg", "of 18500 bytes"),
+        ("lint EDS EDS", "1 of 2 files"),
+    ],
+)
+def test_who_reads_much_tells_a_terminal_how_far_it_is(
+    words: str, seen: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "mcap" in words:
+        pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
+    names = {"LOG": tmp_path / "some.log", "OUT": tmp_path / "out", "EDS": eds_folder() / "canopen" / "core.eds"}
+    names["LOG"].write_text("(1.000000) can0 008#D27423592C0D9702\n" * 500)
+    terminal = Terminal()
+    monkeypatch.setattr(module, "SHORT", 0.0)
+    monkeypatch.setattr("sys.stderr", terminal)
+    main([re.sub("LOG|OUT|EDS", lambda found: str(names[found[0]]), word) for word in words.split()])
+    assert seen in terminal.getvalue()
 
 
 # Many things

@@ -10,7 +10,8 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 
-from tests.cli.console import run
+from eurobot_od.cli import main
+from tests.cli.console import Terminal, run
 
 
 @pytest.fixture
@@ -61,6 +62,14 @@ def test_the_answer_to_any_query_is_drawn(season: str, tmp_path: Path, capsys: p
     picture = tmp_path / "some.svg"
     assert run(capsys, "query", season, "SELECT t, line FROM frames", "--plot", str(picture)).status == 0
     assert "<polyline" in picture.read_text()
+
+
+def test_a_terminal_sees_how_far_a_query_is(season: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("eurobot_od.cli.progress.SHORT", 0.0)
+    monkeypatch.setattr("sys.stderr", terminal)
+    main(["query", season, "SELECT count(*) FROM frames"])
+    assert "100 of 100 %" in terminal.getvalue()
 
 
 def test_reports_are_listed_without_a_season(capsys: pytest.CaptureFixture[str]) -> None:

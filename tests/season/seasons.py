@@ -16,7 +16,8 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import ColumnForm, Kind, OutOfRange, words_of
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.season import tables
-from eurobot_od.season.archive import Network, archive_log
+from eurobot_od.season.archive import Archiver
+from eurobot_od.season.writing import Network
 
 Timed = tuple[float, Frame]
 
@@ -31,7 +32,7 @@ def write_log(file: Path, frames: Iterable[Timed]) -> Path:
 def archived(log: Path, network: Network) -> Path:
     """Archive a log into a season beside it."""
     season = log.with_suffix(".season")
-    archive_log(log, season, network)
+    Archiver(season, network)(log)
     return season
 
 

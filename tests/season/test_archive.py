@@ -10,12 +10,14 @@ import pytest
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")
 
+from eurobot_od.campaign.executors import local
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import CATALOGUE
-from eurobot_od.season.archive import BEGUN, Network, archive, archive_log
+from eurobot_od.season.archive import BEGUN, Archived, Archiver, archive
 from eurobot_od.season.tables import table_names
+from eurobot_od.season.writing import Network
 from tests.season.seasons import table, write_log
 
 NETWORK = Network(dialects.outlines(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
@@ -28,7 +30,7 @@ def log(tmp_path: Path) -> Path:
 
 
 def test_a_log_becomes_a_row_of_runs_and_its_frames(log: Path, tmp_path: Path) -> None:
-    archived = archive_log(log, tmp_path / "season", NETWORK)
+    archived = Archiver(tmp_path / "season", NETWORK)(log)
     assert (archived.known, archived.frames, archived.damage) == (False, 3, 1)
     (row,) = table_rows(tmp_path / "season")
     assert row == {
@@ -61,7 +63,7 @@ def table_rows(season: Path) -> list[dict[str, object]]:
 def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path) -> None:
     season, other = tmp_path / "season", tmp_path / "copy.log"
     shutil.copy(log, other)
-    first, second = (archive_log(each, season, NETWORK) for each in (log, other))
+    first, second = (Archiver(season, NETWORK)(each) for each in (log, other))
     assert (second.known, second.run) == (True, first.run)
     assert len(table_rows(season)) == 1
 
@@ -69,18 +71,18 @@ def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path)
 def test_with_other_eds_files_it_is_another_run(log: Path, tmp_path: Path) -> None:
     season = tmp_path / "season"
     other = Network(dialects.outlines(dialects.names()[-1]), CATALOGUE)
-    runs = {archive_log(log, season, network).run for network in (NETWORK, other)}
+    runs = {Archiver(season, network)(log).run for network in (NETWORK, other)}
     assert len(runs) == len(table_rows(season)) == 2
 
 
 def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> None:
     season = tmp_path / "season"
-    run = archive_log(log, season, NETWORK).run
+    run = Archiver(season, NETWORK)(log).run
     (season / "runs" / f"{run}.parquet").unlink()  # as if it had ended before the last step
     left = season / BEGUN / run / "frames"
     left.mkdir(parents=True)
     (left / f"{run}.parquet").write_bytes(b"half")
-    assert not archive_log(log, season, NETWORK).known
+    assert [each.known for each in archive([log], season, NETWORK)] == [False]
     assert len(table(season, "frames")) == len(FRAMES)
     assert list((season / BEGUN).iterdir()) == []
 
@@ -88,8 +90,9 @@ def test_a_run_that_was_broken_off_is_done_again(log: Path, tmp_path: Path) -> N
 def test_several_at_once_come_to_the_same(tmp_path: Path) -> None:
     logs = [write_log(tmp_path / f"{n}.log", [(n + time, frame) for time, frame in FRAMES]) for n in range(4)]
     one, other = tmp_path / "one", tmp_path / "other"
-    done = {each.log: each for each in archive(logs, one, NETWORK, None, jobs=2)}
-    assert done == {each.log: each for each in archive(logs, other, NETWORK, None, jobs=1)}
+    with local(2) as processes:
+        done = list(archive(logs, one, NETWORK, None, processes))
+    assert done == list(archive(logs, other, NETWORK))
     for name in ("runs", "frames", "damage", "goto_xy", "goto_confirm"):
         assert table_files(one, name) == table_files(other, name) != []
 
@@ -98,10 +101,23 @@ def table_files(season: Path, name: str) -> list[tuple[str, bytes]]:
     return [(file.name, file.read_bytes()) for file in sorted((season / name).iterdir())]
 
 
+def test_two_copies_at_once_are_one_run(log: Path, tmp_path: Path) -> None:
+    season, copy, other = tmp_path / "season", tmp_path / "copy.log", list[Archived]()
+    shutil.copy(log, copy)
+
+    def meanwhile(_: int) -> None:
+        other.append(Archiver(season, NETWORK)(copy))
+
+    archived = Archiver(season, NETWORK, told=meanwhile)(log)
+    assert [each.run for each in other] == [archived.run]
+    assert len(table_rows(season)) == 1
+    assert len(table(season, "frames")) == len(FRAMES)
+
+
 def test_nothing_is_done_if_a_format_is_not_known(log: Path, tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("x")
     with pytest.raises(UnknownName, match="unknown log format 'txt'"):
-        list(archive([log, tmp_path / "notes.txt"], tmp_path / "season", NETWORK, None, 1))
+        list(archive([log, tmp_path / "notes.txt"], tmp_path / "season", NETWORK))
     assert not (tmp_path / "season").exists()
 
 

@@ -55,7 +55,7 @@ def _entries(file: Path) -> Iterator[LogEntry]:
     with file.open("rb") as opened:
         for frames, foreign, _ in batches(opened):
             for line, time, channel, cob_id, data in frames.rows():
-                yield line, time, channel, Frame(cob_id, bytes.fromhex(data))
+                yield line, time, channel, Frame(cob_id, data)
             for line, time, channel, kind, text in foreign.rows():
                 yield line, time, channel, Foreign(kind, text)
 

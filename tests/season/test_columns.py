@@ -23,7 +23,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.messages import CATALOGUE
-from eurobot_od.season.archive import Network
+from eurobot_od.season.writing import Network
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import Timed, archived, assert_equal_to_protocol, protocol_of, random_frames, table, write_log
 

@@ -16,9 +16,10 @@ from eurobot_od.robot import dialects, messages
 from eurobot_od.robot.messages import CATALOGUE, KalmanPositionResponse, NaviPositionResponse
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import GotoFault, Obstacle, RobotError, Source
-from eurobot_od.season.archive import Network, archive_log
+from eurobot_od.season.archive import Archiver
 from eurobot_od.season.chart import draw
 from eurobot_od.season.season import Season
+from eurobot_od.season.writing import Network
 from tests.season.seasons import Timed, write_log
 
 PROTOCOL = EurobotProtocol.load()
@@ -63,7 +64,7 @@ SECOND: list[Timed] = [
 def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
     folder = tmp_path_factory.mktemp("reports")
     for name, frames in (("first", FIRST), ("second", SECOND)):
-        archive_log(write_log(folder / f"{name}.log", frames), folder / "season", NETWORK)
+        Archiver(folder / "season", NETWORK)(write_log(folder / f"{name}.log", frames))
     return Season.open(folder / "season")
 
 

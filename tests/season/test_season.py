@@ -15,8 +15,9 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot import dialects, messages
 from eurobot_od.robot.messages import CATALOGUE
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.season.archive import Network, archive_log
+from eurobot_od.season.archive import Archiver
 from eurobot_od.season.season import Season, SqlError
+from eurobot_od.season.writing import Network
 from tests.season.seasons import write_log
 
 GOTO = messages.GotoXY(x=1234, y=567, angle=89, speed=75)
@@ -28,7 +29,7 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
     folder = tmp_path_factory.mktemp("seasons")
     for number, dialect in enumerate(dialects.names()):
         log = write_log(folder / f"{number}.log", [(1.0 + number, EurobotProtocol.load(dialect).encode(GOTO))])
-        archive_log(log, folder / "season", Network(dialects.outlines(dialect), CATALOGUE))
+        Archiver(folder / "season", Network(dialects.outlines(dialect), CATALOGUE))(log)
     return Season.open(folder / "season")
 
 
@@ -83,3 +84,10 @@ def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
     for folder in (tmp_path, tmp_path / "none"):
         with pytest.raises(LocalError, match="is no season"):
             Season.open(folder)
+
+
+def test_who_asks_hears_how_far_it_is(season: Season) -> None:
+    told: list[int] = []
+    season.sql("SELECT count(*) FROM goto_xy", told=told.append)
+    assert told[-1] == 100
+    assert set(told) <= set(range(101))

@@ -28,6 +28,7 @@ class Quantity(Enum):
     MEAN = "mean_time_s"
     MEMORY = "memory_bytes"
     CPU = "cpu_share"
+    CPU_TIME = "cpu_time_s"
     LOAD = "bus_load_share"
     COUNT = "count"
 

@@ -1,4 +1,4 @@
-"""Whole processes as contenders: wall time and memory, from the start of the program to its end.
+"""Whole processes as contenders: wall time, CPU time and memory, from the start of the program to its end.
 
 Rule of this file: a process that fails is Wrong, with the last line it had to say.
 """
@@ -52,7 +52,7 @@ def run(
     told = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
     if told["status"]:
         raise Wrong(_failure(command, told["status"], done.stderr))
-    return {Quantity.TIME: told["seconds"], Quantity.MEMORY: told["memory"]}
+    return {Quantity.TIME: told["seconds"], Quantity.CPU_TIME: told["cpu"], Quantity.MEMORY: told["memory"]}
 
 
 def until_first_line(command: Words) -> Figures:

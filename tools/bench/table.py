@@ -18,6 +18,7 @@ SCALES: dict[Quantity, tuple[tuple[float, str], ...]] = {
     Quantity.MEAN: TIMES,
     Quantity.MEMORY: ((1e6, "MB"),),
     Quantity.CPU: ((0.01, "%"),),
+    Quantity.CPU_TIME: TIMES,
     Quantity.LOAD: ((0.01, "%"),),
     Quantity.COUNT: ((1.0, ""),),
 }

@@ -6,7 +6,6 @@ reads the EDS files and the strategies once.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Generator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
@@ -15,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.campaign import blocks
 from eurobot_od.campaign.executors import HERE, Workers
+from eurobot_od.campaign.files import digest_of
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles, Performance
@@ -85,7 +85,4 @@ def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]
 
 def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
     """Return what tells the EDS files and the strategies from all others."""
-    digest = hashlib.blake2b(digest_size=8)
-    for file in (*sorted(dialects.folder(options.dialect).glob("*.eds")), *strategies):
-        digest.update(file.read_bytes() if file and file.is_file() else b"-")
-    return digest.hexdigest()
+    return digest_of([*sorted(dialects.folder(options.dialect).glob("*.eds")), *strategies])

@@ -1,4 +1,4 @@
-"""Runs a command and prints its wall time, peak memory and exit status as JSON: `launch.py INPUT OUTPUT WORD...`
+"""Runs a command; prints its wall and CPU time, peak memory and exit status as JSON: `launch.py INPUT OUTPUT WORD...`
 
 Rule of this file: standard library only, and little of it. A process begins with its parent's peak memory, so a great
 program cannot measure a small one; this one is small.
@@ -54,7 +54,9 @@ def main() -> None:
     _, status, usage = os.wait4(process, 0)
     seconds = time.perf_counter() - begin
     memory = max(usage.ru_maxrss << 10, sum(seen.values()))
-    print(json.dumps({"seconds": seconds, "memory": memory, "status": os.waitstatus_to_exitcode(status)}))
+    cpu = usage.ru_utime + usage.ru_stime
+    told = {"seconds": seconds, "cpu": cpu, "memory": memory, "status": os.waitstatus_to_exitcode(status)}
+    print(json.dumps(told))
 
 
 if __name__ == "__main__":

@@ -77,7 +77,9 @@ SERIES = (
         (
             Claim(f"{NAME}: cantools decode -s", "ours", "cantools", Way.TIMES_AS_FAST, 15),
             Claim(f"{NAME}: python-can, cantools, pyarrow", "ours", "by hand", Way.TIMES_AS_FAST),
+            Claim(f"{NAME}, CPU: cantools", "ours", "cantools", Way.TIMES_AS_FAST, None, Quantity.CPU_TIME),
             Claim("archive ten times the lines", "ours, ten times", "ours", Way.RATIO, TIMES),
+            Claim("archive ten times the lines, CPU", "ours, ten times", "ours", Way.RATIO, None, Quantity.CPU_TIME),
             Claim("archive ten times the lines, memory", "ours, ten times", "ours", Way.RATIO, 1.2, Quantity.MEMORY),
         ),
     ),

@@ -1,0 +1,242 @@
+"""The tables of one run, decoded by columns and written as Parquet, batch after batch.
+
+Rule of this file: what depends on the network alone is worked out once (`Decoding`), however many runs there are.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from eurobot_od.logs.services import CanopenService, services
+from eurobot_od.od.outline import Outline
+from eurobot_od.pdo.binding import Binding
+from eurobot_od.pdo.catalogue import Catalogue
+from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.season import defects, tables
+from eurobot_od.season.batches import FOREIGN, Batch
+from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, FieldColumn, message_columns, readable
+
+VERSION = b"1"
+"""Changes when the same log would come to other tables."""
+
+
+class Network(NamedTuple):
+    """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
+
+    outlines: tuple[Outline, ...]
+    catalogue: Catalogue
+    answers: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def hash(self) -> str:
+        """What tells these EDS files from all others, with their node-IDs."""
+        digest = hashlib.blake2b(VERSION, digest_size=16)
+        for each in self.outlines:
+            digest.update(f"{each.node_id} {each.name}\n".encode() + Path(each.file).read_bytes())
+        return digest.hexdigest()
+
+
+class Decoding:
+    """How the frames of a network become the rows of tables."""
+
+    def __init__(self, network: Network) -> None:
+        protocol = Protocol.of_devices(network.outlines, network.catalogue, _left_out)
+        names, answers = tables.table_names(protocol.names()), dict(network.answers)
+        self.eds = network.hash
+        self.network = " ".join(f"{each.node_id}={each.name}" for each in network.outlines)
+        self.services = _others(protocol, network)
+        self.messages = {
+            each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
+            for each in protocol.bindings
+        }
+
+
+def _left_out(_: Exception) -> None:
+    """Leave out a PDO that does not hold; who loaded the devices has said so."""
+
+
+def _others(protocol: Protocol, network: Network) -> dict[int, CanopenService]:
+    """Return the services that have an identifier which no message has."""
+    messages = {each.cob_id for each in protocol.bindings}
+    found = services(network.outlines, protocol.catalogue.errors)
+    return {cob_id: each for cob_id, each in found.items() if cob_id not in messages}
+
+
+class MessageDecoding:
+    """How the frames of one message become the rows of its `table`, and what may be wrong with them."""
+
+    def __init__(self, binding: Binding, table: str, answers: str) -> None:
+        place = [each.name for each in tables.PLACE]
+        columns = message_columns(binding, place)
+        self.table, self.schema = table, _message_schema(binding, columns, answers)
+        self._checks = defects.MessageChecks(binding)
+        self._readable = readable(binding)
+        self._columns = [*place, *(each.expression.alias(each.name) for each in columns)]
+
+    def __call__(self, frames: pl.DataFrame) -> tuple[pl.DataFrame, list[pl.DataFrame]]:
+        """Return the rows of the frames that are long enough, and what is wrong with them all."""
+        wrong = list(self._checks.defects(frames))
+        return (frames.filter(self._readable) if wrong else frames).select(self._columns), wrong
+
+
+EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
+
+
+def _message_schema(binding: Binding, columns: Iterable[FieldColumn], answers: str) -> pa.Schema:
+    """Return a message's schema: what the expressions give, and what is known of message and columns."""
+    made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
+    plain = [(field.name, TYPES.get(str(field.type), field.type)) for field in made]
+    said = {
+        "message": binding.name,
+        "cob_id": f"0x{binding.cob_id:03X}",
+        "senders": ", ".join(binding.senders),
+        "receivers": ", ".join(binding.receivers),
+        "answers": answers,
+    }
+    schema = pa.schema([*tables.PLACE, *plain], said)
+    return tables.with_metadata(schema, {each.name: each.metadata for each in columns})
+
+
+TYPES = {
+    "large_string": pa.string(),
+    "large_binary": pa.binary(),
+    "dictionary<values=large_string, indices=uint32, ordered=0>": tables.WORD,
+}
+"""Types for which other programs know a simpler one."""
+
+
+# Files
+
+ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
+"""How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
+
+UNREPEATED = (*ENCODINGS, "data")
+"""Columns whose values seldom come again: a dictionary of them would be in vain."""
+
+MANY = 1 << 16
+"""So many frames of a message are decoded and written at once, if there are."""
+
+
+class _Table:
+    """One table of a run, written batch after batch; without a row it is there as well, for who asks for it."""
+
+    def __init__(self, file: Path, schema: pa.Schema) -> None:
+        self._schema = schema
+        self._writer = pq.ParquetWriter(
+            file,
+            schema,
+            compression="zstd",
+            compression_level=1,
+            use_dictionary=[name for name in schema.names if name not in UNREPEATED],
+            column_encoding=ENCODINGS,
+            write_statistics=list(ENCODINGS),  # in order, so that a reader can leave out most for a time or a line
+        )
+        self.close = self._writer.close
+
+    def write(self, rows: pl.DataFrame) -> None:
+        """Write rows with the columns of the schema."""
+        if len(rows):
+            self._writer.write_table(rows.select(self._schema.names).to_arrow().cast(self._schema))
+
+
+class _MessageTable:
+    """The table of a message; its frames are kept until there are MANY, as to decode and write a few costs as much."""
+
+    def __init__(self, decoding: MessageDecoding, table: _Table) -> None:
+        self._decoding, self._table = decoding, table
+        self._kept: list[pl.DataFrame] = []
+
+    def take(self, frames: pl.DataFrame) -> list[pl.DataFrame]:
+        """Take frames; return what is wrong with those that are written now."""
+        self._kept.append(frames)
+        return self.flush() if sum(map(len, self._kept)) >= MANY else []
+
+    def flush(self) -> list[pl.DataFrame]:
+        """Decode and write the frames that are kept; return what is wrong with them."""
+        if not self._kept:
+            return []
+        rows, wrong = self._decoding(pl.concat(self._kept))
+        self._kept.clear()
+        self._table.write(rows)
+        return wrong
+
+
+class RunTables:
+    """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
+
+    def __init__(self, folder: Path, run: str, decoding: Decoding) -> None:
+        self._folder, self._run, self._decoding = folder, run, decoding
+        folder.mkdir(parents=True)
+        self._stack = ExitStack()
+        self._frames, self._damage = (
+            self._table(name, tables.with_metadata(tables.SCHEMAS[name], {})) for name in (tables.FRAMES, tables.DAMAGE)
+        )
+        self._messages = {
+            cob_id: _MessageTable(each, self._table(each.table, each.schema))
+            for cob_id, each in decoding.messages.items()
+        }
+        self._counts = {"frames": 0, "damage": 0}
+        self._ends: dict[str, float | None] = {"start": None, "end": None}
+
+    def _table(self, name: str, schema: pa.Schema) -> _Table:
+        table = _Table(self._folder / f"{name}{tables.SUFFIX}", schema)
+        self._stack.callback(table.close)
+        return table
+
+    def __enter__(self) -> RunTables:
+        return self
+
+    def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
+        with self._stack:
+            if error is None:
+                self._write_damage(wrong for each in self._messages.values() for wrong in each.flush())
+
+    def row(self) -> dict[str, Any]:
+        """Return whose frames they are, how much was written, and when it began and ended."""
+        return {"network": self._decoding.network, "eds": self._decoding.eds, **self._counts, **self._ends}
+
+    def take(self, batch: Batch) -> None:
+        """Decode and write a batch."""
+        frames = batch.frames.with_columns(self._constant, *FROM_DATA)
+        self._frames.write(frames)
+        self._write_damage((batch.foreign, *self._of_messages(frames)))
+        self._count(batch)
+
+    @cached_property
+    def _constant(self) -> pl.Expr:
+        return pl.lit(self._run).cast(pl.Categorical).alias("run")
+
+    def _of_messages(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
+        """Write the messages; yield what is wrong with them and with all other frames."""
+        others = []
+        for (cob_id,), some in frames.partition_by("cob_id", as_dict=True).items():
+            if int(cob_id) in self._messages:
+                yield from self._messages[int(cob_id)].take(some)
+            else:
+                others.append(some)
+        if others:
+            yield from defects.of_others(pl.concat(others), self._decoding.services)
+
+    def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
+        parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]
+        if parts:
+            damage = pl.concat(parts).sort("line")
+            self._damage.write(damage.with_columns(self._constant, pl.col("kind").cast(pl.Categorical)))
+            self._counts["damage"] += len(damage)
+
+    def _count(self, batch: Batch) -> None:
+        self._counts["frames"] += len(batch.frames)
+        times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
+        if times:
+            begin = self._ends["start"]
+            self._ends["start"] = min(each[0] for each in times) if begin is None else begin
+            self._ends["end"] = max(each[-1] for each in times)
