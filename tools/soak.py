@@ -150,10 +150,10 @@ class Role:
         self.start()
 
     def start(self) -> None:
-        """Start the process."""
-        self.program = Program(*self._command, took=self._take)
+        """Start the process; what is noted of its lines has to be there before its first one."""
         self._begin: Usage | None = None
         self._up: float | None = None
+        self.program = Program(*self._command, took=self._take)
 
     def kill(self) -> None:
         """End it by SIGKILL; what it has counted is kept."""
