@@ -1,0 +1,184 @@
+"""Runs the tests that come by a change, on a copy of the repository that has it.
+
+The nearest come first: the test file that mirrors the module, those that import it, those that only come by it, the
+quick before the slow. A few seconds of them are a run of their own, as most changes are noticed there.
+"""
+
+from __future__ import annotations
+
+import compileall
+import enum
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from functools import partial
+from pathlib import Path, PurePosixPath
+from py_compile import PycInvalidationMode
+from typing import NamedTuple
+
+from mutation.changes import Change
+from mutation.reach import MARKED, Measured, digest
+
+NEAR = 3.0
+"""Seconds of tests in the first run."""
+
+WHOLE = 3.0
+"""Seconds that a test file may take to be run whole, as its functions may share what one of them has made."""
+
+MEMORY = 16 << 30
+"""Bytes of address space that a run may have: a change can make a loop without an end."""
+
+LEFT_BEHIND = shutil.ignore_patterns(".*", "build", "dist", "__pycache__", "*.egg-info")
+
+
+class Outcome(enum.Enum):
+    """What came of a change."""
+
+    NOTICED = "noticed"
+    TIMED_OUT = "timed out"
+    SURVIVED = "survived"
+    UNREACHED = "no test comes by"
+
+    @property
+    def is_noticed(self) -> bool:
+        """Tell whether a test failed, or did not end."""
+        return self in (Outcome.NOTICED, Outcome.TIMED_OUT)
+
+
+class Portion(NamedTuple):
+    """Tests for one run: pytest's arguments, and the seconds that they take unchanged."""
+
+    arguments: tuple[str, ...]
+    seconds: float
+
+
+class Verdict(NamedTuple):
+    """What came of a change, and the test that noticed it."""
+
+    outcome: Outcome
+    by: str = ""
+
+
+def mirror(module: str) -> str:
+    """Return the path of the test file that mirrors a module."""
+    path = PurePosixPath(module)
+    return str(PurePosixPath("tests", *path.parts[1:-1], f"test_{path.name}"))
+
+
+def portions(change: Change, files: Sequence[Measured], text: bytes, budget: float) -> Iterator[Portion]:
+    """Choose the tests for a change of a module with this text; `budget` in seconds.
+
+    For a change outside of functions, and in a module that was changed since a test file was measured, these are the
+    tests that come by the module anywhere.
+    """
+    nearest_first = sorted(files, key=partial(_distance, change))
+    chosen = [_tests(each, _functions(change, each, digest(text))) for each in nearest_first]
+    spent, run = 0.0, Portion((), 0.0)
+    for each in chosen:
+        if not each.arguments or (spent and spent + each.seconds > budget):
+            continue
+        if spent < NEAR <= spent + each.seconds and run.arguments:
+            yield run
+            run = Portion((), 0.0)
+        spent += each.seconds
+        run = Portion(run.arguments + each.arguments, run.seconds + each.seconds)
+    if run.arguments:
+        yield run
+
+
+def _distance(change: Change, file: Measured) -> tuple[bool, bool, float]:
+    return file.path != mirror(change.module), change.module not in file.imports, file.seconds
+
+
+def _functions(change: Change, file: Measured, today: str) -> frozenset[str]:
+    found = file.functions_at(change.module, change.lines)
+    if found:
+        return found
+    if change.in_function and file.digests.get(change.module) == today:
+        return frozenset()
+    return file.functions_at(change.module, None)
+
+
+def _tests(file: Measured, functions: frozenset[str]) -> Portion:
+    if functions and file.seconds <= WHOLE:
+        return Portion((file.path,), file.seconds)
+    return Portion(
+        tuple(f"{file.path}::{each}" for each in sorted(functions)),
+        sum(file.functions[each].seconds for each in functions),
+    )
+
+
+class Copy:
+    """A copy of the repository to change, in a temporary folder that `close` removes."""
+
+    def __init__(self, root: Path) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="mutants-")
+        self._root = Path(self._folder.name) / "repository"
+        shutil.copytree(root, self._root, ignore=LEFT_BEHIND)
+        # Compiled files that go by a digest of the source: two changes within a second may well have one length.
+        compileall.compile_dir(self._root, quiet=2, invalidation_mode=PycInvalidationMode.CHECKED_HASH)
+
+    def close(self) -> None:
+        """Remove the copy."""
+        self._folder.cleanup()
+
+    def judge(self, change: Change, runs: Sequence[Portion]) -> Verdict:
+        """Run tests with a change until one notices it."""
+        module = self._root / change.module
+        unchanged = module.read_bytes()
+        module.write_bytes(change.applied(unchanged))
+        try:
+            verdicts = map(self._run, runs)
+            first = Verdict(Outcome.SURVIVED if runs else Outcome.UNREACHED)
+            return next((each for each in verdicts if each.outcome.is_noticed), first)
+        finally:
+            module.write_bytes(unchanged)
+
+    def _run(self, tests: Portion) -> Verdict:
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", "-m", MARKED]
+        with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
+            process = subprocess.Popen(
+                [*command, "--hypothesis-seed=0", *tests.arguments],
+                cwd=self._root,
+                env=os.environ | {"PYTHONPATH": str(self._root)},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                preexec_fn=_limited,
+            )
+            try:
+                status = process.wait(20.0 + 5.0 * tests.seconds)
+            except subprocess.TimeoutExpired:
+                return Verdict(Outcome.TIMED_OUT)
+            finally:
+                _end(process)
+            output.seek(0)
+            return _verdict(status, output.read())
+
+
+def _limited() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End a test run with all processes that it has started."""
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except ProcessLookupError:
+        return
+    finally:
+        process.wait()
+
+
+def _verdict(status: int, output: str) -> Verdict:
+    if status in (0, 5):  # 5: pytest found no test
+        return Verdict(Outcome.SURVIVED)
+    by = re.search(r"^(?:FAILED|ERROR) (\S+)", output, flags=re.MULTILINE)
+    return Verdict(Outcome.NOTICED, by[1] if by else f"pytest's exit status {status}")
