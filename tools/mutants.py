@@ -36,7 +36,7 @@ ensure("coverage", "test")
 
 from mutation import equivalent, reach  # noqa: E402
 from mutation.changes import Change, changes_of, sample  # noqa: E402
-from mutation.trial import Copy, Outcome, Verdict, portions  # noqa: E402
+from mutation.trial import Copy, Outcome, Portion, Verdict, portions  # noqa: E402
 
 ALL_NOTICED, SURVIVORS, WRONG_USAGE = 0, 1, 2
 
@@ -77,10 +77,13 @@ def verdicts(
     """Try changes, as many at a time as there are jobs, each in a copy of its own; in their order."""
     copies: SimpleQueue[Copy] = SimpleQueue()
 
+    def tests(change: Change) -> list[Portion]:
+        return list(portions(change, files, texts[change.module], budget))
+
     def verdict(change: Change) -> tuple[Change, Verdict]:
         copy = copies.get()
         try:
-            return change, copy.judge(change, list(portions(change, files, texts[change.module], budget)))
+            return change, copy.judge(change, tests(change))
         finally:
             copies.put(copy)
 
@@ -90,6 +93,9 @@ def verdicts(
             copy = Copy(root)
             stack.callback(copy.close)
             copies.put(copy)
+        first = next((portion for each in changes for portion in tests(each)), None)
+        if first:
+            copy.check(first)
         pool = stack.enter_context(ThreadPoolExecutor(jobs))
         stack.callback(pool.shutdown, cancel_futures=True)
         yield from pool.map(verdict, changes)

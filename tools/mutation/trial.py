@@ -7,20 +7,24 @@ quick before the slow. A few seconds of them are a run of their own, as most cha
 from __future__ import annotations
 
 import compileall
+import contextlib
 import enum
+import multiprocessing
 import os
 import re
 import resource
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from functools import partial
+from multiprocessing.process import BaseProcess
 from pathlib import Path, PurePosixPath
 from py_compile import PycInvalidationMode
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
+
+import pytest
 
 from mutation.changes import Change
 from mutation.reach import MARKED, Measured, digest
@@ -33,6 +37,23 @@ WHOLE = 3.0
 
 MEMORY = 16 << 30
 """Bytes of address space that a run may have: a change can make a loop without an end."""
+
+OPTIONS = (
+    "-W",
+    "ignore::pytest.PytestAssertRewriteWarning",
+    "-x",
+    "-q",
+    "--tb=no",
+    "-p",
+    "no:cacheprovider",
+    "-m",
+    MARKED,
+    "--hypothesis-seed=0",
+)
+
+PROCESSES = multiprocessing.get_context("forkserver")
+PROCESSES.set_forkserver_preload(["pytest", "hypothesis", "can", "canopen", "yaml"])
+"""A run is a fork of a process that has imported what is slow to import."""
 
 LEFT_BEHIND = shutil.ignore_patterns(".*", "build", "dist", "__pycache__", "*.egg-info")
 
@@ -128,6 +149,12 @@ class Copy:
         """Remove the copy."""
         self._folder.cleanup()
 
+    def check(self, tests: Portion) -> None:
+        """Run tests without a change; raises RuntimeError if they fail."""
+        verdict = self._run(tests)
+        if verdict.outcome.is_noticed:
+            raise RuntimeError(f"without a change: {verdict.outcome.value} by {verdict.by}")
+
     def judge(self, change: Change, runs: Sequence[Portion]) -> Verdict:
         """Run tests with a change until one notices it."""
         module = self._root / change.module
@@ -141,44 +168,43 @@ class Copy:
             module.write_bytes(unchanged)
 
     def _run(self, tests: Portion) -> Verdict:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "--tb=no", "-p", "no:cacheprovider", "-m", MARKED]
-        with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
-            process = subprocess.Popen(
-                [*command, "--hypothesis-seed=0", *tests.arguments],
-                cwd=self._root,
-                env=os.environ | {"PYTHONPATH": str(self._root)},
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,
-                preexec_fn=_limited,
-            )
-            try:
-                status = process.wait(20.0 + 5.0 * tests.seconds)
-            except subprocess.TimeoutExpired:
-                return Verdict(Outcome.TIMED_OUT)
-            finally:
-                _end(process)
-            output.seek(0)
-            return _verdict(status, output.read())
+        output = self._root.with_name("output.txt")
+        process = PROCESSES.Process(target=_run_pytest, args=(self._root, tests.arguments, output))
+        process.start()
+        process.join(20.0 + 5.0 * tests.seconds)
+        status = process.exitcode
+        _end(process)
+        return Verdict(Outcome.TIMED_OUT) if status is None else _verdict(status, output.read_text(errors="replace"))
 
 
-def _limited() -> None:
+def _run_pytest(root: Path, arguments: Sequence[str], output: Path) -> NoReturn:
+    """Run tests in this process, the first of a session of its own."""
+    os.setsid()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    os.chdir(root)
+    sys.path.insert(0, str(root))
+    os.environ["PYTHONPATH"] = str(root)  # for the tests' own processes
+    with output.open("w") as file:
+        os.dup2(file.fileno(), 1)
+        os.dup2(file.fileno(), 2)
+    status = pytest.main([*OPTIONS, *arguments])
+    sys.stdout.flush()
+    os._exit(status)
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
+def _end(process: BaseProcess) -> None:
     """End a test run with all processes that it has started."""
-    try:
-        os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        return
-    finally:
-        process.wait()
+    if process.pid is not None:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.join()
+    process.close()
 
 
 def _verdict(status: int, output: str) -> Verdict:
-    if status in (0, 5):  # 5: pytest found no test
+    if status in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
         return Verdict(Outcome.SURVIVED)
     by = re.search(r"^(?:FAILED|ERROR) (\S+)", output, flags=re.MULTILINE)
+    if by is None and status == pytest.ExitCode.TESTS_FAILED:
+        raise RuntimeError(f"no test has failed, but the run:\n{output}")
     return Verdict(Outcome.NOTICED, by[1] if by else f"pytest's exit status {status}")
