@@ -69,7 +69,7 @@ def find_address(dictionary: Dictionary, text: str) -> values.Address:
     try:
         return dictionary.address(text)
     except DictionaryError:
-        near = get_close_matches(text[:LONGEST_NAME], _names(dictionary), n=3, cutoff=0.6)
+        near = get_close_matches(text[:LONGEST_NAME], _names(dictionary))
         raise UnknownName(f"object of {dictionary.name}", text, near) from None
 
 

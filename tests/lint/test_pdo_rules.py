@@ -144,7 +144,9 @@ def test_a_pdo_that_is_not_valid_may_be_without_data() -> None:
     assert found(("1600sub0", "0"), ("1400sub1", "0x80000205")) == {"W634"}
 
 
-@pytest.mark.parametrize(("last", "codes"), [("0x20020210", set()), ("0x20010208", {"E642"}), ("0x20020211", {"E635", "E638"})])
+@pytest.mark.parametrize(
+    ("last", "codes"), [("0x20020210", set()), ("0x20010208", {"E642"}), ("0x20020211", {"E635", "E638"})]
+)
 def test_a_pdo_has_up_to_64_bits(last: str, codes: set[str]) -> None:
     assert found(("1A01sub1", "0x20000020"), ("1A01sub2", "0x20020110"), ("1A01sub3", last)) == codes
 
