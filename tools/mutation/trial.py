@@ -99,10 +99,9 @@ def portions(change: Change, files: Sequence[Measured], text: bytes, budget: flo
     tests that come by the module anywhere.
     """
     nearest_first = sorted(files, key=partial(_distance, change))
-    chosen = [_tests(each, _functions(change, each, digest(text))) for each in nearest_first]
-    spent, run = 0.0, Portion((), 0.0)
-    for each in chosen:
-        if not each.arguments or (spent and spent + each.seconds > budget):
+    today, spent, run = digest(text), 0.0, Portion((), 0.0)
+    for each in (test for file in nearest_first for test in _tests(file, _functions(change, file, today))):
+        if spent and spent + each.seconds > budget:
             continue
         if spent < NEAR <= spent + each.seconds and run.arguments:
             yield run
@@ -126,13 +125,12 @@ def _functions(change: Change, file: Measured, today: str) -> frozenset[str]:
     return file.functions_at(change.module, None)
 
 
-def _tests(file: Measured, functions: frozenset[str]) -> Portion:
+def _tests(file: Measured, functions: frozenset[str]) -> Iterator[Portion]:
     if functions and file.seconds <= WHOLE:
-        return Portion((file.path,), file.seconds)
-    return Portion(
-        tuple(f"{file.path}::{each}" for each in sorted(functions)),
-        sum(file.functions[each].seconds for each in functions),
-    )
+        yield Portion((file.path,), file.seconds)
+    else:
+        quick_first = sorted((file.functions[each].seconds, each) for each in functions)
+        yield from (Portion((f"{file.path}::{name}",), seconds) for seconds, name in quick_first)
 
 
 class Copy:
