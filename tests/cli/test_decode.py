@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import subprocess
@@ -234,6 +235,28 @@ def test_a_reader_that_leaves_is_no_error(good: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("share", "drawn"), [(0.0, "[    ]   0%"), (0.5, "[##  ]  50%"), (1.0, "[####] 100%")])
 def test_progress_bar(share: float, drawn: str) -> None:
     assert bar(share, 4) == drawn
+
+
+class Terminal(io.StringIO):
+    """A stream that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_sees_how_far_a_long_log_is_and_the_lines_are_all_there(
+    good: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eurobot_od.cli.decode.PROGRESS_FROM", 1)
+    monkeypatch.setattr("eurobot_od.cli.decode.PROGRESS_STEP", 1)
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    assert cli.main(["decode", str(good)]) == 0
+    assert capsys.readouterr().out == TEXT
+    *drawn, cleared, _ = terminal.getvalue().split("\r")[1:]
+    assert len(drawn) == len(GOOD)
+    assert drawn[-1] == bar(1.0)
+    assert cleared == " " * len(bar(1.0))
 
 
 # Statistics

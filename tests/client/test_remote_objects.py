@@ -152,6 +152,8 @@ def test_without_a_type_bytes_are_shown_as_they_are(data: bytes, value: Value, s
 
 def test_without_a_type_a_number_is_written_with_the_length_that_is_there() -> None:
     assert encode(NamedObject((0x5000, 0)), 5, 2) == b"\5\0"
+    with pytest.raises(FieldError, match="allowed: 0 bytes"):
+        encode(NamedObject((0x5000, 0)), 5)
     with pytest.raises(FieldError, match="2 bytes"):
         encode(NamedObject((0x5000, 0)), 65536, 2)
 
