@@ -171,6 +171,7 @@ def boots(node: canopen.LocalNode, *lost: Address) -> None:
             for address in lost:
                 variable = node.object_dictionary.get_variable(*address)
                 assert variable is not None
+                assert variable.default is not None
                 node.set_data(*address, variable.encode_raw(variable.default))
             node.network.send_message(0x702, b"\0")
 

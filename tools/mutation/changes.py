@@ -11,8 +11,10 @@ import ast
 import copy
 import hashlib
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import NamedTuple, TypeVar
+
+MadeT = TypeVar("MadeT")
 
 
 class Change(NamedTuple):
@@ -212,8 +214,8 @@ class _Finder:
         if isinstance(node, ast.stmt) and _is_dropped(node):
             yield self._change(node, "pass")
         if isinstance(node, ast.expr):
-            yield from (self._change(node, _text(other)) for other in EXPRESSIONS.get(type(node), _nothing)(node))
-        for part, other in PARTS.get(type(node), _nothing)(node):
+            yield from (self._change(node, _text(other)) for other in _made(EXPRESSIONS, node))
+        for part, other in _made(PARTS, node):
             yield self._change(part, _text(other))
 
     def _change(self, node: ast.expr | ast.stmt, new: str) -> Change:
@@ -235,8 +237,9 @@ class _Finder:
         return self._source[self._starts[line - 1] : self._starts[line]].decode().strip()
 
 
-def _nothing(_: ast.AST) -> Iterator[Any]:
-    return iter(())
+def _made(table: Mapping[type[ast.AST], Callable[..., Iterator[MadeT]]], node: ast.AST) -> Iterator[MadeT]:
+    make = table.get(type(node))
+    return make(node) if make else iter(())
 
 
 def _text(node: ast.expr) -> str:
