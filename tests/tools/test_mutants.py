@@ -7,7 +7,7 @@ import mutants
 import pytest
 from mutation import equivalent
 from mutation.changes import changes_of, sample
-from mutation.reach import Measured, Passage, digest
+from mutation.reach import Measured, Passage, digest, distances
 from mutation.trial import mirror, portions
 
 ROOT = Path(__file__).parents[2]
@@ -91,16 +91,16 @@ SOURCE = b"LIMIT = 5\n\n\ndef f(x):\n    if x < LIMIT:\n        return x\n    re
 MODULE = "eurobot_od/pdo/small.py"
 
 
-def file(path: str, imports: bool, seen: str = digest(SOURCE), **functions: tuple[float, list[int]]) -> Measured:
+def file(path: str, distance: int, seen: str = digest(SOURCE), **functions: tuple[float, list[int]]) -> Measured:
     passages = {name: Passage(seconds, {MODULE: lines}) for name, (seconds, lines) in functions.items()}
-    return Measured(path, passages, frozenset([MODULE] if imports else []), {MODULE: seen})
+    return Measured(path, passages, {MODULE: distance}, {MODULE: seen})
 
 
-NEAR = file(mirror(MODULE), True, test_small=(0.5, [5, 6]), test_large=(0.5, [5, 7]))
-USER = file("tests/lint/test_user.py", True, test_uses=(1.0, [5]))
-FAR = file("tests/cli/test_far.py", False, test_far=(2.0, [5]), test_else=(9.0, []))
-NEVER = file("tests/cli/test_never.py", False, test_never=(0.1, []))
-CHANGED = file("tests/cli/test_old.py", False, seen="another", test_old=(0.1, [1]))
+NEAR = file(mirror(MODULE), 2, test_small=(0.5, [5, 6]), test_large=(0.5, [5, 7]))
+USER = file("tests/lint/test_user.py", 1, test_uses=(1.0, [5]))
+FAR = file("tests/cli/test_far.py", 5, test_far=(2.0, [5]), test_else=(9.0, []))
+NEVER = file("tests/cli/test_never.py", 1, test_never=(0.1, []))
+CHANGED = file("tests/cli/test_old.py", 1, seen="another", test_old=(0.1, [1]))
 
 
 def chosen(what: str, *files: Measured, budget: float = 60.0) -> list[tuple[str, ...]]:
@@ -125,6 +125,11 @@ def test_the_nearest_tests_come_first(what: str, files: list[Measured], expected
 def test_no_more_seconds_than_allowed_are_spent() -> None:
     assert chosen("x < LIMIT -> True", NEAR, USER, FAR, budget=2.5) == [(NEAR.path, USER.path)]
     assert chosen("x < LIMIT -> True", FAR, budget=0.5) == [("tests/cli/test_far.py::test_far",)], "but one always"
+
+
+def test_distances_are_counted_in_imports() -> None:
+    imports = {"a": {"b", "c"}, "b": {"d", "a"}, "c": {"d"}, "d": {"e"}, "e": set(), "f": {"a"}}
+    assert distances("a", lambda path: frozenset(imports[path])) == {"a": 0, "b": 1, "c": 1, "d": 2, "e": 3}
 
 
 # The whole, on a package of one module

@@ -12,8 +12,9 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,11 +45,11 @@ class Passage(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """A test file's functions that passed, and the modules that it imports or comes by."""
+    """A test file's functions that passed, and how far away modules are: 1 if it imports one itself."""
 
     path: str
     functions: dict[str, Passage]
-    imports: frozenset[str]
+    distances: dict[str, int]
     digests: dict[str, str]
     """Digests of the modules when it was measured."""
 
@@ -82,7 +83,9 @@ def measured(root: Path, folder: Path, jobs: int) -> list[Measured]:
     """Measure the test files that are new or have changed; `folder` keeps what was measured before."""
     folder.mkdir(parents=True, exist_ok=True)
     with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(lambda path: _test_file(root, path, _kept(root, folder, path)), test_files(root)))
+        kept = list(pool.map(lambda path: _kept(root, folder, path), test_files(root)))
+    imports = cache(partial(imported, root))
+    return [_test_file(path, data, distances(path, imports)) for path, data in zip(test_files(root), kept)]
 
 
 def _kept(root: Path, folder: Path, path: str) -> dict[str, Any]:
@@ -119,23 +122,31 @@ def _measure(root: Path, path: str, file: Path) -> dict[str, Any]:
     return measured
 
 
-def _test_file(root: Path, path: str, data: dict[str, Any]) -> Measured:
+def _test_file(path: str, data: dict[str, Any], distances: dict[str, int]) -> Measured:
     functions = {name: Passage(each["seconds"], each["lines"]) for name, each in data["functions"].items()}
-    imports = frozenset(imported(root, ast.parse((root / path).read_bytes())))
-    return Measured(path, functions, imports, data["modules"])
+    return Measured(path, functions, distances, data["modules"])
 
 
-def imported(root: Path, tree: ast.Module) -> Iterator[str]:
-    """Return the paths of the modules that a source imports by name, as far as they lie below the root."""
-    for node in ast.walk(tree):
-        names: list[str] = []
+def distances(path: str, imports: Callable[[str], frozenset[str]]) -> dict[str, int]:
+    """Return over how many imports a file has the files that it imports, one way or another."""
+    found, edge = {path: 0}, [path]
+    while edge:
+        steps = found[edge[0]] + 1
+        edge = sorted({each for file in edge for each in imports(file)} - found.keys())
+        found |= dict.fromkeys(edge, steps)
+    return found
+
+
+def imported(root: Path, path: str) -> frozenset[str]:
+    """Return the files below the root that a file imports by name."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse((root / path).read_bytes())):
         if isinstance(node, ast.Import):
-            names = [each.name for each in node.names]
+            names |= {each.name for each in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{each.name}" for each in node.names)]
-        for name in names:
-            path = name.replace(".", "/")
-            yield from (each for each in (f"{path}.py", f"{path}/__init__.py") if (root / each).is_file())
+            names |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
+    paths = (name.replace(".", "/") + end for name in names for end in (".py", "/__init__.py"))
+    return frozenset(each for each in paths if (root / each).is_file())
 
 
 # The plugin of a measuring test run

@@ -1,7 +1,8 @@
 """Runs the tests that come by a change, on a copy of the repository that has it.
 
-The nearest come first: the test file that mirrors the module, those that import it, those that only come by it, the
-quick before the slow. A few seconds of them are a run of their own, as most changes are noticed there.
+The nearest come first: the test file that mirrors the module, then those that import it, then those that import one
+that imports it, and so on, the quick before the slow. A few seconds of them are a run of their own, as most changes are
+noticed there.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import compileall
 import contextlib
 import enum
+import math
 import multiprocessing
 import os
 import re
@@ -34,6 +36,9 @@ NEAR = 3.0
 
 WHOLE = 3.0
 """Seconds that a test file may take to be run whole, as its functions may share what one of them has made."""
+
+TABLES_WITHIN = 2
+"""Imports over which a test file may use what a module has outside of functions, such as a table of its cases."""
 
 MEMORY = 16 << 30
 """Bytes of address space that a run may have: a change can make a loop without an end."""
@@ -96,7 +101,7 @@ def portions(change: Change, files: Sequence[Measured], text: bytes, budget: flo
     """Choose the tests for a change of a module with this text; `budget` in seconds.
 
     For a change outside of functions, and in a module that was changed since a test file was measured, these are the
-    tests that come by the module anywhere.
+    tests that come by the module anywhere; for the former also all that are near.
     """
     nearest_first = sorted(files, key=partial(_distance, change))
     today, spent, run = digest(text), 0.0, Portion((), 0.0)
@@ -112,17 +117,16 @@ def portions(change: Change, files: Sequence[Measured], text: bytes, budget: flo
         yield run
 
 
-def _distance(change: Change, file: Measured) -> tuple[bool, bool, float]:
-    return file.path != mirror(change.module), change.module not in file.imports, file.seconds
+def _distance(change: Change, file: Measured) -> tuple[bool, float, float]:
+    return file.path != mirror(change.module), file.distances.get(change.module, math.inf), file.seconds
 
 
 def _functions(change: Change, file: Measured, today: str) -> frozenset[str]:
     found = file.functions_at(change.module, change.lines)
-    if found:
+    if found or (change.in_function and file.digests.get(change.module) == today):
         return found
-    if change.in_function and file.digests.get(change.module) == today:
-        return frozenset()
-    return file.functions_at(change.module, None)
+    is_near = not change.in_function and file.distances.get(change.module, math.inf) <= TABLES_WITHIN
+    return frozenset(file.functions) if is_near else file.functions_at(change.module, None)
 
 
 def _tests(file: Measured, functions: frozenset[str]) -> Iterator[Portion]:
