@@ -19,8 +19,6 @@ from typing import NamedTuple
 
 from environment import ROOT, call, ensure
 
-ensure("uv", "test")
-
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
 LEFT_OUT = ("tests/interop", "tests/web", "tests/tools", "tests/test_packaging.py")
@@ -52,10 +50,11 @@ def candidates(version: str) -> Iterator[str]:
 
 
 def find(version: str) -> str | None:
-    """Return the Python of a version, None if there is none that runs."""
-    question = [*("-c", f"import sys, venv; sys.exit(sys.version_info[:2] != {tuple(map(int, version.split('.')))})")]
-    for each in candidates(version):
-        if each and subprocess.run([each, *question], capture_output=True, check=False).returncode == 0:
+    """Return the Python of a version, None if there is none that runs: pyenv has programs that only say so."""
+    question = "import sys; print('.'.join(map(str, sys.version_info[:2])))"
+    for each in filter(None, candidates(version)):
+        said = subprocess.run([each, "-c", question], capture_output=True, text=True, check=False)
+        if said.stdout.strip() == version:
             return each
     return None
 
@@ -93,6 +92,7 @@ def main(versions: list[str]) -> int:
     if unknown:
         print(f"unknown Python {', '.join(unknown)}; known: {', '.join(rows)}", file=sys.stderr)
         return WRONG_USAGE
+    ensure("uv", "test")
     os.chdir(ROOT)
     results = [is_fine(rows[each]) for each in versions or rows]
     return FINE if all(results) else FAILED

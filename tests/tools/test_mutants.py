@@ -3,8 +3,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import mutants
 import pytest
+
+pytest.importorskip("coverage", reason="the extra `test` is not installed")
+
+import mutants
 from mutation import equivalent
 from mutation.changes import changes_of, sample
 from mutation.reach import Measured, Passage, digest, distances
