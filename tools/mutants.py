@@ -36,7 +36,7 @@ ensure("coverage", "test")
 
 from mutation import equivalent, reach  # noqa: E402
 from mutation.changes import Change, changes_of, sample  # noqa: E402
-from mutation.trial import Copy, Outcome, Portion, Verdict, portions  # noqa: E402
+from mutation.trial import Copy, Outcome, Portion, Source, Verdict, portions  # noqa: E402
 
 ALL_NOTICED, SURVIVORS, WRONG_USAGE = 0, 1, 2
 
@@ -78,7 +78,7 @@ def verdicts(
     copies: SimpleQueue[Copy] = SimpleQueue()
 
     def tests(change: Change) -> list[Portion]:
-        return list(portions(change, files, texts[change.module], budget))
+        return list(portions(change, files, sources[change.module], budget))
 
     def verdict(change: Change) -> tuple[Change, Verdict]:
         copy = copies.get()
@@ -87,7 +87,9 @@ def verdicts(
         finally:
             copies.put(copy)
 
-    texts = {each.module: (root / each.module).read_bytes() for each in changes}
+    lines = reach.at_import(root, PACKAGE)
+    modules = {each.module for each in changes}
+    sources = {each: Source((root / each).read_bytes(), lines.get(each, frozenset())) for each in modules}
     with ExitStack() as stack:
         for _ in range(jobs):
             copy = Copy(root)

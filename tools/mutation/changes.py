@@ -25,7 +25,6 @@ class Change(NamedTuple):
     line: int
     lines: range
     """Lines of the statement, or of a compound statement's head, that a test has to come by."""
-    in_function: bool
     start: int
     end: int
     statement: str
@@ -180,7 +179,7 @@ ANNOTATIONS = {"annotation", "returns", "type_comment", "type_params"}
 
 
 class _Finder:
-    """Walks a module's syntax tree; `_lines` and `_in_function` are those of the node it is at."""
+    """Walks a module's syntax tree; `_lines` are those of the statement it is at."""
 
     def __init__(self, module: str, source: bytes) -> None:
         self._module, self._source = module, source
@@ -188,7 +187,6 @@ class _Finder:
         for line in source.splitlines(keepends=True):
             self._starts.append(self._starts[-1] + len(line))
         self._lines = range(1, 1)
-        self._in_function = False
 
     def changes(self, node: ast.AST) -> Iterator[Change]:
         """Find the changes of a node and of all below it."""
@@ -199,16 +197,14 @@ class _Finder:
         yield from self._here(node)
         for field, value in ast.iter_fields(node):
             if field not in ANNOTATIONS:
-                yield from self._below(node, field, value)
+                yield from self._below(value)
 
-    def _below(self, node: ast.AST, field: str, value: object) -> Iterator[Change]:
-        before = self._lines, self._in_function
-        if field == "body" and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            self._in_function = True
+    def _below(self, value: object) -> Iterator[Change]:
+        before = self._lines
         for each in value if isinstance(value, list) else [value]:
             if isinstance(each, ast.AST):
                 yield from self.changes(each)
-        self._lines, self._in_function = before
+        self._lines = before
 
     def _here(self, node: ast.AST) -> Iterator[Change]:
         if isinstance(node, ast.stmt) and _is_dropped(node):
@@ -225,7 +221,6 @@ class _Finder:
             self._module,
             node.lineno,
             self._lines,
-            self._in_function,
             start,
             end,
             self._line_text(self._lines.start),

@@ -149,6 +149,30 @@ def imported(root: Path, path: str) -> frozenset[str]:
     return frozenset(each for each in paths if (root / each).is_file())
 
 
+IMPORTING = """
+import contextlib, coverage, importlib, json, pathlib, sys
+root = pathlib.Path(sys.argv[1])
+measured = coverage.Coverage(data_file=None, config_file=False, source=[str(root / sys.argv[2])])
+measured.start()
+for file in sorted((root / sys.argv[2]).rglob("*.py")):
+    if file.name != "__main__.py":
+        with contextlib.suppress(ImportError):
+            importlib.import_module(".".join(file.relative_to(root).with_suffix("").parts).removesuffix(".__init__"))
+measured.stop()
+data = measured.get_data()
+lines = {pathlib.Path(file).relative_to(root).as_posix(): data.lines(file) for file in data.measured_files()}
+print(json.dumps(lines))
+"""
+
+
+def at_import(root: Path, package: str) -> dict[str, frozenset[int]]:
+    """Return the lines of a package's modules that are executed when they are imported."""
+    command = [sys.executable, "-c", IMPORTING, str(root), package]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    done = subprocess.run(command, cwd=root, env=environment, capture_output=True, text=True, check=True)
+    return {module: frozenset(lines) for module, lines in json.loads(done.stdout).items()}
+
+
 # The plugin of a measuring test run
 
 

@@ -38,7 +38,7 @@ WHOLE = 3.0
 """Seconds that a test file may take to be run whole, as its functions may share what one of them has made."""
 
 TABLES_WITHIN = 2
-"""Imports over which a test file may use what a module has outside of functions, such as a table of its cases."""
+"""Imports over which a test file may use what a module makes when it is imported, such as a table of its cases."""
 
 MEMORY = 16 << 30
 """Bytes of address space that a run may have: a change can make a loop without an end."""
@@ -97,15 +97,23 @@ def mirror(module: str) -> str:
     return str(PurePosixPath("tests", *path.parts[1:-1], f"test_{path.name}"))
 
 
-def portions(change: Change, files: Sequence[Measured], text: bytes, budget: float) -> Iterator[Portion]:
-    """Choose the tests for a change of a module with this text; `budget` in seconds.
+class Source(NamedTuple):
+    """A module's text, and its lines that are executed when it is imported."""
 
-    For a change outside of functions, and in a module that was changed since a test file was measured, these are the
-    tests that come by the module anywhere; for the former also all that are near.
+    text: bytes
+    at_import: frozenset[int]
+
+
+def portions(change: Change, files: Sequence[Measured], source: Source, budget: float) -> Iterator[Portion]:
+    """Choose the tests for a change of a module; `budget` in seconds.
+
+    For what is executed when the module is imported, and in a module that was changed since a test file was measured,
+    these are the tests that come by the module anywhere; for the former also all that are near.
     """
+    functions = partial(_functions, change, not source.at_import.isdisjoint(change.lines), digest(source.text))
     nearest_first = sorted(files, key=partial(_distance, change))
-    today, spent, run = digest(text), 0.0, Portion((), 0.0)
-    for each in (test for file in nearest_first for test in _tests(file, _functions(change, file, today))):
+    spent, run = 0.0, Portion((), 0.0)
+    for each in (test for file in nearest_first for test in _tests(file, functions(file))):
         if spent and spent + each.seconds > budget:
             continue
         if spent < NEAR <= spent + each.seconds and run.arguments:
@@ -121,12 +129,11 @@ def _distance(change: Change, file: Measured) -> tuple[bool, float, float]:
     return file.path != mirror(change.module), file.distances.get(change.module, math.inf), file.seconds
 
 
-def _functions(change: Change, file: Measured, today: str) -> frozenset[str]:
-    found = file.functions_at(change.module, change.lines)
-    if found or (change.in_function and file.digests.get(change.module) == today):
-        return found
-    is_near = not change.in_function and file.distances.get(change.module, math.inf) <= TABLES_WITHIN
-    return frozenset(file.functions) if is_near else file.functions_at(change.module, None)
+def _functions(change: Change, at_import: bool, today: str, file: Measured) -> frozenset[str]:
+    if at_import and file.distances.get(change.module, math.inf) <= TABLES_WITHIN:
+        return frozenset(file.functions)
+    is_measured = not at_import and file.digests.get(change.module) == today
+    return file.functions_at(change.module, change.lines if is_measured else None)
 
 
 def _tests(file: Measured, functions: frozenset[str]) -> Iterator[Portion]:
