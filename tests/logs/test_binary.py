@@ -11,7 +11,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
-from eurobot_od.logs.binary import CREATE, write_table
+from eurobot_od.logs.binary import CREATE, read_messages, write_table
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
 GOOD = (1.5, 0x014, 0, 0, 0, 2, b"\x01\x02")
@@ -59,6 +59,20 @@ def test_a_row_of_another_length_than_its_data_is_unreadable_and_counted(tmp_pat
     (first, _, _, _), (second, _, _, raw), (third, _, _, _) = read(table(tmp_path, GOOD, bad, GOOD))
     assert (first, second, third) == (1, 2, 3)
     assert raw == Foreign(Damage.UNREADABLE, f"014#0102 with length {length}")
+
+
+def test_a_bad_row_has_the_time_of_the_one_before_it_0_at_first(tmp_path: Path) -> None:
+    bad = ("late", 0x014, 0, 0, 0, 0, b"")
+    assert [time for _, time, *_ in read(table(tmp_path, bad, GOOD, bad))] == [0.0, 1.5, 1.5]
+
+
+def test_what_python_can_gives_up_ends_with_an_entry_that_says_so(tmp_path: Path) -> None:
+    file = tmp_path / "bus.csv"
+    file.write_text("a heading\nno frame at all\n")
+    with file.open("rb") as opened:
+        ((number, time, channel, raw),) = read_messages(opened)
+    assert isinstance(raw, Foreign)
+    assert (number, time, channel, raw.damage) == (1, 0.0, "", Damage.CUT_OFF)
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
