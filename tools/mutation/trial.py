@@ -111,9 +111,9 @@ def portions(change: Change, files: Sequence[Measured], source: Source, budget: 
     these are the tests that come by the module anywhere; for the former also all that are near.
     """
     functions = partial(_functions, change, not source.at_import.isdisjoint(change.lines), digest(source.text))
-    nearest_first = sorted(files, key=partial(_distance, change))
+    tests = [(_distance(change, file), test) for file in files for test in _tests(file, functions(file))]
     spent, run = 0.0, Portion((), 0.0)
-    for each in (test for file in nearest_first for test in _tests(file, functions(file))):
+    for _, each in sorted(tests, key=lambda row: (row[0], row[1].seconds, row[1].arguments)):
         if spent and spent + each.seconds > budget:
             continue
         if spent < NEAR <= spent + each.seconds and run.arguments:
@@ -125,8 +125,8 @@ def portions(change: Change, files: Sequence[Measured], source: Source, budget: 
         yield run
 
 
-def _distance(change: Change, file: Measured) -> tuple[bool, float, float]:
-    return file.path != mirror(change.module), file.distances.get(change.module, math.inf), file.seconds
+def _distance(change: Change, file: Measured) -> tuple[bool, float]:
+    return file.path != mirror(change.module), file.distances.get(change.module, math.inf)
 
 
 def _functions(change: Change, at_import: bool, today: str, file: Measured) -> frozenset[str]:
@@ -140,8 +140,7 @@ def _tests(file: Measured, functions: frozenset[str]) -> Iterator[Portion]:
     if functions and file.seconds <= WHOLE:
         yield Portion((file.path,), file.seconds)
     else:
-        quick_first = sorted((file.functions[each].seconds, each) for each in functions)
-        yield from (Portion((f"{file.path}::{name}",), seconds) for seconds, name in quick_first)
+        yield from (Portion((f"{file.path}::{each}",), file.functions[each].seconds) for each in functions)
 
 
 class Copy:
