@@ -148,6 +148,8 @@ def test_summary_and_tables() -> None:
     assert "red team, 1 enemy, 0 confederates, 1 of 2 gotos reached, 1 stop, 16 s" in found
     assert "stopped 4.0 s" in found
     assert "Emergency Stop: enemy" in found
+    row = found.index("1000, 500")
+    assert found[row - 2 : row + 4] == ["1", "2.0", "1000, 500", "90", "80", "stopped 4.0 s"]
 
 
 def test_bodies_are_to_scale() -> None:
