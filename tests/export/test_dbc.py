@@ -142,7 +142,7 @@ def test_words_of_the_format_are_no_names() -> None:
     field = made_up.Field("Enum", made_up.UNSIGNED8, 8)
     text = dbc_text(made_up.protocol([("Filter", [field]), ("Float", [field])]))
     assert re.findall(r"^BO_ \d+ (\w+):", text, flags=re.MULTILINE) == ["Filter_2", "Float_2"]
-    assert re.findall(r"^ SG_ (\w+) :", text, flags=re.MULTILINE) == ["Enum_2", "Enum_2"]
+    assert re.findall(r"^ SG_ (\w+) :", text, flags=re.MULTILINE) == ["enum_2", "enum_2"]
 
 
 # C
