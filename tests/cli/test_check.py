@@ -144,6 +144,14 @@ def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
     assert {line.split()[0] for line in lines} == set(shipped.shipped_suites())
 
 
+@pytest.mark.usefixtures("folder")
+def test_a_listed_suite_says_for_what_it_is_and_its_tags(capsys: pytest.CaptureFixture[str]) -> None:
+    (green,) = run(capsys, "check", "green.yaml", "--list").out.splitlines()
+    (foreign,) = run(capsys, "check", "foreign.yaml", "--list").out.splitlines()
+    assert green == f"{'green':24}    2 steps  a suite (drive; any dialect)  [quick, first]"
+    assert foreign == f"{'foreign':24}    1 steps  a suite (drive; firmware2014)"
+
+
 def test_the_guide_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:
     options = set(re.findall(r"--[a-z-]+", run(capsys, "check", "--help").out)) - BUS_OPTIONS
     assert {option for option in options if f"`{option}" not in GUIDE.read_text()} == set()

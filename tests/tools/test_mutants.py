@@ -101,6 +101,7 @@ def file(path: str, distance: int, seen: str = digest(SOURCE), **functions: tupl
 
 NEAR = file(mirror(MODULE), 2, test_small=(0.5, [5, 6]), test_large=(0.5, [5, 7]))
 USER = file("tests/lint/test_user.py", 1, test_uses=(1.0, [5]))
+APART = file(mirror(MODULE), 2, test_process=(0.5, []))
 FAR = file("tests/cli/test_far.py", 5, test_far=(2.0, [5]), test_else=(9.0, []))
 NEVER = file("tests/cli/test_never.py", 1, test_never=(0.1, []))
 CHANGED = file("tests/cli/test_old.py", 1, seen="another", test_old=(0.1, [1]))
@@ -116,6 +117,7 @@ def chosen(what: str, *files: Measured, budget: float = 60.0) -> list[tuple[str,
     [
         ("x -> None", [NEAR], [(NEAR.path,)]),  # a quick file is run whole
         ("x -> None", [USER], []),  # no test of it comes by the line
+        ("x -> None", [APART], [(APART.path,)]),  # it mirrors the module, and may come by in another process
         ("x < LIMIT -> True", [NEVER, FAR, USER, NEAR], [(NEAR.path, USER.path), ("tests/cli/test_far.py::test_far",)]),
         ("5 -> 6", [USER, NEAR], [(NEAR.path, USER.path)]),  # outside of functions: whoever comes by the module
         ("x -> None", [CHANGED], [(CHANGED.path,)]),  # its lines are of another text
@@ -179,8 +181,8 @@ def test_survivors_are_listed_and_tried_again(root: Path, capsys: pytest.Capture
     assert mutants.main([*options, "eurobot_od"], root) == mutants.SURVIVORS
     survivors = [
         "eurobot_od/small.py:3: 10 -> 11: survived",
-        "eurobot_od/small.py:9: 1 -> None: no test comes by",
-        "eurobot_od/small.py:9: 1 -> 2: no test comes by",
+        "eurobot_od/small.py:9: 1 -> None: survived",
+        "eurobot_od/small.py:9: 1 -> 2: survived",
     ]
     *lines, total = capsys.readouterr().out.splitlines()
     assert sorted(lines) == sorted(survivors)

@@ -108,7 +108,8 @@ def portions(change: Change, files: Sequence[Measured], source: Source, budget: 
     """Choose the tests for a change of a module; `budget` in seconds.
 
     For what is executed when the module is imported, and in a module that was changed since a test file was measured,
-    these are the tests that come by the module anywhere; for the former also all that are near.
+    these are the tests that come by the module anywhere; for the former also all that are near. The test file that
+    mirrors the module is asked in any case: it may come by in processes of its own.
     """
     functions = partial(_functions, change, not source.at_import.isdisjoint(change.lines), digest(source.text))
     tests = [(_distance(change, file), test) for file in files for test in _tests(file, functions(file))]
@@ -133,7 +134,8 @@ def _functions(change: Change, at_import: bool, today: str, file: Measured) -> f
     if at_import and file.distances.get(change.module, math.inf) <= TABLES_WITHIN:
         return frozenset(file.functions)
     is_measured = not at_import and file.digests.get(change.module) == today
-    return file.functions_at(change.module, change.lines if is_measured else None)
+    found = file.functions_at(change.module, change.lines if is_measured else None)
+    return found if found or file.path != mirror(change.module) else frozenset(file.functions)
 
 
 def _tests(file: Measured, functions: frozenset[str]) -> Iterator[Portion]:
