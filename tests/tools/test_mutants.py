@@ -29,6 +29,7 @@ ROOT = Path(__file__).parents[2]
         ("x = a and b", {"a and b -> (a or b)"}),
         ("x = f(a)", {"f(a) -> f()"}),
         ("x = f(a, b)", {"f(a, b) -> f(a)", "f(a, b) -> f(b, a)"}),
+        ("x = f(a, a)", {"f(a, a) -> f(a)"}),
         ("x = f(*a, b)", {"f(*a, b) -> f(*a)"}),
         ("x = f(a=b, c=d)", {"f(a=b, c=d) -> f(c=d)", "f(a=b, c=d) -> f(a=b)"}),
         ("x = y if a else z", {"a -> True", "a -> False"}),

@@ -105,8 +105,11 @@ def _called_otherwise(node: ast.Call) -> Iterator[ast.expr]:
     for place, keyword in enumerate(node.keywords):
         if keyword.arg not in HELP:
             yield ast.Call(node.func, node.args, node.keywords[:place] + node.keywords[place + 1 :])
-    if len(node.args) > 1 and not any(isinstance(each, ast.Starred) for each in node.args[:2]):
-        yield ast.Call(node.func, [node.args[1], node.args[0], *node.args[2:]], node.keywords)
+    match node.args:
+        case [ast.Starred(), *_] | [_, ast.Starred(), *_]:
+            return
+        case [first, second, *others] if ast.dump(first) != ast.dump(second):
+            yield ast.Call(node.func, [second, first, *others], node.keywords)
 
 
 EXPRESSIONS: dict[type[ast.AST], Callable[..., Iterator[ast.expr]]] = {

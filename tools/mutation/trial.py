@@ -105,7 +105,7 @@ class Source(NamedTuple):
 
 
 def portions(change: Change, files: Sequence[Measured], source: Source, budget: float) -> Iterator[Portion]:
-    """Choose the tests for a change of a module; `budget` in seconds.
+    """Choose the tests for a change of a module; `budget` in seconds, but for the test file that mirrors the module.
 
     For what is executed when the module is imported, and in a module that was changed since a test file was measured,
     these are the tests that come by the module anywhere; for the former also all that are near. The test file that
@@ -114,8 +114,8 @@ def portions(change: Change, files: Sequence[Measured], source: Source, budget: 
     functions = partial(_functions, change, not source.at_import.isdisjoint(change.lines), digest(source.text))
     tests = [(_distance(change, file), test) for file in files for test in _tests(file, functions(file))]
     spent, run = 0.0, Portion((), 0.0)
-    for _, each in sorted(tests, key=lambda row: (row[0], row[1].seconds, row[1].arguments)):
-        if spent and spent + each.seconds > budget:
+    for (is_elsewhere, _), each in sorted(tests, key=lambda row: (row[0], row[1].seconds, row[1].arguments)):
+        if is_elsewhere and spent and spent + each.seconds > budget:
             continue
         if spent < NEAR <= spent + each.seconds and run.arguments:
             yield run
