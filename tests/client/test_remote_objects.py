@@ -141,6 +141,8 @@ def test_bytes_of_another_length(data_type: int, data: bytes, value: Value) -> N
         (b"\x05", 5, "0x05"),
         (b"\0\1\2\3", 0x03020100, "0x3020100"),
         (b"\0\1\2", b"\0\1\2", "00 01 02"),
+        (b"\1\0\0\0\0\0\0\0", 1, "0x1"),
+        (bytes(9), bytes(9), "00 00 00 00 00 00 00 00 00"),
         (b"", b"", ""),
     ],
 )

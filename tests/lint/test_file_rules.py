@@ -5,6 +5,9 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.lint.file_rules import is_date, is_time, is_version
+from eurobot_od.lint.rules import lint
+from tests.conftest import with_entry
+from tests.lint.mutations import CLEAN
 
 
 @pytest.mark.parametrize(
@@ -51,3 +54,21 @@ def test_a_date(text: str, is_one: bool) -> None:
 )
 def test_a_version(text: str, is_one: bool) -> None:
     assert is_version(text) is is_one
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "most", "code"),
+    [
+        ("FileInfo", "FileVersion", 255, "E204"),
+        ("FileInfo", "FileRevision", 255, "E205"),
+        ("DeviceInfo", "NrOfRXPDO", 512, "E223"),
+        ("DeviceInfo", "Granularity", 64, "E224"),
+        ("DeviceInfo", "LSS_Supported", 1, "E216"),
+        ("DummyUsage", "Dummy0005", 1, "E231"),
+    ],
+)
+def test_a_number_is_0_to_its_most(section: str, key: str, most: int, code: str) -> None:
+    def codes(value: int) -> set[str]:
+        return {each.code for each in lint(with_entry(CLEAN, section, key, str(value)).encode(), "clean.eds")}
+
+    assert [code in codes(value) for value in (-1, 0, most, most + 1)] == [True, False, False, True]
