@@ -215,6 +215,6 @@ def _verdict(status: int, output: str) -> Verdict:
     if status in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
         return Verdict(Outcome.SURVIVED)
     by = re.search(r"^(?:FAILED|ERROR) (\S+)", output, flags=re.MULTILINE)
-    if by is None and status == pytest.ExitCode.TESTS_FAILED:
+    if by is None and status in (pytest.ExitCode.TESTS_FAILED, pytest.ExitCode.INTERNAL_ERROR):
         raise RuntimeError(f"no test has failed, but the run:\n{output}")
     return Verdict(Outcome.NOTICED, by[1] if by else f"pytest's exit status {status}")
