@@ -24,6 +24,14 @@ def ctrl_c() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
+@pytest.fixture(autouse=True)
+def sigterm() -> Iterator[None]:
+    """Puts back what SIGTERM does: some commands take it for their whole process."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
+
 EDS = Path(__file__).parents[1] / "eds"
 
 
