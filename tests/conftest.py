@@ -1,10 +1,11 @@
-"""What several test files use: EDS files of a dialect, copied and spoilt in one place; hypothesis without a clock."""
+"""What several test files use: EDS files of a dialect, copied and spoilt in one place; Ctrl-C; hypothesis untimed."""
 
 from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,23 @@ from hypothesis import HealthCheck, settings
 # No test may depend on how fast the machine is.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ctrl_c() -> Iterator[None]:
+    """Ends the tests' processes also where whoever started the tests ignores it: nohup, a job in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture(autouse=True)
+def sigterm() -> Iterator[None]:
+    """Puts back what SIGTERM does: some commands take it for their whole process."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield
+    signal.signal(signal.SIGTERM, before)
+
 
 EDS = Path(__file__).parents[1] / "eds"
 

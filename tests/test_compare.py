@@ -147,6 +147,18 @@ def test_a_difference_says_what_has_changed() -> None:
     ]
 
 
+def test_unknown_is_near_no_number() -> None:
+    known, unknown = (
+        [(0.0, position(1000, 90))],
+        [(0.0, ENCODE(messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)))],
+    )
+    tolerant = Tolerances(fields={(KALMAN, field): 5000.0 for field in ("x", "y", "angle")})
+    assert [each.text for each in compare(known, unknown, DECODER, tolerant)] == [
+        "x = 1000 mm -> unknown, y = 500 mm -> unknown, angle = 90 deg -> unknown"
+    ]
+    assert [each.kind for each in compare(unknown, known, DECODER, tolerant)] == [Kind.CHANGED]
+
+
 @pytest.mark.parametrize(("first", "second"), [([], []), ([], ROW), (ROW, [])])
 def test_logs_may_be_empty(first: list[Timed], second: list[Timed]) -> None:
     assert len(compare(first, second, DECODER, EXACT)) == abs(len(first) - len(second))

@@ -12,8 +12,6 @@ from graphlib import CycleError, TopologicalSorter
 from importlib.util import find_spec
 from pathlib import Path
 
-import pytest
-
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -110,10 +108,9 @@ def test_every_module_has_its_layer() -> None:
     assert {unit_of(module) for module in IMPORTS} - LAYER.keys() == set()
 
 
-@pytest.mark.parametrize("module", IMPORTS)
-def test_imports_point_down(module: str) -> None:
-    upward = {other for other in IMPORTS[module] if LAYER[unit_of(other)] > LAYER[unit_of(module)]}
-    assert upward == set()
+def test_imports_point_down() -> None:
+    arrows = ((module, other) for module, others in IMPORTS.items() for other in others)
+    assert [each for each in arrows if LAYER[unit_of(each[1])] > LAYER[unit_of(each[0])]] == []
 
 
 def test_modules_import_each_other_in_no_circle() -> None:
@@ -127,15 +124,18 @@ def test_packages_import_each_other_in_no_circle() -> None:
     assert circle({unit: others - {unit} for unit, others in units.items()}) == []
 
 
-@pytest.mark.parametrize("module", IMPORTS)
-def test_nobody_imports_through_the_package(module: str) -> None:
-    assert "" not in IMPORTS[module]
+def test_nobody_imports_through_the_package() -> None:
+    assert [module for module, others in IMPORTS.items() if "" in others] == []
 
 
-@pytest.mark.parametrize("module", [m for m in MODULES if unit_of(m) not in ("cli", "__main__")])
-def test_only_the_command_line_prints(module: str) -> None:
-    calls = [node for node in ast.walk(tree(MODULES[module])) if isinstance(node, ast.Call)]
-    assert [c.lineno for c in calls if isinstance(c.func, ast.Name) and c.func.id in ("print", "input")] == []
+def prints(file: Path) -> bool:
+    calls = (node.func for node in ast.walk(tree(file)) if isinstance(node, ast.Call))
+    return any(isinstance(each, ast.Name) and each.id in ("print", "input") for each in calls)
+
+
+def test_only_the_command_line_prints() -> None:
+    printing = [module for module, file in MODULES.items() if prints(file)]
+    assert {unit_of(module) for module in printing} <= {"cli", "__main__"}, printing
 
 
 def arguments_about_dialects(file: Path) -> Iterator[str]:
@@ -150,15 +150,20 @@ def arguments_about_dialects(file: Path) -> Iterator[str]:
 LIBRARIES = {name for name in dialects.names() if find_spec(name)}
 
 
-@pytest.mark.parametrize("file", FILES + TOOLS, ids=lambda file: str(file.relative_to(ROOT)))
-def test_no_file_names_a_dialect_but_the_one_that_lists_them(file: Path) -> None:
-    if file != PACKAGE / "robot" / "dialects.py":
-        assert set(arguments_about_dialects(file)) & set(dialects.names()) == set()
-        assert [name for name in set(dialects.names()) - LIBRARIES if name in file.read_text(encoding="utf-8")] == []
+def dialects_in(file: Path) -> set[str]:
+    text, names = file.read_text(encoding="utf-8"), set(dialects.names())
+    return set(arguments_about_dialects(file)) & names | {name for name in names - LIBRARIES if name in text}
 
 
-@pytest.mark.parametrize("module", MODULES)
-def test_no_file_repeats_an_identifier_of_the_protocol(module: str) -> None:
-    tokens = tokenize.generate_tokens(io.StringIO(MODULES[module].read_text(encoding="utf-8")).readline)
-    numbers = {int(token.string, 0) for token in tokens if IDENTIFIER_FORM.fullmatch(token.string)}
-    assert {number for number in numbers & IDENTIFIERS if (module, number) not in NO_IDENTIFIERS} == set()
+def test_no_file_names_a_dialect_but_the_one_that_lists_them() -> None:
+    assert {file for file in FILES + TOOLS if dialects_in(file)} <= {PACKAGE / "robot" / "dialects.py"}
+
+
+def identifiers_in(file: Path) -> set[int]:
+    tokens = tokenize.generate_tokens(io.StringIO(file.read_text(encoding="utf-8")).readline)
+    return {int(token.string, 0) for token in tokens if IDENTIFIER_FORM.fullmatch(token.string)} & IDENTIFIERS
+
+
+def test_no_file_repeats_an_identifier_of_the_protocol() -> None:
+    found = {(module, number) for module, file in MODULES.items() for number in identifiers_in(file)}
+    assert found <= NO_IDENTIFIERS.keys()

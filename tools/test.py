@@ -15,7 +15,7 @@ CHECKS = (
     ("ruff check", ("-m", "ruff", "check", ".")),
     ("mypy --strict", ("-m", "mypy", "--strict")),
     ("EDS files", ("tools/make_eds.py", "--check")),
-    ("pytest", ("-m", "pytest", "-q", "-n", "auto")),
+    ("pytest", ("-m", "pytest", "-q", "-n", "auto", "--durations=10")),
 )
 
 

@@ -71,7 +71,7 @@ def find_address(dictionary: Dictionary, text: str) -> values.Address:
         return dictionary.address(text)
     except DictionaryError:
         hexadecimal = [f"0x{text}"] if ADDRESS.fullmatch(f"0x{text}") else []  # `1017` is meant as CiA 301 writes it
-        near = hexadecimal or get_close_matches(text[:LONGEST_NAME], _names(dictionary), n=3, cutoff=0.6)
+        near = hexadecimal or get_close_matches(text[:LONGEST_NAME], _names(dictionary))
         raise UnknownName(f"object of {dictionary.name}", text, near) from None
 
 

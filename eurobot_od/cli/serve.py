@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise LocalError(f"{len(arguments.logs)} logs do not go side by side: name one or two")
     if arguments.logs and arguments.control:
         raise LocalError("--control is for a bus: in a log there is nothing to be changed")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))  # which asyncio takes between steps
     decoder = options.decoder(arguments)
     show = _show_logs if arguments.logs else _show_bus
     with suppress(KeyboardInterrupt):  # the usual way to end it

@@ -433,7 +433,7 @@ def _heartbeat(node: NetworkNode) -> int:
 def impatient(network: LintedNetwork) -> Conflicts:
     """A heartbeat consumer waits longer than the producer's period."""
     for place, name, _, time, watched in _watches(network):
-        if watched and 0 < time <= _heartbeat(watched):
+        if watched and time <= _heartbeat(watched):
             yield place, f"{name} waits {time} ms for {watched.name}, which sends every {_heartbeat(watched)} ms"
 
 

@@ -16,7 +16,7 @@ from typing import BinaryIO, TypeAlias
 
 from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, frame_or_foreign, read_each, shortened
 
-FILE_HEADER = Struct("<4sL64xHHHHHHHH")
+FILE_HEADER = Struct("<4sL32xHHHHHHHH")
 """Signature, size of the header, ..., start time: year, month, weekday, day, hour, minute, second, millisecond."""
 
 OBJECT = Struct("<4sHHLL")

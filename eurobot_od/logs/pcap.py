@@ -169,7 +169,7 @@ def _options(order: str, data: bytes) -> Iterator[tuple[int, bytes]]:
     head = Struct(f"{order}HH")
     while len(data) >= head.size:
         code, size = head.unpack_from(data)
-        if code == 0 or size == 0:
+        if code == 0:
             return
         yield code, data[head.size : head.size + size]
         data = data[head.size + size + -size % 4 :]

@@ -90,8 +90,8 @@ def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> Non
         server.cancel()
 
 
-def _address(listening: tuple[str, int], access: Access) -> str:
-    host, port = listening[:2]
+def _address(listening: tuple[Any, ...], access: Access) -> str:
+    host, port, *_ = listening  # two more numbers in IPv6
     host = EVERYWHERE.get(host, host)
     named = f"[{host}]" if ":" in host else host
     return f"http://{named}:{port}/" + (f"?{TOKEN}={access.token}" if access.token else "")

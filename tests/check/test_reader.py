@@ -32,6 +32,7 @@ WRONG_STEPS = {
     "no unit": ("- wait: ^500", "'500' is not a duration; write a number and one of us, ms, s, min"),
     "unknown unit": ("- wait: ^1 h", "'1 h' is not a duration"),
     "base 60": ("- wait: ^12:30", "'12:30' is not a duration"),
+    "nothing to send": ("- poll: ^{every: 1 s}\n  until: Goto Confirm", "key 'send' is missing"),
     "no period": ("- poll: {send: Stop Drive, every: ^0 s}\n  until: Goto Confirm", "this time has to be longer"),
     "negative": ("- wait: ^-1 s", "'-1 s' is not a duration"),
     # messages and fields

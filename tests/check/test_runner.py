@@ -101,6 +101,7 @@ CASES = {
     "a reset boots": ("- nmt: reset\n- heartbeat: boot-up", "++"),
     "another state than expected": ("- nmt: stop\n- heartbeat: operational\n  within: 2 s", "+-"),
     "an emergency": ("- send: {raw: '008#D274'}\n- emcy: 0x8210", "++"),
+    "an emergency within a time": ("- send: {raw: '008#D274'}\n- emcy: 0x8210\n  within: 10 ms", "++"),
     "another emergency": ("- send: {raw: '008#D274'}\n- emcy: 0x8220", "+-"),
     "no emergency": ("- send: Stop Drive\n- never: {emcy: any}\n  for: 50 ms", "++"),
     # SDO

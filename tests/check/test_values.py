@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.check.values import NotSaved, Scale, ValueProblem, expectation
+from eurobot_od.check.values import LONGEST_NOTATION, NotSaved, Scale, ValueProblem, expectation
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
@@ -63,6 +63,7 @@ FITTING: list[tuple[Kind, str, Any]] = [
     (X, "{t}", 1000),
     (X, "< {t}", 999),
     (X, "{t} +- 5", 1004),
+    (X, "7" + f"{'+- 3':>{LONGEST_NOTATION - 1}}", 10),  # the longest text that may be a notation
 ]
 
 UNFIT: list[tuple[Kind, str, Any]] = [
@@ -98,6 +99,7 @@ NO_VALUES = [
     (SOURCE, "7", "a reserved number"),
     (FLAGS, "fire 2:perhaps", "no passage"),
     (PERCENT, "unknown", "a field that is always known"),
+    (X, "7" + f"{'+- 3':>{LONGEST_NOTATION}}", "too long for a notation"),
 ]
 
 

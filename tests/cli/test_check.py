@@ -173,9 +173,24 @@ def test_prints_the_schema_of_suites(capsys: pytest.CaptureFixture[str]) -> None
     assert json.loads(said.out) == json.loads(json.dumps(reader(None).schema()))
 
 
+@pytest.mark.usefixtures("folder")
+def test_a_suite_with_a_dialect_has_its_files_whatever_else_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    motor = str(Path(__file__).parents[1] / "lint" / "samples" / "clean.eds")
+    said = run(capsys, "check", "foreign.yaml", "--list", "--eds", f"5={motor}")
+    assert (said.status, said.out.split()[0]) == (0, "foreign"), said
+
+
 def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "check", "--list").out.splitlines()
     assert {line.split()[0] for line in lines} == set(shipped.shipped_suites())
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_listed_suite_says_for_what_it_is_and_its_tags(capsys: pytest.CaptureFixture[str]) -> None:
+    (green,) = run(capsys, "check", "green.yaml", "--list").out.splitlines()
+    (foreign,) = run(capsys, "check", "foreign.yaml", "--list").out.splitlines()
+    assert green == f"{'green':24}    2 steps  a suite (drive; any dialect)  [quick, first]"
+    assert foreign == f"{'foreign':24}    1 steps  a suite (drive; firmware2014)"
 
 
 def test_the_guide_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:

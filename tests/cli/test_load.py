@@ -50,6 +50,11 @@ def test_errors_may_make_a_deadline_be_missed(capsys: pytest.CaptureFixture[str]
 def test_mailboxes_of_every_node(capsys: pytest.CaptureFixture[str]) -> None:
     assert "in the mailboxes" in run(capsys, "load").out
     assert "in the mailboxes" not in run(capsys, "load", "--mailboxes", "0").out
+    assert (
+        run(capsys, "load", "--mailboxes", "3").out
+        == run(capsys, "load").out
+        != run(capsys, "load", "--mailboxes", "1").out
+    )
 
 
 def test_json_and_a_chart(capsys: pytest.CaptureFixture[str], messages: str, tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import re
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -187,3 +189,16 @@ def test_numbers_of_thousands_of_digits_are_refused_in_one_line(
 ) -> None:
     said = run(capsys, *words)
     assert (said.status, what in said.err, said.err.count("\n")) == (2, True, 1)
+
+
+def test_defaults_are_those_that_the_help_says() -> None:
+    compared = 0
+    for name in cli.COMMANDS:
+        parser = argparse.ArgumentParser()
+        import_module(f"eurobot_od.cli.{name.replace('-', '_')}").add_arguments(parser)
+        for option in parser._actions:
+            said = re.search(r"\(([\d.]+) (ms|s)\)$", option.help or "")
+            if said and isinstance(option.default, float):
+                compared += 1
+                assert float(said[1]) / (1000 if said[2] == "ms" else 1) == option.default, (name, option.dest)
+    assert compared

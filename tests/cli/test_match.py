@@ -45,6 +45,14 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
     assert "\x1b" not in said.out
 
 
+def test_a_terminal_has_colours(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    lines = run(capsys, *SHORT).out.splitlines()
+    (match,) = (line for line in lines if line[18:23] == "match")
+    assert (match[:5], match[-4:]) == ("\x1b[36m", "\x1b[0m")
+    assert "\x1b" not in lines[0]
+
+
 def test_json_has_every_message(capsys: pytest.CaptureFixture[str]) -> None:
     data = json.loads(run(capsys, "match", "--duration", "10", "--json").out)
     frames = data["summary"]["frames"]

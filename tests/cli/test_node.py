@@ -204,14 +204,6 @@ def test_wrong_usage(capsys: pytest.CaptureFixture[str], words: list[str], compl
 # Anybody's device
 
 
-@pytest.fixture(autouse=True)
-def _sigterm() -> Iterator[None]:
-    """Put back what SIGTERM does: the command takes it for its whole process."""
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, before)
-
-
 @pytest.fixture
 def eds(tmp_path: Path) -> str:
     file = tmp_path / "module.eds"

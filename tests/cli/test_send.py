@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import can
 import pytest
@@ -18,6 +19,16 @@ from tests.cli.console import Said, run
 CHANNEL = "test-send"
 GOTO = ["Goto XY", "x=1234", "y=567", "angle=89", "speed=75"]
 DIAMETERS = ["enemy_1_diameter=45", "enemy_2_diameter=33"]
+
+
+@contextmanager
+def hearing(bus: can.BusABC, heard: Callable[[can.Message], None]) -> Iterator[None]:
+    """Have a function called with what comes on a bus; python-can's notifier is no context manager before 4.6."""
+    notifier = can.Notifier(bus, [heard])
+    try:
+        yield
+    finally:
+        notifier.stop()
 
 
 @pytest.fixture
@@ -122,7 +133,7 @@ def test_another_message_is_no_answer(capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_an_answer_that_is_too_short_is_one_line(capsys: pytest.CaptureFixture[str], wire: can.BusABC) -> None:
     short = can.Message(arbitration_id=0x014, data=b"\x01", is_extended_id=False)
-    with can.Notifier(wire, [lambda _: wire.send(short)]):
+    with hearing(wire, lambda _: wire.send(short)):
         said = send(capsys, "Goto State Request", "--expect", "Goto State Response", "--within", "10 s")
     assert said.status == 1
     assert said.err == "eurobot-od: Goto State Response (0x014): 1 bytes of data, expected 3\n"
@@ -137,7 +148,7 @@ def test_on_an_empty_bus_nothing_comes(capsys: pytest.CaptureFixture[str], wire:
 
 def test_an_exchange_gives_the_answer_and_the_time_it_took(wire: can.BusABC) -> None:
     answer = can.Message(arbitration_id=0x400, data=b"\x05", is_extended_id=False)
-    with can.Notifier(wire, [lambda _: wire.send(answer)]):
+    with hearing(wire, lambda _: wire.send(answer)):
         found = exchange(open_bus("virtual", CHANNEL), Frame(0x3C0, b""), Frame(0x400), 10.0)
     assert found is not None
     frame, took = found
@@ -188,7 +199,7 @@ def test_a_frame_is_sent_as_it_is(
 def test_a_frame_is_waited_for(capsys: pytest.CaptureFixture[str], wire: can.BusABC, expect: str, status: int) -> None:
     answer = can.Message(arbitration_id=0x185, data=b"\1\2", is_extended_id=False)
     within = "20 ms" if status else "10 s"
-    with can.Notifier(wire, [lambda message: wire.send(answer) if message.arbitration_id == 0x123 else None]):
+    with hearing(wire, lambda message: wire.send(answer) if message.arbitration_id == 0x123 else None):
         said = send(capsys, "123#", "--expect", expect, "--within", within)
     assert said.status == status
     told = said.out.splitlines()[1]

@@ -62,6 +62,17 @@ def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals)
     assert "Traceback" not in err
 
 
+def test_a_bus_is_served_until_it_is_told_to_end() -> None:
+    with command("serve", "-i", "virtual", "-c", "test-serve", "--listen", "127.0.0.1:0") as process:
+        address = line(process, "http://127.0.0.1:").split()[0]
+        with urlopen(address, timeout=PATIENCE) as answer:
+            assert "<title>virtual test-serve</title>" in answer.read().decode()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 0, err
+    assert "Traceback" not in err
+
+
 def test_other_machines_need_a_token_that_is_printed_once(log: Path) -> None:
     with command("serve", str(log), "--listen", "0.0.0.0:0") as process:
         address = line(process, "http://").split()[0]

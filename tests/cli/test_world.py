@@ -36,14 +36,6 @@ async def play(core):
 """
 
 
-@pytest.fixture(autouse=True)
-def _sigterm() -> Iterator[None]:
-    """Put back what SIGTERM does: the command takes it for its whole process."""
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    signal.signal(signal.SIGTERM, before)
-
-
 class Scene(NamedTuple):
     """A world, and a drive and a navigation in it, in processes of their own; and the options of a third node."""
 

@@ -10,19 +10,22 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.client.configure import Configured, apply, configure, difference
+from eurobot_od.client.configure import Configured, apply, configure, difference, is_parameter
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.device.nmt import NmtState
+from eurobot_od.client.objects import at
+from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.client import Progress, unwatched
 from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive
 from tests.conftest import with_entry
+from tests.eds_text import DEVICE_TYPE, variable
 
 NOW = datetime(2014, 5, 28, 12, 0, 1)
 NOW_BYTES = [(11105).to_bytes(4, "little"), (43_201_000).to_bytes(4, "little")]
@@ -158,6 +161,90 @@ def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Ca
         with pytest.raises(ConfigurationError, match="refused to write 0x1010:1"):
             configure(master.node(2), make({SPEED: 900}, eds), NOW)
         assert writes.addresses[0] == SPEED
+
+
+def boots(node: canopen.LocalNode, *lost: Address) -> None:
+    """Have a stock node boot after a reset, which makes it forget the values of some objects."""
+
+    def reset(_: int, data: bytearray, __: float) -> None:
+        if data[0] == NmtCommand.RESET_NODE:
+            for address in lost:
+                variable = node.object_dictionary.get_variable(*address)
+                assert variable is not None
+                assert variable.default is not None
+                node.set_data(*address, variable.encode_raw(variable.default))
+            node.network.send_message(0x702, b"\0")
+
+    node.network.subscribe(0, reset)
+
+
+VERIFY: Address = (0x1020, 1)
+WITHOUT_MARK = DRIVE.read_text().replace("=0x1020\n", "=0x5020\n").replace("[1020", "[5020")
+
+
+@pytest.mark.parametrize(
+    ("eds", "lost"),
+    [
+        (DRIVE.read_text(), []),
+        (DRIVE.read_text(), [SPEED]),  # its own mark says that it has all: nothing else is read once more
+        (WITHOUT_MARK, []),
+    ],
+)
+def test_a_node_that_booted_with_what_it_stored_is_configured(
+    make: Callable[..., Description], eds: str, lost: list[Address]
+) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        boots(node, *lost)
+        assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=True)
+
+
+@pytest.mark.parametrize(("eds", "lost"), [(DRIVE.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])])
+def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds: str, lost: list[Address]) -> None:
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        boots(node, *lost)
+        with pytest.raises(ConfigurationError) as told:
+            configure(master.node(2), make(NEW, eds), NOW)
+    assert str(told.value) == (
+        "node 2: 0x2101:1 Motion.Maximum speed reads 800 after 900 was written; "
+        "node 2 was written completely, stored and reset before that"
+    )
+
+
+# Which objects
+
+
+@pytest.mark.parametrize(
+    ("index", "is_one"),
+    [
+        (0x1002, True),
+        (0x1003, False),  # a history
+        (0x1004, True),
+        (0x1010, False),  # store, restore: commands
+        (0x1011, False),
+        (0x1012, True),
+        (0x1020, False),  # the mark of a configuration
+        (0x1021, True),
+        (0x1023, False),  # the OS's commands
+        (0x1024, False),
+        (0x1025, True),
+        (0x1F4F, True),
+        (0x1F50, False),  # programs
+        (0x1F51, False),
+        (0x1F52, True),
+        (0x2000, True),
+    ],
+)
+def test_a_configuration_writes_parameters_alone(tmp_path: Path, index: int, is_one: bool) -> None:
+    file = tmp_path / "arm.eds"
+    file.write_text(DEVICE_TYPE + variable(f"{index:04X}", "Anything", "UNSIGNED32"))
+    assert is_parameter(at((index, 0), Dictionary.load(file, 5))) is is_one
+
+
+def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
+    file = tmp_path / "arm.eds"
+    file.write_text(DEVICE_TYPE)
+    assert not is_parameter(at((0x1000, 0), Dictionary.load(file, 5)))
+    assert not is_parameter(at((0x2000, 0), Dictionary.load(file, 5)))
 
 
 # The file is wrong

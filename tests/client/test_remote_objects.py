@@ -141,6 +141,8 @@ def test_bytes_of_another_length(data_type: int, data: bytes, value: Value) -> N
         (b"\x05", 5, "0x05"),
         (b"\0\1\2\3", 0x03020100, "0x3020100"),
         (b"\0\1\2", b"\0\1\2", "00 01 02"),
+        (b"\1\0\0\0\0\0\0\0", 1, "0x01"),
+        (bytes(9), bytes(9), "00 00 00 00 00 00 00 00 00"),
         (b"", b"", ""),
     ],
 )
@@ -152,6 +154,8 @@ def test_without_a_type_bytes_are_shown_as_they_are(data: bytes, value: Value, s
 
 def test_without_a_type_a_number_is_written_with_the_length_that_is_there() -> None:
     assert encode(NamedObject((0x5000, 0)), 5, 2) == b"\5\0"
+    with pytest.raises(FieldError, match="allowed: 0 bytes"):
+        encode(NamedObject((0x5000, 0)), 5)
     with pytest.raises(FieldError, match="2 bytes"):
         encode(NamedObject((0x5000, 0)), 65536, 2)
 

@@ -74,6 +74,32 @@ int main(void)
 """
 
 
+def test_limits_are_macros_of_the_type_and_a_real_has_none() -> None:
+    fields = [
+        made_up.Field("Trim", made_up.INTEGER8, 8),
+        made_up.Field("Level", made_up.UNSIGNED8, 8),
+        made_up.Field("Torque", made_up.INTEGER32, 32),
+    ]
+    protocol = made_up.protocol([("State", fields), ("Far", [made_up.Field("Way", made_up.UNSIGNED32, 32)]),
+                                 ("Real", [made_up.Field("Value", made_up.REAL32, 32)])])  # fmt: skip
+    defined = re.findall(r"#define (?:MADE_UP_|BUS_)?(\w+_(?:MIN|MAX)) (.*)", c.c_header(protocol, "bus"))
+    assert [(name.removeprefix("BUS_"), value) for name, value in defined] == [
+        ("STATE_TRIM_MIN", "((-127) - 1)"),
+        ("STATE_TRIM_MAX", "127"),
+        ("STATE_LEVEL_MIN", "0u"),
+        ("STATE_LEVEL_MAX", "255u"),
+        ("STATE_TORQUE_MIN", "((-INT32_C(2147483647)) - 1)"),
+        ("STATE_TORQUE_MAX", "INT32_C(2147483647)"),
+        ("FAR_WAY_MIN", "UINT32_C(0)"),
+        ("FAR_WAY_MAX", "UINT32_C(4294967295)"),
+    ]
+
+
+def test_no_name_ends_a_comment_or_begins_a_trigraph() -> None:
+    header = c.c_header(made_up.protocol([("a*/b /*c ??/", [made_up.Field("Way", made_up.UNSIGNED8, 8)])]), "bus")
+    assert "a* /b / *c ? ?/" in header
+
+
 @needs_compiler
 def test_a_program_uses_it(tmp_path: Path) -> None:
     judge = exports.compiled(c.c_header(EurobotProtocol.load(dialects.DEFAULT), "bus"), USER, tmp_path)

@@ -188,6 +188,30 @@ def test_the_profiles_say_whose_device_it_is_and_what_it_can() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("said", "day", "time"),
+    [
+        ("CreationDate=12-31-2020\nCreationTime=01:30PM", "2020-12-31", "13:30:00"),
+        ("CreationDate=12-31-2020", "2020-12-31", None),
+        ("CreationTime=12:05AM", xdd.NO_DAY, "00:05:00"),
+        ("CreationTime=25:00", xdd.NO_DAY, None),
+    ],
+)
+def test_it_was_created_when_the_file_says(said: str, day: str, time: str | None) -> None:
+    root = ElementTree.fromstring(xdd.xdd_text(odd(DEVICE.replace("CreationDate=31-12-2020", said))))
+    for body in root.iterfind(f"{CO}ISO15745Profile/ProfileBody"):
+        assert (body.get("fileCreationDate"), body.get("fileCreationTime")) == (day, time)
+
+
+def test_dummies_are_used_as_the_file_says() -> None:
+    used = "[DummyUsage]\nDummy0001=0\nDummy0005=1\nDummy0006=1\n[1000]\n"
+    root = ElementTree.fromstring(xdd.xdd_text(odd(DEVICE.replace("[1000]\n", used, 1))))
+    entries = [each.attrib["entry"] for each in root.iter("dummy")]
+    assert [each for each in entries if each.endswith("=1")] == ["Dummy0005=1", "Dummy0006=1"]
+    assert "Dummy0001=0" in entries
+    assert "Dummy0007=0" in entries
+
+
 def test_any_names_are_well_formed() -> None:
     messages = [(f"{number} {name}", [made_up.Field(name, 7, 8)]) for number, name in enumerate(made_up.BAD_NAMES)]
     compare(made_up.outline(messages))

@@ -121,6 +121,20 @@ def test_a_conflict_is_flagged_where_it_is(code: str, node: str, change: Callabl
     assert (f"{file}.eds", section) in places, found
 
 
+SILENT = [
+    ("I817", "drive", str),  # 0x2100 says the node-ID
+    ("E818", "core", entry("1016sub1", "DefaultValue", "0x000203E9")),  # waits 1001, sent every 1000
+    ("E818", "core", entry("1016sub1", "DefaultValue", "0x00020000")),  # does not wait
+]
+
+
+@pytest.mark.parametrize(("code", "node", "change"), SILENT)
+def test_what_fits_is_not_flagged(code: str, node: str, change: Callable[[str], str]) -> None:
+    texts = our_texts()
+    texts[node] = change(texts[node])
+    assert code not in {each.code for each in lint_network(network_of(texts))}
+
+
 def _section_of(texts: dict[str, str], file: str, line: int) -> str:
     before = texts[file.removesuffix(".eds")].split("\n")[:line]
     headers = [each for each in before if each.startswith("[")]

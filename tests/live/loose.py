@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from queue import SimpleQueue
 from typing import Any
 
@@ -84,8 +85,9 @@ class Reports:
 
 
 def wait_for(bus: can.BusABC, cob_id: int, beginning: bytes = b"") -> bytes:
-    """Read until a frame comes with an identifier, and data that begin so; give its data."""
-    while (message := bus.recv(LONG)) is not None:
+    """Read until a frame comes with an identifier, and data that begin so, whatever else comes; give its data."""
+    end = time.monotonic() + LONG
+    while (message := bus.recv(max(end - time.monotonic(), 0))) is not None:
         if message.arbitration_id == cob_id and message.data.startswith(beginning):
             return bytes(message.data)
     raise AssertionError(f"nothing came with {cob_id:03X}")

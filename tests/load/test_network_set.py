@@ -56,6 +56,17 @@ def test_who_makes_the_sync_sends_it() -> None:
     assert [(each.name, each.period) for each in found(*sync).messages] == [("SYNC", 4000)]
 
 
+@pytest.mark.parametrize(("index", "is_client"), [(0x127F, False), (0x1280, True), (0x12FF, True), (0x1300, False)])
+def test_an_sdo_client_is_a_record_of_1280_to_12ff(index: int, is_client: bool) -> None:
+    client = record(index, "Client", (0, "UNSIGNED8", "3"), (3, "UNSIGNED8", "5"))
+    rows = "  SDO: {every: 1 s}\n"
+    if is_client:
+        assert len(found(client, rows=rows).messages) == 2
+    else:
+        with pytest.raises((LocalError, DictionaryError)):
+            found(client, rows=rows)
+
+
 def test_a_message_without_a_period_is_refused() -> None:
     with pytest.raises(LocalError, match="no period is known of Speed; say it in `traffic`"):
         found(tpdo())

@@ -114,6 +114,14 @@ def test_what_holds_on_no_bus() -> None:
     assert next(sentences(found)) == "all deadlines are met on no classic CAN"
 
 
+def test_further_messages_are_less_urgent_than_all_others_and_each_has_its_node() -> None:
+    more = with_messages(SET, 2, 5_000).messages[2:]
+    assert [(each.identifier, each.node, each.period) for each in more] == [
+        (0x7FD, "further 0", 5_000),  # 0x1FF00000 begins as 0x7FC does
+        (0x7FE, "further 1", 5_000),
+    ]
+
+
 def test_a_further_node_has_the_mailboxes_of_the_one_it_is_like() -> None:
     more = with_nodes(SET._replace(mailboxes={"a": 3}), 2, "a")
     assert more.mailboxes == {"a": 3, "a 2": 3, "a 3": 3}

@@ -10,6 +10,7 @@ import tracemalloc
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import closing
+from datetime import datetime, timezone
 from pathlib import Path
 
 import can
@@ -186,6 +187,12 @@ def test_a_blf_file_that_is_cut_off_gives_what_is_there_and_says_so(tmp_path: Pa
     assert found == [Frame(0x014, n.to_bytes(3, "big")) for n in range(len(found))]
     assert isinstance(last, Foreign)
     assert last.damage is Damage.CUT_OFF
+
+
+def test_times_of_a_blf_file_count_from_the_start_that_it_says(tmp_path: Path) -> None:
+    start = datetime(2014, 5, 28, 12, 34, 56, 789000, timezone.utc).timestamp()
+    late = [can.Message(timestamp=start + n, arbitration_id=0x014, is_extended_id=False) for n in (0, 0.5)]
+    assert [round(time - start, 3) for _, time, *_ in read(write(tmp_path, "blf", late))] == [0, 0.5]
 
 
 @pytest.mark.parametrize("content", [b"", b"LOGG", b"no BLF at all" * 20])

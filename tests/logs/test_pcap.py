@@ -97,6 +97,13 @@ def test_other_interfaces_and_other_blocks_are_passed_over_and_sections_begin_an
     assert read(content, "pcapng") == [(1, 2.0, "can1", FRAME), (2, 0.0, "can2", FRAME)]
 
 
+@pytest.mark.parametrize("before", [b"", b"x", b"five."])
+def test_an_option_of_any_length_hides_none_behind_it(before: bytes) -> None:
+    options = option("<", 1, before) + option("<", 2, b"can3") + option("<", 9, b"\3")
+    described = block("<", 1, struct.pack("<HHL", 227, 0, 0) + options)
+    assert read(section("<") + described + packet("<", 0, 5500), "pcapng") == [(1, 5.5, "can3", FRAME)]
+
+
 # What is damaged
 
 

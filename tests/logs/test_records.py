@@ -36,6 +36,14 @@ def test_json(raw: Raw, expected: dict[str, Any]) -> None:
     assert found | PLACE | {"time": 1.5} | expected == found
 
 
+@pytest.mark.parametrize(
+    ("name", "written"), [("für.log", '"für.log"'), ("a\x9bb", '"a\\u009bb"'), ("a\nb", '"a\\nb"')]
+)
+def test_json_is_for_people_unless_a_terminal_might_act_on_it(name: str, written: str) -> None:
+    output = JsonOutput()
+    assert written in output.writer(name)(7, 1.5, "can0", output.row(DECODER(Frame(0x00C))))
+
+
 @pytest.mark.parametrize(("raw", "expected"), ENTRIES)
 def test_csv(raw: Raw, expected: dict[str, Any]) -> None:
     output = CsvOutput(["x", "time"])

@@ -38,6 +38,8 @@ SERVICES = [
     (0x582, "05 45 75 72 6F 62 00 00", "SDO", "drive, segment of 5 bytes, the last"),
     (0x602, "A0 21 10 00 7F 00 00 00", "SDO", "drive, block upload"),
     (0x602, "E0 00 00 00 00 00 00 00", "SDO", "drive, command 7"),
+    # words for an error code that is the devices' own
+    (0x082, "02 FF 81 00 00 00 00 00", "EMCY", "drive, 0xFF02 drive blocked"),
     # a node without a dictionary, and a value of a length that its type does not have
     (0x610, "2B 17 10 00 E8 03 00 00", "SDO", "node 16, write 0x1017:00 = e8 03"),
     (0x602, "2F 17 10 00 05 00 00 00", "SDO", "drive, write 0x1017:00 Producer heartbeat time = 05"),

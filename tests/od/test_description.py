@@ -58,6 +58,12 @@ def test_a_compact_object_has_the_sub_indices_it_stands_for() -> None:
     assert [each.value and each.value.value for each in whole.variables()] == [3, 7, 7, 9]
 
 
+def test_an_object_of_sub_indices_alone_has_no_name_of_its_own() -> None:
+    alone = DescribedDevice(parse("[2100sub1]\nParameterName=First\nDataType=0x0005\n")).objects[0x2100]
+    assert alone.name == ""
+    assert [(each.sub, each.name) for each in alone.variables()] == [(1, "First")]
+
+
 @pytest.mark.parametrize(
     ("text", "address"),
     [

@@ -65,6 +65,14 @@ def test_every_form_names_the_same_devices(folder: Path, path: str, kind: type[O
     assert [(each.node_id, each.name, type(each)) for each in found] == [(3, "motor", kind), (10, "panel", kind)]
 
 
+def test_a_nodelist_gives_the_names_that_it_has(folder: Path) -> None:
+    nodes = read_network(folder / "nodelist.cpj").nodes
+    assert [(Path(each.file).name, each.node_id, each.name) for each in nodes] == [
+        ("motor.dcf", 3, "motor"),
+        ("panel.dcf", 10, ""),
+    ]
+
+
 def test_a_network_file_gives_names_and_node_ids(folder: Path) -> None:
     (folder / "plain.eds").write_text(DEVICE_TYPE)
     (folder / "network.yaml").write_text(

@@ -364,6 +364,13 @@ def test_compact_pdos_are_there_as_if_they_were_written_out() -> None:
     assert described.type == DATA_TYPES[0x06]
 
 
+@pytest.mark.parametrize("mask", ["0", "-1", "", "x"])
+def test_without_a_mask_no_compact_pdo_is_there(mask: str) -> None:
+    said = COMPACT_PDO.replace("CompactPDO=0x13", f"CompactPDO={mask}")
+    loaded = Outline.read(BASE.replace("[DeviceInfo]\n", said, 1).encode(), Path("a.eds"), NODE_ID)
+    assert not loaded.pdos
+
+
 def test_compact_pdos_are_those_that_are_not_described() -> None:
     own = variable("2003", "Value", "UNSIGNED16") + pdo(0x1400, "0x20030010", cob_id="0x300", name="Own")
     text = BASE.replace("[DeviceInfo]\n", COMPACT_PDO.replace("NrOfRXPDO=5", "NrOfRXPDO=2"), 1) + own

@@ -39,6 +39,7 @@ TYPES = (
     ("INTEGER32", 32, 3),
     ("INTEGER64", 64, 0),
     ("UNSIGNED64", 64, 0),
+    ("UNSIGNED8", 8, 0),
     ("UNSIGNED32", 31, 7),
     ("BOOLEAN", 1, 5),
     ("BOOLEAN", 8, 0),

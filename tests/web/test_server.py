@@ -9,7 +9,7 @@ import logging
 import resource
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import closing, suppress
+from contextlib import AsyncExitStack, closing, suppress
 from email.message import Message
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,8 +21,8 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.live import Driver, open_bus
 from eurobot_od.web.access import Access
-from eurobot_od.web.server import MOST_OWED
-from tests.web.scene import LONG, Served, channel, live_page
+from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
+from tests.web.scene import LONG, Served, channel, live_page, robot
 
 TOKEN = "a-token-that-nobody-guesses"
 MUCH = 100_000_000
@@ -66,6 +66,8 @@ UPGRADE = {
     "Sec_WebSocket_Version": "13",
     "Sec_WebSocket_Key": "AAAAAAAAAAAAAAAAAAAAAA==",
 }
+
+ASKED = {name.replace("_", "-"): value for name, value in UPGRADE.items()}
 
 ATTACKS: list[tuple[str, str, str, dict[str, str], int]] = [
     ("a name that points here", "GET", "/", {"Host": "evil.example"}, 403),
@@ -239,6 +241,44 @@ def test_without_control_nothing_gets_on_the_bus(tmp_path: Path, words: dict[str
         said = talk(served, lambda opened: answer(opened, json.dumps({"id": 1, **words})))
         assert said["error"] == "this page is read-only: start the server with --control"
         assert other.recv(0) is None
+
+
+@pytest.mark.parametrize(
+    ("node", "data"), [("all", "0200"), ("drive", "0202"), ("3", "0203"), ("node 127", "027F"), ("nav", None)]
+)
+def test_an_nmt_command_goes_to_a_node_or_to_all(tmp_path: Path, node: str, data: str | None) -> None:
+    name = channel()
+    with open_bus("virtual", name) as other, live_page(name, tmp_path) as served:
+        words = json.dumps({"id": 1, "do": "nmt", "command": "stop", "node": node})
+        said = talk(served, lambda opened: answer(opened, words))
+        heard = other.recv(LONG if data else 0)
+    if data is None:
+        assert said["error"].startswith("unknown node 'nav'")
+    else:
+        assert said["ok"] == f"000#{data}"
+        assert heard
+        assert (heard.arbitration_id, heard.data.hex().upper()) == (0, data)
+
+
+def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:
+    name = channel()
+    with robot(name), live_page(name, tmp_path) as served:
+        words = json.dumps({"id": 1, "do": "read", "node": "drive", "object": "0x1017"})
+        said = talk(served, lambda opened: answer(opened, words))
+        assert said["ok"] == {"value": 1000, "text": "1000"}
+
+
+def test_no_more_browsers_than_a_server_has_room_for(local: Served) -> None:
+    async def crowd() -> list[int]:
+        origin = local.address.rstrip("/")
+        async with aiohttp.ClientSession() as http, AsyncExitStack() as stack:
+            for _ in range(MOST_BROWSERS):
+                await stack.enter_async_context(http.ws_connect(f"{origin}/live", origin=origin))
+            async with http.get(f"{origin}/live", headers={"Origin": origin, **ASKED}) as refused:
+                return [refused.status]
+
+    assert asyncio.run(asyncio.wait_for(crowd(), LONG)) == [503]
+    assert talk(local, snapshot)["turn"] > 0, "there is room again"
 
 
 def test_a_browser_that_confirms_nothing_is_left_out_and_told(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address, Value
+from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.robot import dialects
 from tests.check.conformance.devices import MODULE, NODE_ID, SAMPLES, steps, suites
 
@@ -40,6 +40,25 @@ def test_each_step_begins_with_its_clause_and_says_why_it_is_skipped() -> None:
     for each in steps(MODULE):
         assert CLAUSE.match(each.name)
         assert each.status is Status.PASSED or (each.reason and each.reason.what)
+
+
+ASKED = [
+    "7.4.5 Writable: 0x2001:1 Output: the value it has: it is written",
+    "7.2.4.3.8 SDO block download: 0x1017:0 Producer heartbeat time in blocks: its own value",
+    "7.5.2.4 Error history: 0 clears it: 0 is written",
+    "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset: what was not stored is gone",
+    "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset communication: what was not stored is gone",
+    "7.5.2.4 Error history: 0 clears it: no error is left",
+    "7.3.2.2 NMT state: after a reset: pre-operational by itself after a reset: heartbeat says pre-operational",
+    "7.5.2.37 TPDO transmission: TPDO 1 by its event timer: none in PRE-OPERATIONAL",
+    "7.5.2.21 Identity: 0x1018:1 Vendor-ID",
+]
+
+
+def test_a_device_with_everything_is_asked_for_everything() -> None:
+    passed = [each.name for each in steps(MODULE) if each.status is Status.PASSED]
+    assert [each for each in ASKED if each not in passed] == []
+    assert sum("changed in order, and not otherwise" in each for each in passed) >= 4
 
 
 LACKING = [
@@ -116,6 +135,25 @@ def test_each_suite_begins_and_ends_with_a_reset() -> None:
         assert isinstance(first, Nmt)
         assert isinstance(last, Nmt)
         assert first.command is last.command is NmtCommand.RESET_NODE
+
+
+def only_says(address: bytes) -> type[SimulatedDevice]:
+    """A device that confirms what is written to an object, and does nothing."""
+
+    class OnlySays(SimulatedDevice):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            if frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data[0] >> 5 == 1 and frame.data[1:4] == address:
+                return [Frame(SDO_RESPONSE_BASE + NODE_ID, b"\x60" + address + bytes(4))]
+            return super().receive(frame, now)
+
+    return OnlySays
+
+
+@pytest.mark.parametrize(("address", "red"), [(b"\x10\x10\1", "it is kept"), (b"\x11\x10\1", "the default is back")])
+def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: bytes, red: str) -> None:
+    done = steps(MODULE, only_says(address), destructive=True)
+    failed = [each.name for each in done if each.status is Status.FAILED]
+    assert any(each.endswith(f"stored and restored: {red}") for each in failed), failed
 
 
 # Devices that are no help

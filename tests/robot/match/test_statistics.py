@@ -127,6 +127,14 @@ def test_the_report_ends_with_the_seeds_to_look_at() -> None:
     assert list(report([FAILED]))[-2:] == ["seed 4: no answer", "1 match, seeds 4 to 4: something went wrong in 1"]
 
 
+def test_the_report_counts_touches_by_what_was_touched() -> None:
+    lines = [line.split() for line in report([STOPPED, LOST])]
+    heading = lines.index(["touched", "matches", "touches", "our", "fault", "driven", "into"])
+    assert lines[heading + 1 : lines.index([], heading)] == [
+        [*each.name.split(), *(str(number) for number in each[1:])] for each in touch_counts([STOPPED, LOST])
+    ]
+
+
 def test_of_very_many_seeds_the_first_are_listed() -> None:
     lines = list(report([match(seed, goto("lost")) for seed in range(1, MOST_LISTED + 8)]))
     assert sum(line.startswith("seed ") for line in lines) == MOST_LISTED

@@ -88,7 +88,7 @@ def test_what_the_world_knows_besides() -> None:
         [ScoredTask(14.0, OURS, "frescos", 6)],
     )
     touch, points = truth_events(truth, 10.0)
-    assert (touch.time, touch.data["place"], touch.wrong) == (2.0, {"x": 620, "y": 1400}, True)
+    assert (touch.time, touch.data["place"], touch.wrong, touch.mark) == (2.0, {"x": 620, "y": 1400}, True, "✶")
     assert (points.time, points.text) == (4.0, "ours: frescos +6")
     (row,) = true_path(truth, 10.0)
     assert (row["times"], row["values"]) == ([1.0], [[200], [1800], [0]])

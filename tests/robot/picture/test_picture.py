@@ -148,6 +148,25 @@ def test_summary_and_tables() -> None:
     assert "red team, 1 enemy, 0 confederates, 1 of 2 gotos reached, 1 stop, 16 s" in found
     assert "stopped 4.0 s" in found
     assert "Emergency Stop: enemy" in found
+    row = found.index("1000, 500")
+    assert found[row - 2 : row + 4] == ["1", "2.0", "1000, 500", "90", "80", "stopped 4.0 s"]
+
+
+def test_the_own_start_place_is_the_one_that_is_marked() -> None:
+    squares = [each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("fill-opacity")]
+    marked = {each.attrib["fill"]: each.get("stroke-dasharray") is None for each in squares}
+    assert marked == {style.TEAM[TeamColour.RED]: True, style.TEAM[TeamColour.YELLOW]: False}
+
+
+def test_the_path_is_marked_every_ten_seconds() -> None:
+    moved = [(float(time), KalmanPositionResponse(100 + 50 * time, 1000, 0, Source.INTERNAL)) for time in range(31)]
+    assert circles(field_of(drawn([EVENTS[0], *moved])), r="15") == [(x, HEIGHT - 1000, 15) for x in (600, 1100, 1600)]
+
+
+def test_a_stop_before_any_place_is_known_is_in_the_table_and_not_on_the_field() -> None:
+    found = drawn([(0.0, EmergencyStop(Obstacle.ENEMY)), *EVENTS[1:3]])
+    assert "Emergency Stop: enemy" in words(found)
+    assert not any("Emergency Stop" in each for each in titles(field_of(found)))
 
 
 def test_bodies_are_to_scale() -> None:

@@ -1,0 +1,26 @@
+"""The chart's scale: decades of time from below the shortest one, so that it is to be seen, to the longest."""
+
+from __future__ import annotations
+
+import pytest
+
+from eurobot_od.load.chart import LEFT, PLOT, Scale
+from eurobot_od.load.message_set import MessageSet, SentMessage
+from eurobot_od.load.report import load_report
+
+
+@pytest.mark.parametrize(
+    ("rate", "deadline", "decades"),
+    [
+        (500_000, 1_000, [100, 1_000]),  # the frame takes 270 us
+        (500_000, 1_001, [100, 1_000, 10_000]),
+        (1_000_000, 1_000, [10, 100, 1_000]),  # 135 us: at 100 its bar would be too short
+        (1_000_000, 100, [10, 100, 1_000]),
+        (1_000_000, 300_000, [10, 100, 1_000, 10_000, 100_000, 1_000_000]),
+    ],
+)
+def test_decades_are_as_many_as_the_times_need(rate: int, deadline: int, decades: list[int]) -> None:
+    message = SentMessage("Quick", 0x010, 8, 500_000, deadline, "a")
+    scale = Scale(load_report(MessageSet((message,)), rate))
+    assert list(scale.decades) == decades
+    assert (scale.x(0), scale.x(decades[-1]), scale.x(10 * decades[-1])) == (LEFT, LEFT + PLOT, LEFT + PLOT)
