@@ -359,9 +359,15 @@ def test_pack_refuses_what_has_no_bits(name: str, values: dict[str, Any], told: 
     assert str(error.value).startswith(told)
 
 
-@pytest.mark.parametrize("field", ["z", "direction", "X"])  # direction: only where the EDS maps it
-def test_pack_refuses_an_unknown_field(field: str) -> None:
-    with pytest.raises(UnknownName, match=f"unknown field of Goto XY '{field}'; known: x, y, angle, speed, barriers"):
+KNOWN = "known: x, y, angle, speed, barriers"
+
+
+@pytest.mark.parametrize(
+    ("field", "hint"),
+    [("z", KNOWN), ("direction", KNOWN), ("X", r"did you mean x\?")],  # direction: only where the EDS maps it
+)
+def test_pack_refuses_an_unknown_field(field: str, hint: str) -> None:
+    with pytest.raises(UnknownName, match=f"unknown field of Goto XY '{field}'; {hint}"):
         PROTOCOL.pack("Goto XY", x=1, y=1, angle=1, speed=1, **{field: 0})
 
 
