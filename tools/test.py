@@ -11,11 +11,14 @@ import sys
 
 from environment import ROOT, call, prepare
 
+WORKERS = str((os.cpu_count() or 1) + 1)
+"""Processes that run tests: one more than there are cores, as many tests wait for other processes."""
+
 CHECKS = (
     ("ruff check", ("-m", "ruff", "check", ".")),
     ("mypy --strict", ("-m", "mypy", "--strict")),
     ("EDS files", ("tools/make_eds.py", "--check")),
-    ("pytest", ("-m", "pytest", "-q", "-n", "auto", "--durations=10")),
+    ("pytest", ("-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", "--durations=10")),
 )
 
 
