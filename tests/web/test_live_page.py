@@ -242,7 +242,7 @@ def test_a_recording_is_a_log_of_what_was_seen(scene: Scene, tmp_path: Path) -> 
     log.write_text(text)
     with log.open("rb") as file:
         frames = [raw for *_, raw in read(file)]
-    assert len(frames) == page.run("connection.state.recording.frames")
+    page.wait(f"connection.state.recording.frames === {len(frames)}")  # the count comes a moment after the last frame
     assert 0x701 in {each.cob_id for each in frames if isinstance(each, Frame)}
 
 
