@@ -14,6 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects, faults
+from eurobot_od.robot.faults.drive import JUMP
 from eurobot_od.robot.faults.message_faults import foreign
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -25,6 +26,7 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
+    StartConfigurationConfirm,
     StartConfigurationSet,
     StopDrive,
 )
@@ -257,3 +259,37 @@ def test_a_node_can_have_two_faults() -> None:
     node = role(DICTIONARIES["drive"])
     node.start(0.0)
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
+
+
+def faulty_drive(name: str) -> Drive:
+    """Return a drive with a fault, switched on and configured."""
+    node = faults.faulty(Drive, name)(DICTIONARIES["drive"])
+    node.start(0.0)
+    answers(node, START)
+    return node
+
+
+def test_a_goto_that_is_confirmed_on_arrival_is_not_confirmed_before() -> None:
+    node = faulty_drive("goto-confirmed-on-arrival")
+    assert PROTOCOL.encode(GotoConfirm()) not in answers(node, GOTO, until=0.5)
+    assert PROTOCOL.encode(GotoConfirm()) in answers(node, until=30.0)
+
+
+def test_a_time_that_jumps_is_a_time_all_the_same() -> None:
+    node = faulty_drive("time-jumps")
+    answers(node, GOTO)
+    first, second = (PROTOCOL.decode(*frame) for frame in answers(node, *[GotoStateRequest()] * 2))
+    assert isinstance(first, GotoStateResponse)
+    assert second == GotoStateResponse(first.time + JUMP)
+
+
+def test_a_place_is_swapped_within_the_field() -> None:
+    node = faulty_drive("goto-place-swapped")
+    answers(node, GotoXY(2500, 700, 90, 60))
+    assert node.goto == GotoXY(700, 2000, 90, 60)
+
+
+def test_three_enemies_are_taken_for_two() -> None:
+    node = faulty_drive("three-enemies-taken")
+    three = Frame(PROTOCOL.cob_id(StartConfigurationSet), bytes([3 << 1, 0]))
+    assert node.receive(three, 0.0) == [PROTOCOL.encode(StartConfigurationConfirm())]
