@@ -258,6 +258,17 @@ def test_a_class_gives_and_takes_values_by_sdo_and_pdo() -> None:
     assert sent(wire, CHANGED) == ["14000000", "fa00fa00", "64006400"]
 
 
+def test_a_class_gives_text_as_it_is() -> None:
+    class Named(SimulatedDevice):
+        """Says in words how it is."""
+
+        READERS: ClassVar = {"Channel.Entry 4": lambda device: f"at {device.now:.0f} s"}
+
+    device = module(Named).node
+    assert isinstance(device, Named)
+    assert device.value("Channel.Entry 4") == "at 0 s"
+
+
 def test_what_a_class_refuses_is_an_abort_and_changes_nothing() -> None:
     wire = operational(Oven)
     assert wire.refused((0x2100, 0), 301, size=2) == AbortCode.INCOMPATIBLE
