@@ -258,15 +258,15 @@ def test_a_class_gives_and_takes_values_by_sdo_and_pdo() -> None:
     assert sent(wire, CHANGED) == ["14000000", "fa00fa00", "64006400"]
 
 
-def test_a_class_gives_text_as_it_is() -> None:
-    class Named(SimulatedDevice):
-        """Says in words how it is."""
+def test_a_class_may_have_no_value_now() -> None:
+    class Blind(SimulatedDevice):
+        """Sees nothing at the moment."""
 
-        READERS: ClassVar = {"Channel.Entry 4": lambda device: f"at {device.now:.0f} s"}
+        READERS: ClassVar = {"Channel.Entry 1": lambda _: None}
 
-    device = module(Named).node
-    assert isinstance(device, Named)
-    assert device.value("Channel.Entry 4") == "at 0 s"
+    device = module(Blind).node
+    assert isinstance(device, Blind)
+    assert device.value("Channel.Entry 1") is None
 
 
 def test_what_a_class_refuses_is_an_abort_and_changes_nothing() -> None:

@@ -32,7 +32,8 @@ from eurobot_od.robot.messages import (
 )
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from tests.robot.nodes.harness import Bench
 
 PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {name: dialects.load(name) for name in ROLES}
@@ -293,3 +294,41 @@ def test_three_enemies_are_taken_for_two() -> None:
     node = faulty_drive("three-enemies-taken")
     three = Frame(PROTOCOL.cob_id(StartConfigurationSet), bytes([3 << 1, 0]))
     assert node.receive(three, 0.0) == [PROTOCOL.encode(StartConfigurationConfirm())]
+
+
+GOING = GotoXY(2000, 1750, 0, 60)
+
+
+def stopped_with(name: str) -> Bench:
+    """Have a core with a fault send a drive off, and stop it."""
+    bench = Bench()
+    bench.replace("core", faults.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.run(0.1)
+    bench.core.configure_start(*START)
+    bench.run(0.5)
+    bench.core.goto(*GOING)
+    bench.run(1.0)
+    bench.core.emergency_stop(Obstacle.ENEMY)
+    return bench
+
+
+@pytest.mark.parametrize(("name", "asks"), [("state-asked-after-stop", True), ("obstacle-not-told", False)])
+def test_a_core_that_asks_on_asks_for_a_second_after_the_stop(name: str, asks: bool) -> None:
+    bench = stopped_with(name)
+    bench.run(1.0)
+    since = bench.now
+    bench.run(0.35)
+    assert (max(bench.times(GotoStateRequest)) > since) is asks
+
+
+@pytest.mark.parametrize(("name", "stops"), [("late-confirm-ignored", 1), ("position-not-polled", 2)])
+def test_a_core_that_ignores_a_late_confirm_sends_no_second_stop(name: str, stops: int) -> None:
+    bench = Bench("drive", "navigation")
+    bench.replace("core", faults.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.run(0.1)
+    bench.core.goto(*GOING)
+    bench.run(0.01)
+    bench.core.stop()
+    bench.run(0.05)
+    bench.say("drive", GotoConfirm())
+    assert len(bench.sent(StopDrive)) == stops
