@@ -230,6 +230,15 @@ def test_a_careful_one_stops_before_us_and_turns_round() -> None:
         assert math.dist(body.point, ahead.point) > 350, "it did not stay before us"
 
 
+def test_one_that_waits_stands() -> None:
+    place = Place(confederates=1)
+    body = place.world.robots["confederate"]
+    place.put(*body.pose.moved(2 * ROBOT_RADIUS + 50, 0))
+    place.now = 0.5
+    place.vehicle.pose(Source.CONFEDERATE)
+    assert body.speed == 0
+
+
 def test_a_careless_one_drives_into_us_once_and_does_not_push_us_along() -> None:
     met = 0
     for seed in range(1, 30):
