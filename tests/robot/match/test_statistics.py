@@ -102,7 +102,9 @@ def test_a_match_that_failed_has_no_figures(figure: Figure) -> None:
 
 def test_a_task_that_came_to_nothing_is_not_done() -> None:
     (tasks_done,) = (figure for figure in FIGURES if figure.name == "tasks done")
-    played = replace(FINE, tasks=[PlayedTask(2.0, "fire 1", 0), PlayedTask(4.0, "fire 2", 1), PlayedTask(9.0, "net", 6)])
+    played = replace(
+        FINE, tasks=[PlayedTask(2.0, "fire 1", 0), PlayedTask(4.0, "fire 2", 1), PlayedTask(9.0, "net", 6)]
+    )
     assert list(tasks_done.of(played)) == [2]
 
 
