@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match.strategy import Strategy
+from eurobot_od.robot.messages import KalmanPositionResponse
 from eurobot_od.robot.tasks import Worth
+from eurobot_od.robot.values import Source
 from tests.robot.nodes.harness import Bench
 
 
@@ -29,6 +31,7 @@ def test_fruit_is_worth_a_way_to_the_basket_until_it_was_brought_there() -> None
     bench = Bench("drive", "navigation")
     bench.core.actuators = Hands()
     bench.configure()
+    bench.say("drive", KalmanPositionResponse(200, 1800, 0, Source.INTERNAL))
     strategy = There(bench.core)
     basket = next(each for each in strategy.todo.values() if each.worth is Worth.HARVEST)
     tree, another, *_ = (each for each in strategy.todo.values() if each.worth is Worth.FRUIT)
