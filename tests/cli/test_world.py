@@ -93,6 +93,7 @@ def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -
     node = Navigation(dialects.load("navigation"))
     vehicle, options, _ = scene.enter(node, Namespace(world=served.address, strategy=None, duration=1.0))
     same = Beacons(vehicle, options.errors, node.deviations, str(options.seed))
+    assert node.beacons is not None
     assert [node.beacons.locate(Source.INTERNAL, now) for now in (1.0, 2.0)] == [
         same.locate(Source.INTERNAL, now) for now in (1.0, 2.0)
     ]

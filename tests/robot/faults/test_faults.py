@@ -281,6 +281,7 @@ def test_a_time_that_jumps_is_a_time_all_the_same() -> None:
     answers(node, GOTO)
     first, second = (PROTOCOL.decode(*frame) for frame in answers(node, *[GotoStateRequest()] * 2))
     assert isinstance(first, GotoStateResponse)
+    assert isinstance(first.time, int)
     assert second == GotoStateResponse(first.time + JUMP)
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Future
 from typing import Any
 
 import pytest
 
+from eurobot_od.device.flow import Call
 from eurobot_od.errors import StateError
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import Pose
@@ -22,9 +22,9 @@ DICTIONARY = dialects.load("core")
 
 
 def told(what: GotoXY | str, end: object) -> list[MatchEvent]:
-    """Return what is told of something that begins at 1 s and ends at 3 s, with a result, an exception or, None, not."""
+    """Return what is told of something that begins at 1 s and ends at 3 s, with a result or an exception; None: cancelled."""
     events: list[MatchEvent] = []
-    now, call = [1.0], Future[Any]()
+    now, call = [1.0], Call[Any]()
     core = Core(DICTIONARY)
     Observer(core, Timeline(lambda: now[0], events.append), lambda: Pose(0, 0, 0))
     core.observe(what, call)
