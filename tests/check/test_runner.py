@@ -281,10 +281,12 @@ def test_the_same_seed_gives_the_same_times() -> None:
 
 
 def test_names_the_steps_of_a_group() -> None:
-    steps = run("- name: twice\n  repeat: 2\n  steps:\n    - send: Check Drive Request\n- wait: 1 ms")
+    groups = "- name: {}\n  repeat: {}\n  steps: [send: Check Drive Request]\n"
+    steps = run(groups.format("twice", 2) + groups.format("once", 1) + "- wait: 1 ms")
     assert [step.name for step in steps] == [
         "twice 1/2: send Check Drive Request",
         "twice 2/2: send Check Drive Request",
+        "once: send Check Drive Request",
         "wait 1 ms",
     ]
 

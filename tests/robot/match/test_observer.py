@@ -22,7 +22,7 @@ DICTIONARY = dialects.load("core")
 
 
 def told(what: GotoXY | str, end: object) -> list[MatchEvent]:
-    """Return what is told of something that begins at 1 s and ends at 3 s, with a result or an exception; None: cancelled."""
+    """Return what is told of something from 1 s to 3 s: a result, an exception, or None if it was cancelled."""
     events: list[MatchEvent] = []
     now, call = [1.0], Call[Any]()
     core = Core(DICTIONARY)
