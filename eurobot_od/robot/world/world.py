@@ -160,8 +160,11 @@ class World:
         if nearest_ahead(body, self.robots.values(), patrol.look_out, LOOK_OUT_ANGLE):
             body.speed, body.angle = 0.0, patrol.held_up(body.point, PACE).angle
             return
+        before, wanted = body.point, patrol.advance(body.point, PACE)
         body.speed = patrol.speed
-        self._go(body, patrol.advance(body.point, PACE))
+        self._go(body, wanted)
+        if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
+            body.angle = patrol.held_up(body.point, PACE).angle
 
     # What can be seen
 
