@@ -112,6 +112,20 @@ def test_a_suite_may_be_for_any_network(
     assert "Traceback" not in result.stdout.str()
 
 
+def test_a_suite_with_a_dialect_has_its_files_whatever_the_network(pytester: pytest.Pytester) -> None:
+    shutil.copy(EDS / "drive.eds", pytester.path / "motor.eds")
+    pytester.path.joinpath("eurobot-od.yaml").write_text("nodes:\n  motor: {file: motor.eds, node_id: 5}\n")
+    suite = "spec: 1\nname: backwards\nnode: drive\ndialect: firmware2014\nsteps:\n  - send: {Goto XY: %s}\n"
+    goto = "{x: 700, y: 1750, angle: 0, speed: 100, direction: backward}"  # a field that only that dialect has
+    pytester.path.joinpath("drive.check.yaml").write_text(suite % goto)
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
+
+
+def test_help_has_the_options_under_a_heading_of_their_own(pytester: pytest.Pytester) -> None:
+    result = pytester.runpytest_inprocess(*PLUGIN, "--help")
+    result.stdout.fnmatch_lines(["CANopen nodes and check suites:", "*--eurobot-interface=*"])
+
+
 def test_ctrl_c_ends_a_suite_with_its_teardown(pytester: pytest.Pytester) -> None:
     head = "spec: 1\nname: long\nnode: drive\n"
     steps = "steps: [{send: Stop Drive}, {wait: 1 min}]\nteardown: [{send: Check Drive Request}]\n"
@@ -185,6 +199,23 @@ def test_fixtures_reach_a_device_and_a_simulated_network(pytester: pytest.Pytest
         """
     )
     pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=2)
+
+
+def test_a_bus_of_a_test_is_of_that_test_alone(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CAN_INTERFACE", "virtual")  # as somebody has who needs no options elsewhere
+    pytester.makepyfile(
+        """
+        import can
+
+        def test_bus(eurobot_bus):
+            one, other = eurobot_bus(), eurobot_bus()
+            with can.Bus() as foreign:
+                one.send(can.Message(arbitration_id=1))
+                assert other.recv(0) is not None
+                assert foreign.recv(0) is None
+        """
+    )
+    pytester.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
 
 def test_it_costs_nothing_where_nobody_uses_it(pytester: pytest.Pytester) -> None:

@@ -178,9 +178,8 @@ class Access:
     def _receive(self, seen: tuple[int, ...]) -> Field:
         """Receive a frame from the bits on that were `seen`; it is valid before the last bit of its end."""
         self.transmitting, reading = False, Reading()
-        for bit in seen:
-            if not reading.take(bit):
-                return Fault.ERROR
+        for bit in seen:  # a start of frame, or what was sent until the arbitration was lost: stuffed as it should be
+            reading.take(bit)
         while not reading.complete:
             if not reading.take((yield RECESSIVE)):
                 return Fault.ERROR

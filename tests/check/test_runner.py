@@ -5,7 +5,10 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.check.results import Reason, Status, SuitePart
-from tests.check.suites import HEAD, document, results, run, verdicts
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.check.simulated import run_simulated
+from eurobot_od.robot.check.partners import nodes_under_test
+from tests.check.suites import HEAD, document, results, run, suite, verdicts
 
 START = """
 - send: {Start Configuration Set: {team colour: red, enemies: 0, confederates: 0, enemy 1 diameter: 0,
@@ -278,9 +281,19 @@ def test_the_same_seed_gives_the_same_times() -> None:
 
 
 def test_names_the_steps_of_a_group() -> None:
-    steps = run("- name: twice\n  repeat: 2\n  steps:\n    - send: Check Drive Request\n- wait: 1 ms")
+    groups = "- name: {}\n  repeat: {}\n  steps: [send: Check Drive Request]\n"
+    steps = run(groups.format("twice", 2) + groups.format("once", 1) + "- wait: 1 ms")
     assert [step.name for step in steps] == [
         "twice 1/2: send Check Drive Request",
         "twice 2/2: send Check Drive Request",
+        "once: send Check Drive Request",
         "wait 1 ms",
     ]
+
+
+@pytest.mark.parametrize(("names", "done"), [("b", ["a", "b"]), ("ac", ["a", "b", "c"]), ("", [])])
+def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
+    steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
+    options = RunOptions(chosen=lambda name: name in names)
+    result = run_simulated(suite(document(steps)), options, nodes_under_test)
+    assert [step.name for step in result.steps] == done

@@ -44,6 +44,20 @@ def test_a_device_that_is_nothing_but_its_eds(tmp_path: Path, name: str) -> None
     assert [step.status for step in result.steps] == 5 * [Status.PASSED]
 
 
+def test_a_program_begins_anew_with_each_boot_of_its_node() -> None:
+    begun: list[str] = []
+
+    def nodes(dictionaries: Mapping[str, Dictionary], _seed: int, _clock: object) -> list[NodeUnderTest]:
+        async def program() -> None:
+            begun.append("begun")
+
+        return [NodeUnderTest(Node(each), program) for each in dictionaries.values()]
+
+    boot = "- nmt: reset\n- heartbeat: boot-up\n- wait: 1 s\n"
+    run_simulated(suite(document(2 * boot)), RunOptions(), nodes)
+    assert len(begun) == 1 + 2
+
+
 def test_the_same_seed_gives_the_same_frames() -> None:
     one, other = (results(document("- send: Kalman Position Request\n- expect: Goto Confirm")) for _ in range(2))
     assert one.steps == other.steps

@@ -22,6 +22,7 @@ def test_it_names_what_is_installed_and_says_whether_something_is_wrong(capsys: 
     assert {line.split()[0] for line in lines if line} <= {
         *("eurobot-od", "package", "extra", "interface", "drivers", "no", "wrong", "nothing"),
     }
+    assert (lines[-1] == "nothing is wrong") is not any(line.startswith("wrong") for line in lines)
     assert (said.status, said.err) == (0 if lines[-1] == "nothing is wrong" else 1, "")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import signal
 import sys
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od import cli
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import START_POSES
@@ -19,6 +21,7 @@ from eurobot_od.robot.nodes import Drive, Navigation
 from eurobot_od.robot.values import TeamColour
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
+from tests.client.peers import new_channel
 from tests.device import io_module
 
 
@@ -51,6 +54,29 @@ def test_a_core_starts_up_with_the_others_and_ends_in_time(shared_bus: str) -> N
                 line(core, what)
             line(core, "start configuration confirmed after ")
             assert core.wait(PATIENCE) == 0
+
+
+class Pipe(io.StringIO):
+    """A pipe to another program, which gets what was flushed."""
+
+    flushed = 0
+
+    def flush(self) -> None:
+        self.flushed += 1
+
+
+def test_each_line_is_there_for_another_program_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipe, channel = Pipe(), new_channel()
+    monkeypatch.setattr(sys, "stdout", pipe)
+    others = Drive(dialects.load("drive")), Navigation(dialects.load("navigation"))
+    with ExitStack() as stack:
+        for each in others:
+            stack.enter_context(Live.node(open_bus("virtual", channel), each))
+        words = ["node", "core", "--team", "red", "--verbose", "--duration", "1 ms", "-i", "virtual", "-c", channel]
+        assert cli.main(words) == 0
+    assert "start configuration confirmed after " in pipe.getvalue()
+    assert "  Check Drive Response\n" in pipe.getvalue()
+    assert pipe.flushed == pipe.getvalue().count("\n") + 1, "and at the end"
 
 
 def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import json
+from argparse import Namespace
+from itertools import islice
 
 import pytest
 
+from eurobot_od.cli import options
+from eurobot_od.client.master import Master
+from eurobot_od.client.producing import produce, syncs
+from eurobot_od.errors import BusError
 from eurobot_od.sdo.client import UNANNOUNCED
 from tests.cli.console import run
+from tests.client.test_reconnecting import Unplugged
 from tests.client.test_watch import Beating, beats
 from tests.client.wired import WiredBus
 
@@ -71,3 +78,10 @@ def test_what_is_refused(capsys: pytest.CaptureFixture[str], bus: WiredBus, word
     assert said.status == 2
     assert complaint in said.err
     assert bus.sent == []
+
+
+def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
+    bus = Unplugged()
+    master = Master(bus, clock=lambda: bus.now)
+    with pytest.raises(BusError):
+        produce(master, islice(syncs(), 10), 0.5, options.guard(Namespace(no_reconnect=True), master))

@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,8 +16,11 @@ from typing import NamedTuple
 import pytest
 
 from eurobot_od.cli import scene
+from eurobot_od.robot import dialects
 from eurobot_od.robot.field import START_POSES, Point
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.nodes import Navigation
+from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.world.beacons import Beacons
 from eurobot_od.robot.world.channel import Address
 from eurobot_od.robot.world.remote import RemoteVehicle
 from tests.cli.console import run
@@ -83,6 +87,17 @@ def test_four_processes_play_a_match_to_its_end(served: Scene, tmp_path: Path) -
     assert re.search(r"1 place reached, position error [0-9.]+ mm on average", core.stdout)
     assert "\npoints: ours 0\n" in core.stdout
     robot.close()
+
+
+def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -> None:
+    node = Navigation(dialects.load("navigation"))
+    vehicle, options, _ = scene.enter(node, Namespace(world=served.address, strategy=None, duration=1.0))
+    same = Beacons(vehicle, options.errors, node.deviations, str(options.seed))
+    assert node.beacons is not None
+    assert [node.beacons.locate(Source.INTERNAL, now) for now in (1.0, 2.0)] == [
+        same.locate(Source.INTERNAL, now) for now in (1.0, 2.0)
+    ]
+    vehicle.close()
 
 
 def test_a_strategy_that_raises_ends_the_match_with_its_last_lines(served: Scene, tmp_path: Path) -> None:

@@ -208,6 +208,15 @@ def test_values_of_all_types_come_by_pdo() -> None:
     assert [wire.sdo.sdo.upload(0x2000 + n, 0).hex() for n in range(4)] == list(types.values())
 
 
+def test_objects_come_beside_each_other_in_as_many_bits_as_they_are_mapped_with() -> None:
+    mapped = [("BOOLEAN", 1, "01"), ("UNSIGNED8", 3, "05"), ("INTEGER8", 4, "fd"), ("REAL32", 32, "0000c03f")]
+    objects = [variable(f"{0x2000 + n:X}", f"V{n}", type_) for n, (type_, _, _) in enumerate(mapped)]
+    entries = [hex((0x2000 + n) << 16 | bits) for n, (_, bits, _) in enumerate(mapped)]
+    wire = operational(text=DEVICE_TYPE + "".join(objects) + pdo(0x1400, *entries, settings={2: "255"}))
+    wire.send(Frame(COMMAND, bytes([0b1101_101_1]) + b"\x00\x00\xc0\x3f"))
+    assert [wire.sdo.sdo.upload(0x2000 + n, 0).hex() for n in range(4)] == [held for _, _, held in mapped]
+
+
 def test_given_values_count_in_place_of_the_files_also_after_a_reset() -> None:
     wire = module(given={"Set point": -7, (0x1017, 0): 100})
     wire.run(0.15)
@@ -256,6 +265,17 @@ def test_a_class_gives_and_takes_values_by_sdo_and_pdo() -> None:
     wire.send(Frame(COMMAND, b"\x64\x00"))
     assert wire.read(0x2000, 1) == 100
     assert sent(wire, CHANGED) == ["14000000", "fa00fa00", "64006400"]
+
+
+def test_a_class_may_have_no_value_now() -> None:
+    class Blind(SimulatedDevice):
+        """Sees nothing at the moment."""
+
+        READERS: ClassVar = {"Channel.Entry 1": lambda _: None}
+
+    device = module(Blind).node
+    assert isinstance(device, Blind)
+    assert device.value("Channel.Entry 1") is None
 
 
 def test_what_a_class_refuses_is_an_abort_and_changes_nothing() -> None:

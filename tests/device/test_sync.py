@@ -13,7 +13,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
 from eurobot_od.robot.values import Obstacle
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 from tests.device.io_module import module
 from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
 
@@ -143,6 +143,11 @@ def test_a_master_moves_sync() -> None:
 @pytest.mark.parametrize(("entry", "why"), [(1 << 30 | 0x0F0, "it sends none"), (1 << 29 | 0x0F0, "a 29-bit one")])
 def test_a_sync_that_the_device_has_not_is_refused(entry: int, why: str) -> None:
     assert synchronous().refused((0x1005, 0), entry, size=4) == AbortCode.VALUE, why
+
+
+def test_a_program_in_the_device_is_told_why_a_sync_is_refused() -> None:
+    with pytest.raises(Abort, match="a SYNC in base frames only"):
+        synchronous().device.objects.write((0x1005, 0), (1 << 29 | 0x0F0).to_bytes(4, "little"))
 
 
 def test_no_pdo_may_have_the_identifier_of_sync() -> None:

@@ -457,3 +457,10 @@ def test_a_message_that_cannot_be_encoded_is_an_error_and_nothing_is_sent() -> N
     with pytest.raises(FieldError, match="speed"):
         gatekeeper.send(GOTO._replace(speed=101), 0.0)
     assert gatekeeper.statistics().transmit.submitted == 0
+
+
+def test_of_the_reports_that_nobody_takes_the_latest_thousand_are_kept() -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    for number in range(1002):
+        gatekeeper.report(Report(Event.BUS_OFF, "can0", "", number))
+    assert [report.timestamp for report in gatekeeper.reports] == [*range(2, 1002)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 
 import can
 import pytest
@@ -10,7 +11,7 @@ from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver
+from eurobot_od.live import Driver, open_bus
 
 FRAME = Frame(0x123, b"\1\2")
 
@@ -87,3 +88,14 @@ def test_who_is_told_not_to_wait_and_does_not_is_prompt() -> None:
     ((_, timeout),) = slow.sent
     assert timeout is not None
     assert 0 < timeout < 0.1
+
+
+def test_what_drivers_log_is_kept_off_the_terminal_when_a_bus_is_opened(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Python writes warnings that nobody has asked for to the terminal; a driver's errors are raised, too."""
+    for name in ("can", ""):
+        monkeypatch.setattr(logging.getLogger(name), "handlers", [])
+    open_bus("virtual", "quiet").shutdown()
+    logging.getLogger("can").warning("the driver says so")
+    assert capfd.readouterr() == ("", "")

@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 
 import pytest
+from can.interfaces import BACKENDS
 
-from eurobot_od.live.interfaces import Attached, drivers, refused
+from eurobot_od.live.interfaces import Attached, drivers, here, refused
 
 
 def test_an_interface_is_written_as_the_command_line_takes_it() -> None:
@@ -17,6 +18,19 @@ def test_an_interface_is_written_as_the_command_line_takes_it() -> None:
 
 def test_drivers_that_load() -> None:
     assert drivers()["virtual"]
+
+
+class Bench:
+    """A driver that finds what is attached to it."""
+
+    @staticmethod
+    def _detect_available_configs() -> list[dict[str, str]]:
+        return [{"interface": "bench", "channel": "left"}]
+
+
+def test_what_a_driver_finds_is_an_interface(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(BACKENDS, "bench", (__name__, Bench.__name__))
+    assert Attached("bench", "left") in here()
 
 
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may open everything")

@@ -61,6 +61,20 @@ def test_what_overflows_is_counted_reported_and_told_by_emcy(bus: CountingBus) -
     assert last.text.startswith(f"{live.overflow} ")
 
 
+def test_what_overflows_while_the_node_is_switched_off_is_counted_too(bus: CountingBus) -> None:
+    class Late(Drive):
+        """Is switched off while the bus is full: when nobody reads it any more."""
+
+        def switched_off(self) -> None:
+            bus.flood(1000)
+
+    reports = Reports()
+    with Live.node(bus, Late(dialects.load("drive")), report=reports) as live:
+        pass
+    assert live.overflow > 0
+    assert [report.event for report in reports.rest()].count(Event.FRAMES_LOST) == 1
+
+
 def test_the_monitor_notes_what_is_missing(bus: CountingBus) -> None:
     source = BusSource(bus)
     assert list(source.poll()) == []

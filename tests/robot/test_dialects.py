@@ -16,7 +16,7 @@ from eurobot_od import cli
 from eurobot_od.errors import DictionaryError, UnknownName
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
 from eurobot_od.robot.values import Barriers, Direction, Source
 from tests.robot.document import NAMES
 
@@ -51,6 +51,12 @@ def made_up(tmp_path: Path) -> Path:
 def test_names_are_those_of_the_folders() -> None:
     assert dialects.names() == sorted(path.name for path in EDS.iterdir() if path.is_dir())
     assert dialects.DEFAULT in dialects.names()
+
+
+@pytest.mark.parametrize("dialect", dialects.names())
+def test_the_decoder_of_a_dialect_reads_its_bits(dialect: str) -> None:
+    goto = GotoXY(1234, 567, 89, 75)
+    assert decoder(dialect).protocol.decode(*EurobotProtocol.load(dialect).encode(goto)) == goto
 
 
 def test_default_is_the_one_of_the_standard(monkeypatch: pytest.MonkeyPatch) -> None:

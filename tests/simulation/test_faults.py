@@ -12,6 +12,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.simulation.bit_errors import LAST_BUT_ONE, BitErrors, Noise, Strike
 from eurobot_od.simulation.bits import frame_bits, on_wire
+from eurobot_od.simulation.confinement import ErrorState
 from eurobot_od.simulation.controller import Controller
 from eurobot_od.simulation.network import Network
 from tests.robot.nodes.harness import DICTIONARIES, Peer
@@ -215,6 +216,20 @@ def test_a_bus_may_be_cut_within_a_frame_again_and_again() -> None:
     wire.run(0.5)
     assert wire.heard("core", FRAME) == 1
     assert wire.heard("navigation", FRAME) == 1
+
+
+def test_a_node_that_is_off_comes_back_after_its_bits_though_it_is_pulled_off() -> None:
+    wire = Wire()
+    strike_senders(wire, "drive", 32)
+    wire.say("drive", FRAME)
+    drive = wire.controller("drive")
+    while drive.state is not ErrorState.OFF:
+        wire.run(100 * BIT)
+    wire.network.split([wire.stations["drive"]])
+    wire.run(1200 * BIT)
+    assert drive.state is ErrorState.OFF
+    wire.run(300 * BIT)
+    assert drive.state is not ErrorState.OFF
 
 
 def test_a_node_may_be_detached_from_a_part() -> None:

@@ -268,6 +268,22 @@ def test_an_object_is_read_and_its_value_shown(tmp_path: Path) -> None:
         assert said["ok"] == {"value": 1000, "text": "1000"}
 
 
+def test_an_object_that_is_watched_is_read_and_comes_with_the_snapshots(tmp_path: Path) -> None:
+    async def watch(opened: aiohttp.ClientWebSocketResponse) -> dict[str, Any]:
+        words = {"id": 1, "do": "watch", "node": "drive", "object": "0x1017"}
+        key = (await answer(opened, json.dumps(words)))["ok"]
+        while True:
+            objects = (await snapshot(opened))["objects"]
+            if key in objects:
+                return dict(objects[key])
+
+    name = channel()
+    with robot(name), live_page(name, tmp_path) as served:
+        read = talk(served, watch)
+    assert read["time"] > 0
+    assert (read["value"], read["trouble"]) == (1000, "")
+
+
 def test_no_more_browsers_than_a_server_has_room_for(local: Served) -> None:
     async def crowd() -> list[int]:
         origin = local.address.rstrip("/")

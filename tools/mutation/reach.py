@@ -28,6 +28,10 @@ SLOW = ("tests/interop/", "tests/tools/", *(f"tests/web/test_{name}_page.py" for
 OF_THE_REPOSITORY = tuple(f"tests/test_{name}.py" for name in ("layers", "packaging", "readme", "reliability"))
 """Tests of other programs, the tools, a browser, and of the repository: never run for a change."""
 
+WITHOUT_OURS = ("-p", "no:eurobot_od.pytest_plugin")
+"""Options of a run of pytest that has the package's own plugin only where a test asks for it: what is installed is not
+what is tested."""
+
 MARKED = "not live and not socketcan"
 """Nor are those that run several processes, or need a kernel's bus."""
 
@@ -108,6 +112,7 @@ def _measure(root: Path, path: str, file: Path) -> dict[str, Any]:
         "-q",
         "-p",
         "no:cacheprovider",
+        *WITHOUT_OURS,
         "-p",
         "mutation.reach",
         "-m",

@@ -29,7 +29,7 @@ from typing import NamedTuple, NoReturn
 import pytest
 
 from mutation.changes import Change
-from mutation.reach import MARKED, Measured, digest
+from mutation.reach import MARKED, WITHOUT_OURS, Measured, digest
 
 NEAR = 3.0
 """Seconds of tests in the first run."""
@@ -51,6 +51,7 @@ OPTIONS = (
     "--tb=no",
     "-p",
     "no:cacheprovider",
+    *WITHOUT_OURS,
     "-m",
     MARKED,
     "--hypothesis-seed=0",

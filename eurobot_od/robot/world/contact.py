@@ -37,8 +37,8 @@ class Touch(NamedTuple):
     thing: str
     speed: float
     met: float
-    x: float = 0.0
-    y: float = 0.0
+    x: float
+    y: float
 
     def is_fault_of(self, robot: str) -> bool:
         """Tell whether a robot drove into the other body, and was not rather driven into."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.sdo import NO_NUMBER
 from eurobot_od.check.results import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import NodeUnderTest, run_simulated
@@ -21,6 +22,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.robot import dialects
 from tests.check.conformance.devices import MODULE, NODE_ID, SAMPLES, steps, suites
+from tests.eds_text import DEVICE_TYPE, record
 
 FILES = [each for each in sorted(SAMPLES.iterdir()) if not each.name.startswith("broken_by_hand")]
 CLAUSE = re.compile(r"7\.\d(\.\d+)* [A-Z]")
@@ -79,6 +81,23 @@ def test_what_a_file_lacks_is_skipped_with_the_reason(name: str, clause: str, re
     skipped = [each for each in steps(SAMPLES / name) if each.status is Status.SKIPPED]
     reasons = [each.reason.what for each in skipped if each.reason and each.name.startswith(f"{clause} ")]
     assert any(each.startswith(reason) for each in reasons), reasons
+
+
+def made(*records: str) -> str:
+    """Return the suite of a device with a device type and little else."""
+    text = DEVICE_TYPE + "".join(records)
+    return suite.text(Dictionary.read(text.encode(), Path("device.eds"), NODE_ID))
+
+
+def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
+    identity = record(0x1018, "Identity", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", None))
+    step = 'Identity: 0x1018:1 Entry 1", sdo: {read: "0x1018:1", expect: 66}'
+    assert step in made(identity, "[DeviceInfo]\nVendorNumber=0x42\n")
+    assert "the file does not say it" in made(identity)
+
+
+def test_of_a_device_without_a_number_that_may_be_written_none_is_written() -> None:
+    assert NO_NUMBER in made()
 
 
 def test_a_step_is_named_once_within_its_suite() -> None:

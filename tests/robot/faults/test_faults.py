@@ -14,6 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects, faults
+from eurobot_od.robot.faults.drive import JUMP
 from eurobot_od.robot.faults.message_faults import foreign
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -25,12 +26,14 @@ from eurobot_od.robot.messages import (
     GotoXY,
     KalmanPositionRequest,
     KalmanPositionResponse,
+    StartConfigurationConfirm,
     StartConfigurationSet,
     StopDrive,
 )
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from tests.robot.nodes.harness import Bench
 
 PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {name: dialects.load(name) for name in ROLES}
@@ -257,3 +260,76 @@ def test_a_node_can_have_two_faults() -> None:
     node = role(DICTIONARIES["drive"])
     node.start(0.0)
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
+
+
+def faulty_drive(name: str) -> Drive:
+    """Return a drive with a fault, switched on and configured."""
+    node = faults.faulty(Drive, name)(DICTIONARIES["drive"])
+    node.start(0.0)
+    answers(node, START)
+    return node
+
+
+def test_a_goto_that_is_confirmed_on_arrival_is_not_confirmed_before() -> None:
+    node = faulty_drive("goto-confirmed-on-arrival")
+    assert PROTOCOL.encode(GotoConfirm()) not in answers(node, GOTO, until=0.5)
+    assert PROTOCOL.encode(GotoConfirm()) in answers(node, until=30.0)
+
+
+def test_a_time_that_jumps_is_a_time_all_the_same() -> None:
+    node = faulty_drive("time-jumps")
+    answers(node, GOTO)
+    first, second = (PROTOCOL.decode(*frame) for frame in answers(node, *[GotoStateRequest()] * 2))
+    assert isinstance(first, GotoStateResponse)
+    assert isinstance(first.time, int)
+    assert second == GotoStateResponse(first.time + JUMP)
+
+
+def test_a_place_is_swapped_within_the_field() -> None:
+    node = faulty_drive("goto-place-swapped")
+    answers(node, GotoXY(2500, 700, 90, 60))
+    assert node.goto == GotoXY(700, 2000, 90, 60)
+
+
+def test_three_enemies_are_taken_for_two() -> None:
+    node = faulty_drive("three-enemies-taken")
+    three = Frame(PROTOCOL.cob_id(StartConfigurationSet), bytes([3 << 1, 0]))
+    assert node.receive(three, 0.0) == [PROTOCOL.encode(StartConfigurationConfirm())]
+
+
+GOING = GotoXY(2000, 1750, 0, 60)
+
+
+def stopped_with(name: str) -> Bench:
+    """Have a core with a fault send a drive off, and stop it."""
+    bench = Bench()
+    bench.replace("core", faults.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.run(0.1)
+    bench.core.configure_start(*START)
+    bench.run(0.5)
+    bench.core.goto(*GOING)
+    bench.run(1.0)
+    bench.core.emergency_stop(Obstacle.ENEMY)
+    return bench
+
+
+@pytest.mark.parametrize(("name", "asks"), [("state-asked-after-stop", True), ("obstacle-not-told", False)])
+def test_a_core_that_asks_on_asks_for_a_second_after_the_stop(name: str, asks: bool) -> None:
+    bench = stopped_with(name)
+    bench.run(1.0)
+    since = bench.now
+    bench.run(0.35)
+    assert (max(bench.times(GotoStateRequest)) > since) is asks
+
+
+@pytest.mark.parametrize(("name", "stops"), [("late-confirm-ignored", 1), ("position-not-polled", 2)])
+def test_a_core_that_ignores_a_late_confirm_sends_no_second_stop(name: str, stops: int) -> None:
+    bench = Bench("drive", "navigation")
+    bench.replace("core", faults.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.run(0.1)
+    bench.core.goto(*GOING)
+    bench.run(0.01)
+    bench.core.stop()
+    bench.run(0.05)
+    bench.say("drive", GotoConfirm())
+    assert len(bench.sent(StopDrive)) == stops

@@ -28,7 +28,7 @@ def given_up(outcome: str, why: str | None) -> MatchEvent:
 
 
 def touched(thing: str) -> MatchEvent:
-    return MatchEvent(1.0, EventKind.TOUCH, "", Touch(1.0, OURS, thing, 300.0, 0.0)._asdict())
+    return MatchEvent(1.0, EventKind.TOUCH, "", Touch(1.0, OURS, thing, 300.0, 0.0, 500.0, 600.0)._asdict())
 
 
 def summary(**played: Any) -> Summary:

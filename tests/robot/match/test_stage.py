@@ -12,11 +12,14 @@ from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
 from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
-from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.match.stage import EdsFiles, cast_for, play_simulated
 from eurobot_od.robot.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
+from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.nodes.motion import Command
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
+from eurobot_od.robot.world.world import OURS, RIVAL
 from tests.robot.document import NAMES
 
 PROTOCOL = EurobotProtocol.load()
@@ -193,3 +196,17 @@ def test_dialects_differ_on_the_wire_and_not_in_what_happens() -> None:
     one, other = (play(MatchOptions(duration=8.0, dialect=dialect)) for dialect in ("canopen", "firmware2014"))
     assert one.frames != other.frames
     assert [event.kind for event in one.events] == [event.kind for event in other.events]
+
+
+def test_the_instruments_of_two_robots_err_each_in_its_own_way() -> None:
+    def rolled(name: str) -> float:
+        """Return how far a robot comes that is told 300 mm."""
+        world = World(MatchOptions(enemies=1), lambda: 0.0, rival=True)
+        _, drive, _ = cast_for(MatchOptions(enemies=1), EdsFiles.read(None), world, name)
+        before = world.robots[name].pose
+        assert isinstance(drive, Drive)
+        drive.chassis.advance(Command(300.0, 0.0), 1.0)
+        return world.robots[name].pose.distance(before.point)
+
+    assert rolled(OURS) == rolled(OURS)
+    assert rolled(OURS) != pytest.approx(rolled(RIVAL), abs=0.01)

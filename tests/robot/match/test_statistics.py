@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from eurobot_od.robot.match.histogram import ASCII
-from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch
+from eurobot_od.robot.match.played import PlayedGoto, PlayedMatch, PlayedTask
 from eurobot_od.robot.match.statistics import (
     FIGURES,
     FORCED,
@@ -96,6 +98,14 @@ def test_spread(figure: Figure, matches: list[PlayedMatch], expected: Spread | N
 def test_a_match_that_failed_has_no_figures(figure: Figure) -> None:
     assert spread(figure, [FAILED]) is None
     assert spread(figure, [FINE]) is not None
+
+
+def test_a_task_that_came_to_nothing_is_not_done() -> None:
+    (tasks_done,) = (figure for figure in FIGURES if figure.name == "tasks done")
+    played = replace(
+        FINE, tasks=[PlayedTask(2.0, "fire 1", 0), PlayedTask(4.0, "fire 2", 1), PlayedTask(9.0, "net", 6)]
+    )
+    assert list(tasks_done.of(played)) == [2]
 
 
 def test_the_position_error_is_that_of_all_arrivals() -> None:

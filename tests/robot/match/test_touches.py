@@ -24,16 +24,16 @@ def test_what_has_no_kind_is_something_else() -> None:
 @pytest.mark.parametrize(
     ("touch", "seen"),
     [
-        (Touch(1.0, OURS, "fire 1", FAST, 0.0), ("fire 1", True, False)),
-        (Touch(1.0, OURS, "enemy 1", FAST, STANDS), ("enemy 1", True, False)),
-        (Touch(1.0, OURS, "enemy 1", FAST, FAST), ("enemy 1", True, True)),
-        (Touch(1.0, "enemy 1", OURS, FAST, STANDS), ("enemy 1", False, True)),
-        (Touch(1.0, "enemy 1", OURS, FAST, FAST), ("enemy 1", True, True)),
-        (Touch(1.0, OURS, "pool 1", STANDS, 0.0), ("pool 1", False, False)),  # it was pushed there
+        (Touch(1.0, OURS, "fire 1", FAST, 0.0, 500.0, 600.0), ("fire 1", True, False)),
+        (Touch(1.0, OURS, "enemy 1", FAST, STANDS, 500.0, 600.0), ("enemy 1", True, False)),
+        (Touch(1.0, OURS, "enemy 1", FAST, FAST, 500.0, 600.0), ("enemy 1", True, True)),
+        (Touch(1.0, "enemy 1", OURS, FAST, STANDS, 500.0, 600.0), ("enemy 1", False, True)),
+        (Touch(1.0, "enemy 1", OURS, FAST, FAST, 500.0, 600.0), ("enemy 1", True, True)),
+        (Touch(1.0, OURS, "pool 1", STANDS, 0.0, 500.0, 600.0), ("pool 1", False, False)),  # it was pushed there
     ],
 )
 def test_who_drove_into_whom(touch: Touch, seen: tuple[str, bool, bool]) -> None:
-    (mine,) = touches_of(OURS, [touch, Touch(2.0, "enemy 1", "enemy 2", FAST, FAST)])
+    (mine,) = touches_of(OURS, [touch, Touch(2.0, "enemy 1", "enemy 2", FAST, FAST, 500.0, 600.0)])
     assert mine == RobotTouch(1.0, *seen)
 
 

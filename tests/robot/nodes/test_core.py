@@ -15,7 +15,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import FieldError, NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.messages import (
     CheckDriveRequest,
@@ -503,6 +503,14 @@ def test_a_node_that_falls_silent_stops_the_drive(silent: int) -> None:
 # After an Emergency Shutdown
 
 
+@pytest.mark.parametrize(("node_id", "outcome"), [(2, Outcome.LOST), (3, None)], ids=["drive", "navigation"])
+def test_a_drive_that_boots_has_lost_its_goto(bench: Bench, node_id: int, outcome: Outcome | None) -> None:
+    call = goto(bench)
+    bench.say("drive", Frame(ERROR_CONTROL_BASE + node_id, b"\0"))
+    assert (call.result(0).outcome if call.done() else None) == outcome
+    assert (StopDrive() in bench.messages()) is (outcome is not None)
+
+
 def test_after_a_shutdown_there_is_no_goto_until_the_next_start_configuration(bench: Bench) -> None:
     bench.configure()
     bench.core.emergency_shutdown()
@@ -614,6 +622,12 @@ def test_a_position_is_asked_for_and_returned(bench: Bench) -> None:
     bench.say("drive", answer)
     assert call.result(0) == answer
     assert gaps(bench.times(KalmanPositionRequest)) == pytest.approx([0.5], abs=ON_THE_WIRE)
+
+
+def test_a_cancelled_goto_is_stopped_at_once(bench: Bench) -> None:
+    assert goto(bench).cancel()
+    bench.run(0.002)  # not only when it would be sent again
+    assert bench.messages()[-1] == StopDrive()
 
 
 def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) -> None:

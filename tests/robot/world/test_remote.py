@@ -19,7 +19,7 @@ from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.tasks import tasks
 from eurobot_od.robot.values import Source, TeamColour
-from eurobot_od.robot.world import World
+from eurobot_od.robot.world import World, remote
 from eurobot_od.robot.world.beacons import Beacons
 from eurobot_od.robot.world.channel import VERSION, Address, Channel
 from eurobot_od.robot.world.remote import RemoteVehicle
@@ -143,6 +143,16 @@ def test_a_world_that_was_started_anew_is_found_again() -> None:
             wait_for(lambda: vehicle.move(STEP, 0.01) is not None)
     assert len(reports) == 2
     assert reports[1] == f"the world at {address} answers again"
+
+
+def test_a_world_that_was_not_there_is_not_asked_again_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(remote, "RETRY", 1000.0)
+    with served() as address:
+        pass
+    with reaching(address) as (vehicle, _):
+        assert vehicle.move(STEP, 0.01) is None
+        with served(address), pytest.raises(WorldError, match="it is asked again soon"):
+            vehicle.truth()
 
 
 @contextmanager

@@ -125,6 +125,21 @@ def test_a_fire_is_pushed_along_and_cannot_be_turned_over_any_more() -> None:
     assert place.vehicle.finish("fire 1") == 0
 
 
+def test_what_is_pushed_is_in_the_way_of_another_robot_there() -> None:
+    place = Place(enemies=1, rival=True)
+    fire = place.world.things[0]
+    place.clear()
+    place.world.things.append(fire)
+    place.put(1500, 1400, 180, RIVAL)
+    place.drive(10, 0.1, name=RIVAL)  # it has looked around, and nothing was near
+    fire.point = Point(900, 1400)
+    place.put(600, 1400, 0)
+    place.drive(400, 1.0)
+    place.put(300, 300, 0)  # we are gone, and the fire lies nearer to it
+    place.drive(400, 0.75, name=RIVAL)
+    assert (RIVAL, "fire 1") in place.touched()
+
+
 def test_a_contact_is_counted_once_until_it_has_ended() -> None:
     place = Place()
     place.put(*BEFORE_POOL)
@@ -213,6 +228,15 @@ def test_a_careful_one_stops_before_us_and_turns_round() -> None:
         place.vehicle.pose(Source.CONFEDERATE)
         assert [touch for touch in place.world.touches if touch.is_fault_of("confederate")] == []
         assert math.dist(body.point, ahead.point) > 350, "it did not stay before us"
+
+
+def test_one_that_waits_stands() -> None:
+    place = Place(confederates=1)
+    body = place.world.robots["confederate"]
+    place.put(*body.pose.moved(2 * ROBOT_RADIUS + 50, 0))
+    place.now = 0.5
+    place.vehicle.pose(Source.CONFEDERATE)
+    assert body.speed == 0
 
 
 def test_a_careless_one_drives_into_us_once_and_does_not_push_us_along() -> None:

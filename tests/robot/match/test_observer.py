@@ -1,0 +1,73 @@
+"""What is told of a core's gotos and tasks, however they end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from eurobot_od.device.flow import Call
+from eurobot_od.errors import StateError
+from eurobot_od.robot import dialects
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.match.observer import Observer
+from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.messages import GotoXY
+from eurobot_od.robot.nodes import Core
+from eurobot_od.robot.nodes.goto import GotoReport
+from eurobot_od.robot.values import Outcome
+
+GOTO = GotoXY(1500, 1000, 90, 80)
+DICTIONARY = dialects.load("core")
+
+
+def told(what: GotoXY | str, end: object) -> list[MatchEvent]:
+    """Return what is told of something from 1 s to 3 s: a result, an exception, or None if it was cancelled."""
+    events: list[MatchEvent] = []
+    now, call = [1.0], Call[Any]()
+    core = Core(DICTIONARY)
+    Observer(core, Timeline(lambda: now[0], events.append), lambda: Pose(0, 0, 0))
+    core.observe(what, call)
+    now[0] = 3.0
+    if end is None:
+        call.cancel()
+    elif isinstance(end, Exception):
+        call.set_exception(end)
+    else:
+        call.set_result(end)
+    return events
+
+
+def given_up(text: str, outcome: str, why: str | None, seconds: float) -> MatchEvent:
+    return MatchEvent(3.0, EventKind.GIVEN_UP, text, {"outcome": outcome, "why": why, "seconds": seconds})
+
+
+ENEMY = GotoReport(GOTO, Outcome.STOPPED, 0.1, 1.5, "enemy ahead")
+BLOCKED = GotoReport(GOTO, Outcome.BLOCKED, 0.1, 1.5)
+
+ENDS = [
+    (BLOCKED, [given_up("blocked after 1.50 s", "blocked", None, 1.5)]),
+    (
+        ENEMY,
+        [
+            MatchEvent(3.0, EventKind.STOP, "emergency stop: enemy ahead", {"obstacle": "enemy"}),
+            given_up("stopped after 1.50 s: enemy ahead", "stopped", "enemy ahead", 1.5),
+        ],
+    ),
+    (StateError("no way"), [given_up("failed after 2.00 s: no way", "failed", "no way", 2.0)]),
+    (None, [given_up("cancelled after 2.00 s", "cancelled", None, 2.0)]),
+]
+
+
+@pytest.mark.parametrize(("end", "events"), ENDS)
+def test_how_a_goto_ends(end: object, events: list[MatchEvent]) -> None:
+    begun, *ended = told(GOTO, end)
+    assert (begun.time, begun.kind, begun.text) == (1.0, EventKind.GOTO, "(1500, 1000) 90 deg, 80 %")
+    assert ended == events
+
+
+@pytest.mark.parametrize(
+    ("end", "texts"), [(3, ["fire 1: 3"]), (0, ["fire 1: nothing"]), (StateError("no arm"), []), (None, [])]
+)
+def test_what_a_task_comes_to(end: object, texts: list[str]) -> None:
+    assert [event.text for event in told("fire 1", end)] == texts

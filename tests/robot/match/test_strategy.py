@@ -1,0 +1,48 @@
+"""The shipped strategy: what it carries to the basket, and what is left to do."""
+
+from __future__ import annotations
+
+from eurobot_od.robot.field import Pose
+from eurobot_od.robot.match.strategy import Strategy
+from eurobot_od.robot.messages import KalmanPositionResponse
+from eurobot_od.robot.tasks import Worth
+from eurobot_od.robot.values import Source
+from tests.robot.nodes.harness import Bench
+
+
+class Hands:
+    """Do every task at once, and always bring three."""
+
+    def begin(self, _task: str) -> float:
+        return 0.0
+
+    def finish(self, _task: str) -> int:
+        return 3
+
+
+class There(Strategy):
+    """Is wherever it wants to be."""
+
+    async def drive(self, there: Pose) -> bool:
+        return True
+
+
+def test_fruit_is_worth_a_way_to_the_basket_until_it_was_brought_there() -> None:
+    bench = Bench("drive", "navigation")
+    bench.core.actuators = Hands()
+    bench.configure()
+    bench.say("drive", KalmanPositionResponse(200, 1800, 0, Source.INTERNAL))
+    strategy = There(bench.core)
+    basket = next(each for each in strategy.todo.values() if each.worth is Worth.HARVEST)
+    tree, another, *_ = (each for each in strategy.todo.values() if each.worth is Worth.FRUIT)
+
+    async def play() -> list[float]:
+        worth = [strategy.value(basket)]
+        for task in (tree, another, basket):
+            await strategy.attempt(task)
+            worth.append(strategy.value(basket))
+        return worth
+
+    empty, some, more, empty_again = bench.play(play())
+    assert 0 == empty == empty_again < some < more
+    assert {tree.name, another.name, basket.name} & strategy.todo.keys() == {basket.name}, "a tree is picked once"
