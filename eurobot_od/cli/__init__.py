@@ -124,7 +124,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return ExitStatus.INTERRUPTED
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader left; nothing more to say
+        fall_silent()
         return ExitStatus.FINE
     except (EurobotError, OSError) as error:
         what = str(error)
@@ -132,6 +132,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             what = f"{error.filename}: {error.strerror}"  # first the file, as in errors of our own
         complain(what)
         return next(status for kind, status in STATUS_OF.items() if isinstance(error, kind))
+
+
+def fall_silent() -> None:
+    """Print no more on standard output: its reader has left."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def complain(what: str) -> None:

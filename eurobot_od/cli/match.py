@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, campaign, complain
+from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
@@ -187,8 +187,12 @@ EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "ma
 
 
 def _show(coloured: bool, event: MatchEvent) -> None:
+    """Print an event; a match that nobody reads any more is played to its end, for its log."""
     colour = EVENT_COLOURS.get(event.kind.value) if coloured else None
-    print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=sys.stdout.isatty())
+    try:
+        print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=sys.stdout.isatty())
+    except BrokenPipeError:
+        fall_silent()
 
 
 # Many seeds

@@ -45,6 +45,21 @@ def test_a_person_reads_timeline_and_summary(capsys: pytest.CaptureFixture[str])
     assert "\x1b" not in said.out
 
 
+def test_a_reader_that_leaves_ends_neither_the_match_nor_its_log(tmp_path: Path) -> None:
+    words, log = [*SCRIPT, *SHORT, "--log", "match.log"], tmp_path / "match.log"
+    unbuffered = os.environ | {"PYTHONUNBUFFERED": "1"}
+    with subprocess.Popen(
+        words, cwd=tmp_path, env=unbuffered, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as running:
+        assert running.stdout
+        assert running.stderr
+        running.stdout.readline()
+        running.stdout.close()
+        assert running.stderr.read() == b""
+        assert running.wait() == 0
+    assert float(log.read_text().splitlines()[-1][1:].split(")")[0]) > 2.0
+
+
 def test_a_terminal_has_colours(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     lines = run(capsys, *SHORT).out.splitlines()
