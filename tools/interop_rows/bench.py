@@ -10,9 +10,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import count
+from unittest.mock import patch
 
 import can
 import canopen
+from canopen.sdo.client import SdoClient
 
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
@@ -57,12 +59,13 @@ def live(role: str, bus: can.BusABC) -> Live:
 
 @contextmanager
 def stock_network(bus: can.BusABC) -> Iterator[canopen.Network]:
-    """Connect canopen's network to a bus."""
+    """Connect canopen's network to a bus; its SDO clients have more time than their 0.3 s."""
     network = canopen.Network(bus)
     network.NOTIFIER_CYCLE = 0.01
     network.connect()
     try:
-        yield network
+        with patch.object(SdoClient, "RESPONSE_TIMEOUT", PATIENCE):
+            yield network
     finally:
         network.disconnect()
 

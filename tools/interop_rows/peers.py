@@ -26,16 +26,10 @@ FRAMES = 200
 """Random frames for each message."""
 
 
-def patient(node: Any) -> Any:
-    """Give canopen's SDO client more time than its 0.3 s."""
-    node.sdo.RESPONSE_TIMEOUT = PATIENCE
-    return node
-
-
 def sdo_by_stock_master(_: Path) -> Answer:
     """Upload the EDS, upload in blocks, read, write and be refused."""
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
-        node = patient(network.add_node(DRIVE, upload_eds=True))
+        node: Any = network.add_node(DRIVE, upload_eds=True)
         agree("the number of objects in the uploaded EDS", len(node.object_dictionary), len(_dictionary().objects))
         with node.sdo.open(0x1021, 0, "rb", block_transfer=True) as stream:
             agree("the EDS uploaded in blocks", stream.read(), EDS.read_bytes())
@@ -63,7 +57,7 @@ def _abort_code(variable: Any) -> int | None:
 def services_by_stock_master(_: Path) -> Answer:
     """Command NMT states, follow them by the heartbeat, reset, and receive an EMCY."""
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
-        node = patient(network.add_node(DRIVE, str(EDS)))
+        node: Any = network.add_node(DRIVE, str(EDS))
         node.sdo[0x1017].raw = 20
         for state in STATES:
             node.nmt.state = state
@@ -82,7 +76,7 @@ def services_by_stock_master(_: Path) -> Answer:
 def pdos_by_stock_master(_: Path) -> Answer:
     """Read all PDOs, change an identifier, write all of them back."""
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
-        node = patient(network.add_node(DRIVE, str(EDS)))
+        node: Any = network.add_node(DRIVE, str(EDS))
         indices = Dictionary.load(EDS).objects.indices
         for pdos, first in ((node.rpdo, 0x1400), (node.tpdo, 0x1800)):
             pdos.read()
@@ -107,7 +101,7 @@ def export_by_stock_master(folder: Path) -> Answer:
     """Let canopen write DBC files of its PDOs through canmatrix, and compare their bits with ours."""
     protocol = EurobotProtocol.load(dialects.DEFAULT)
     with robot("drive") as channel, stock_network(open_bus(channel)) as network:
-        node = patient(network.add_node(DRIVE, str(EDS)))
+        node: Any = network.add_node(DRIVE, str(EDS))
         for name, pdos in (("rpdo", node.rpdo), ("tpdo", node.tpdo)):
             pdos.read()
             pdos.export(str(folder / f"{name}.dbc"))

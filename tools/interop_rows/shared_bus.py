@@ -12,12 +12,12 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import can
 
 from eurobot_od.robot import dialects
 from interop_rows.bench import DRIVE, PATIENCE, collect, live, stock_network
-from interop_rows.peers import patient
 from interop_rows.row import Answer, agree
 from interop_rows.tools import run
 
@@ -53,7 +53,7 @@ def remote_bus(_: Path) -> Answer:
     """Let a master and our drive meet on a bus that python-can-remote serves."""
     eds = dialects.load("drive", dialects.DEFAULT)
     with served_bus() as channel, live("drive", remote(channel)), stock_network(remote(channel)) as network:
-        node = patient(network.add_node(DRIVE, str(eds.file)))
+        node: Any = network.add_node(DRIVE, str(eds.file))
         agree("the heartbeat period", node.sdo[0x1017].raw, 1000)
         with node.sdo.open(0x1021, 0, "rb", block_transfer=True) as stream:
             agree("the EDS in blocks", stream.read(), eds.content)
