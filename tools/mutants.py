@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Puts small changes into the package, one at a time, and lists those that no test notices.
 
-    python3 tools/run.py mutants --sample 800 --seed 7      # see CONTRIBUTING
+    python3 tools/mutants.py --sample 800 --seed 7          # see CONTRIBUTING
     tools/mutants.py eurobot_od/pdo eurobot_od/od/values.py # all changes of these
 
 A change is another comparison, a constant greater by one, `and` for `or`, a dropped statement or argument, swapped

@@ -17,6 +17,7 @@ from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
+    from eurobot_od.load.sweep import Limits
 
 BIT_RATE = 500_000
 """bit/s where neither the option nor the file says it."""
@@ -72,12 +73,12 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.cli.output import write
     from eurobot_od.load.chart import chart
     from eurobot_od.load.report import as_data, load_report, table
-    from eurobot_od.load.sweep import limits, sentences
+    from eurobot_od.load.sweep import sentences
 
     messages = message_set(arguments)
     bit_rate = arguments.bitrate or messages.bit_rate or BIT_RATE
     report = load_report(messages, bit_rate)
-    found = limits(messages, bit_rate) if arguments.sweep and messages.messages else None
+    found = _limits(messages, bit_rate) if arguments.sweep and messages.messages else None
     if arguments.json:
         print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
     else:
@@ -85,6 +86,15 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     if arguments.svg:
         write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND
+
+
+def _limits(messages: MessageSet, bit_rate: int) -> Limits:
+    """Search the limits, which takes a while for many messages: with a bar."""
+    from eurobot_od.cli import progress
+    from eurobot_od.load.sweep import SEARCHES, limits
+
+    with progress.bar("sweep", unit=progress.Unit("limits", "limits/s", 1), after=progress.SHORT) as draw:
+        return limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
 
 
 def message_set(arguments: argparse.Namespace) -> MessageSet:

@@ -38,19 +38,30 @@ class Limits(NamedTuple):
     busiest: str
 
 
-def limits(messages: MessageSet, bit_rate: int) -> Limits:
-    """Search the limits of a set that has messages."""
+SEARCHES = 4
+"""How many limits there are to be found."""
+
+
+def limits(messages: MessageSet, bit_rate: int, told: Callable[[int], object] = lambda _: None) -> Limits:
+    """Search the limits of a set that has messages; `told` hears how many of the SEARCHES are done."""
+    shortest, busiest = min(each.period for each in messages.messages), _busiest(messages)
+    slowest = slowest_bus(messages)
+    told(1)
     percent = most_traffic(messages, bit_rate)
     beyond = load_report(messages.faster((percent or 0) + 1), bit_rate)
-    shortest, busiest = min(each.period for each in messages.messages), _busiest(messages)
+    told(2)
+    more_messages = _most(lambda n: _holds(with_messages(messages, n, shortest), bit_rate), MOST_MORE)
+    told(3)
+    more_nodes = _most(lambda n: _holds(with_nodes(messages, n, busiest), bit_rate), MOST_MORE)
+    told(4)
     return Limits(
         bit_rate=bit_rate,
-        slowest=slowest_bus(messages),
+        slowest=slowest,
         percent=percent,
         first_missed=first_missed(beyond),
-        messages=_most(lambda n: _holds(with_messages(messages, n, shortest), bit_rate), MOST_MORE),
+        messages=more_messages,
         shortest_period=shortest,
-        nodes=_most(lambda n: _holds(with_nodes(messages, n, busiest), bit_rate), MOST_MORE),
+        nodes=more_nodes,
         busiest=busiest,
     )
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gzip
 import zlib
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
@@ -32,6 +33,9 @@ ENTRIES = 1 << 14
 
 ROWS = 1 << 17
 """A batch has about so many entries, if the log has."""
+
+AHEAD = 2
+"""Batches that may be made before they are asked for: some take longer to be written than others."""
 
 USUAL = (
     r"^\((?<t>[0-9]{1,10}\.[0-9]{1,9})\) (?<channel>[!-~]+) "
@@ -56,7 +60,7 @@ class Batch(NamedTuple):
 
 
 def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
-    """Yield the batches of an open log, the next of which is made meanwhile; errors as `logs.formats.read`."""
+    """Yield the batches of an open log, the next of which are made meanwhile; errors as `logs.formats.read`."""
     return _ahead(_joined(_parts(file, form)))
 
 
@@ -86,11 +90,11 @@ def _one(parts: list[Batch]) -> Batch:
 
 
 def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
-    """Pass on batches; a thread makes the next one while the last one is worked on."""
+    """Pass on batches; a thread makes the next ones while the last one is worked on."""
     with ThreadPoolExecutor(1) as thread:
-        coming = thread.submit(next, made, None)
-        while (batch := coming.result()) is not None:
-            coming = thread.submit(next, made, None)
+        coming = deque(thread.submit(next, made, None) for _ in range(AHEAD))
+        while (batch := coming.popleft().result()) is not None:
+            coming.append(thread.submit(next, made, None))
             yield batch
 
 

@@ -17,8 +17,8 @@ from eurobot_od.pdo.catalogue import first_free
 RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
 """The logs; all frames; what was wrong, with log and line. Every other table is of a message."""
 
-WORD = pa.dictionary(pa.uint32(), pa.string())
-"""Type of texts that come again and again."""
+TEXT, OCTETS, WORD = pa.large_string(), pa.large_binary(), pa.dictionary(pa.uint32(), pa.large_string())
+"""Types as Polars gives them; WORD is for texts that come again and again."""
 
 PLACE = tuple(
     pa.field(name, type_, nullable=False)
@@ -50,9 +50,9 @@ SCHEMAS: Mapping[str, pa.Schema] = {
         ]
     ),
     FRAMES: pa.schema(
-        [*PLACE, pa.field("cob_id", pa.uint16(), nullable=False), pa.field("data", pa.binary(), nullable=False)]
+        [*PLACE, pa.field("cob_id", pa.uint16(), nullable=False), pa.field("data", OCTETS, nullable=False)]
     ),
-    DAMAGE: pa.schema([*PLACE, ("kind", WORD), ("text", pa.string())]),
+    DAMAGE: pa.schema([*PLACE, ("kind", WORD), ("text", TEXT)]),
 }
 
 

@@ -94,7 +94,6 @@ EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
 def _message_schema(binding: Binding, columns: Iterable[FieldColumn], answers: str) -> pa.Schema:
     """Return a message's schema: what the expressions give, and what is known of message and columns."""
     made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
-    plain = [(field.name, TYPES.get(str(field.type), field.type)) for field in made]
     said = {
         "message": binding.name,
         "cob_id": f"0x{binding.cob_id:03X}",
@@ -102,16 +101,8 @@ def _message_schema(binding: Binding, columns: Iterable[FieldColumn], answers: s
         "receivers": ", ".join(binding.receivers),
         "answers": answers,
     }
-    schema = pa.schema([*tables.PLACE, *plain], said)
+    schema = pa.schema([*tables.PLACE, *made], said)
     return tables.with_metadata(schema, {each.name: each.metadata for each in columns})
-
-
-TYPES = {
-    "large_string": pa.string(),
-    "large_binary": pa.binary(),
-    "dictionary<values=large_string, indices=uint32, ordered=0>": tables.WORD,
-}
-"""Types for which other programs know a simpler one."""
 
 
 # Files
@@ -145,7 +136,8 @@ class _Table:
     def write(self, rows: pl.DataFrame) -> None:
         """Write rows with the columns of the schema."""
         if len(rows):
-            self._writer.write_table(rows.select(self._schema.names).to_arrow().cast(self._schema))
+            columns = rows.select(self._schema.names).to_arrow().columns
+            self._writer.write_table(pa.Table.from_arrays(columns, schema=self._schema))
 
 
 class _MessageTable:

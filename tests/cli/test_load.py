@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+from eurobot_od.cli import main
 from eurobot_od.load.sweep import most_traffic, slowest_bus
 from eurobot_od.robot import traffic
-from tests.cli.console import run
+from tests.cli.console import Terminal, run
 
 SET = "bit_rate: 125\nmessages:\n  A: {identifier: 1, length: 8, every: 10 ms, deadline: 2 ms}\n"
 
@@ -62,6 +64,15 @@ def test_json_and_a_chart(capsys: pytest.CaptureFixture[str], messages: str, tmp
     data = json.loads(said.out)
     assert (data["deadlines_met"], data["limits"]["slowest"]) == (True, 68)
     assert (tmp_path / "chart.svg").read_text().startswith("<svg")
+
+
+def test_a_terminal_sees_how_far_a_sweep_is(messages: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("eurobot_od.cli.progress.SHORT", 0.0)
+    monkeypatch.setattr("sys.stderr", terminal)
+    main(["load", messages, "--sweep"])
+    drawn = re.findall(r"(\d) of (\d) limits", terminal.getvalue())
+    assert (drawn[0], drawn[-1]) == (("1", "4"), ("4", "4"))
 
 
 def test_a_network_file(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from eurobot_od.od.values import (
@@ -81,6 +83,43 @@ BYTES: list[tuple[DataType, str, Value]] = [
 ]
 
 
+TABLE_44 = {
+    0x01: "BOOLEAN",
+    0x08: "REAL32",
+    0x11: "REAL64",
+    0x09: "VISIBLE_STRING",
+    0x0A: "OCTET_STRING",
+    0x0B: "UNICODE_STRING",
+    0x0C: "TIME_OF_DAY",
+    0x0D: "TIME_DIFFERENCE",
+    0x0F: "DOMAIN",
+    0x02: "INTEGER8",
+    0x03: "INTEGER16",
+    0x10: "INTEGER24",
+    0x04: "INTEGER32",
+    0x12: "INTEGER40",
+    0x13: "INTEGER48",
+    0x14: "INTEGER56",
+    0x15: "INTEGER64",
+    0x05: "UNSIGNED8",
+    0x06: "UNSIGNED16",
+    0x16: "UNSIGNED24",
+    0x07: "UNSIGNED32",
+    0x18: "UNSIGNED40",
+    0x19: "UNSIGNED48",
+    0x1A: "UNSIGNED56",
+    0x1B: "UNSIGNED64",
+}
+"""The basic data types of CiA 301."""
+
+
+def test_the_types_have_the_codes_of_cia_301() -> None:
+    assert {code: each.name for code, each in DATA_TYPES.items()} == TABLE_44
+    for each in DATA_TYPES.values():
+        if number := re.fullmatch("(?:INTEGER|UNSIGNED)([0-9]+)", each.name):
+            assert each.bits == int(number[1])
+
+
 @pytest.mark.parametrize(("type_", "data", "value"), BYTES)
 def test_bytes_are_read_by_their_type(type_: DataType, data: str, value: Value) -> None:
     assert type_.read(bytes.fromhex(data)) == value
@@ -124,16 +163,22 @@ def test_bytes_of_another_length_are_refused(type_: DataType, data: bytes) -> No
     ("identifier", "whose"),
     [
         (0x000, "NMT"),
+        (0x001, "safety (GFC) and flying NMT masters"),
+        (0x07F, "safety (GFC) and flying NMT masters"),
         (0x080, "SYNC"),
         (0x0C0, "EMCY of node 64"),
         (0x100, "TIME"),
+        (0x101, "safety (SRDO)"),
+        (0x180, "safety (SRDO)"),
         (0x181, "TPDO 1 of node 1"),
         (0x57F, "RPDO 4 of node 127"),
         (0x581, "the SDO answer of node 1"),
         (0x67F, "the SDO request of node 127"),
         (0x6E0, "extensions of CiA"),
+        (0x6FF, "extensions of CiA"),
         (0x77F, "the heartbeat of node 127"),
-        (0x7E5, "LSS and further services"),
+        (0x780, "LSS and further services"),
+        (0x7FF, "LSS and further services"),
     ],
 )
 def test_an_identifier_has_an_owner(identifier: int, whose: str) -> None:

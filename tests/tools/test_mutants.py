@@ -119,7 +119,11 @@ def chosen(what: str, *files: Measured, budget: float = 60.0) -> list[tuple[str,
         ("x -> None", [NEAR], [(NEAR.path,)]),  # a quick file is run whole
         ("x -> None", [USER], []),  # no test of it comes by the line
         ("x -> None", [APART], [(APART.path,)]),  # it mirrors the module, and may come by in another process
-        ("x < LIMIT -> True", [NEVER, FAR, USER, NEAR], [(NEAR.path, USER.path), ("tests/cli/test_far.py::test_far",)]),
+        (  # what stands in a file beside a test that comes by may use what that one has made
+            "x < LIMIT -> True",
+            [NEVER, FAR, USER, NEAR],
+            [(NEAR.path, USER.path), ("tests/cli/test_far.py::test_far", "tests/cli/test_far.py::test_else")],
+        ),
         ("5 -> 6", [USER, NEAR], [(NEAR.path, USER.path)]),  # outside of functions: whoever comes by the module
         ("x -> None", [CHANGED], [(CHANGED.path,)]),  # its lines are of another text
     ],

@@ -1,8 +1,8 @@
 """Runs the tests that come by a change, on a copy of the repository that has it.
 
 The nearest come first: the test file that mirrors the module, then those that import it, then those that import one
-that imports it, and so on, the quick before the slow. A few seconds of them are a run of their own, as most changes are
-noticed there.
+that imports it, and so on, the quick before the slow. Last comes what else stands in these files, as their functions
+may share what one of them has made. A few seconds of tests are a run of their own, as most changes are noticed there.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ NEAR = 3.0
 """Seconds of tests in the first run."""
 
 WHOLE = 3.0
-"""Seconds that a test file may take to be run whole, as its functions may share what one of them has made."""
+"""Seconds that a test file may take to be run whole at once."""
 
 TABLES_WITHIN = 2
 """Imports over which a test file may use what a module makes when it is imported, such as a table of its cases."""
@@ -113,22 +113,33 @@ def portions(change: Change, files: Sequence[Measured], source: Source, budget: 
     mirrors the module is asked in any case: it may come by in processes of its own.
     """
     functions = partial(_functions, change, not source.at_import.isdisjoint(change.lines), digest(source.text))
-    tests = [(_distance(change, file), test) for file in files for test in _tests(file, functions(file))]
+    tests = [test for file in files for test in _tests(change, file, functions(file))]
     spent, run = 0.0, Portion((), 0.0)
-    for (is_elsewhere, _), each in sorted(tests, key=lambda row: (row[0], row[1].seconds, row[1].arguments)):
-        if is_elsewhere and spent and spent + each.seconds > budget:
+    for test in sorted(tests):
+        if not test.is_owed and spent and spent + test.seconds > budget:
             continue
-        if spent < NEAR <= spent + each.seconds and run.arguments:
+        if spent < NEAR <= spent + test.seconds and run.arguments:
             yield run
             run = Portion((), 0.0)
-        spent += each.seconds
-        run = Portion(run.arguments + each.arguments, run.seconds + each.seconds)
+        spent += test.seconds
+        run = Portion((*run.arguments, test.argument), run.seconds + test.seconds)
     if run.arguments:
         yield run
 
 
-def _distance(change: Change, file: Measured) -> tuple[bool, float]:
-    return file.path != mirror(change.module), file.distances.get(change.module, math.inf)
+class _Test(NamedTuple):
+    """A test file or a function of it, by how soon it is run; it `is_late` if only others of its file come by."""
+
+    is_late: bool
+    is_elsewhere: bool
+    distance: float
+    seconds: float
+    argument: str
+
+    @property
+    def is_owed(self) -> bool:
+        """Tell whether it is run whatever it takes."""
+        return not (self.is_late or self.is_elsewhere)
 
 
 def _functions(change: Change, at_import: bool, today: str, file: Measured) -> frozenset[str]:
@@ -139,11 +150,13 @@ def _functions(change: Change, at_import: bool, today: str, file: Measured) -> f
     return found if found or file.path != mirror(change.module) else frozenset(file.functions)
 
 
-def _tests(file: Measured, functions: frozenset[str]) -> Iterator[Portion]:
+def _tests(change: Change, file: Measured, functions: frozenset[str]) -> Iterator[_Test]:
+    place = file.path != mirror(change.module), file.distances.get(change.module, math.inf)
     if functions and file.seconds <= WHOLE:
-        yield Portion((file.path,), file.seconds)
-    else:
-        yield from (Portion((f"{file.path}::{each}",), file.functions[each].seconds) for each in functions)
+        yield _Test(False, *place, file.seconds, file.path)
+    elif functions:
+        for name, passage in file.functions.items():
+            yield _Test(name not in functions, *place, passage.seconds, f"{file.path}::{name}")
 
 
 class Copy:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.field import Point, Pose
 from eurobot_od.robot.match.strategy import Strategy
-from eurobot_od.robot.messages import KalmanPositionResponse
+from eurobot_od.robot.messages import Enemy1PositionResponse, KalmanPositionResponse
 from eurobot_od.robot.tasks import Worth
 from eurobot_od.robot.values import Source
 from tests.robot.nodes.harness import Bench
@@ -46,3 +46,16 @@ def test_fruit_is_worth_a_way_to_the_basket_until_it_was_brought_there() -> None
     empty, some, more, empty_again = bench.play(play())
     assert 0 == empty == empty_again < some < more
     assert {tree.name, another.name, basket.name} & strategy.todo.keys() == {basket.name}, "a tree is picked once"
+
+
+def test_the_drive_is_sent_round_another_robot_in_the_way() -> None:
+    bench = Bench("drive", "navigation")
+    bench.configure()
+    bench.say("drive", KalmanPositionResponse(200, 1000, 0, Source.INTERNAL))
+    strategy, there = Strategy(bench.core), Point(1400, 1000)
+    assert strategy.next_point(there) == there, "the way is free"
+    bench.say("navigation", Enemy1PositionResponse(800, 1000, 0, Source.ENEMY_1))
+    beside = strategy.next_point(there)
+    (enemy,) = strategy.others()
+    assert beside not in (there, None)
+    assert not enemy.meets(strategy.here, beside)
