@@ -1,7 +1,8 @@
 """The other robots when nobody plays them: two enemies and a confederate, each on its rounds.
 
 A patrol goes along its way points and back again. It stops for a robot ahead, waits for it to go, and then turns
-round; a careless one looks out for nobody, and so stops only when it has driven into one.
+round, as it does for whatever holds it up; a careless one looks out for nobody, and so stops only when it has driven
+into one.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ LOOK_OUT, BUMPED = 120.0, 1.0
 """How near a careful robot and a careless one let another one come that is in their way, mm from edge to edge."""
 
 WAIT = 1.5
-"""Seconds that a patrol waits for a robot in its way."""
+"""Seconds that a patrol waits for what is in its way."""
 
 
 class Patrol:
@@ -51,7 +52,7 @@ class Patrol:
         return BUMPED if self.careless else LOOK_OUT
 
     def held_up(self, here: Point, dt: float) -> Pose:
-        """Wait `here` for a robot in the way, and turn round when that took too long; return where it looks then."""
+        """Wait `here` for what is in the way, and turn round when that took too long; return where it looks then."""
         self._waited += dt
         if self._waited >= WAIT:
             self._waited, self._step = 0.0, -self._step
@@ -60,14 +61,17 @@ class Patrol:
         return self.pose
 
     def advance(self, here: Point, dt: float) -> Pose:
-        """Return where it wants to be `dt` seconds after it was `here`."""
-        self._waited = 0.0
+        """Return where it wants to be `dt` seconds after it was `here`; if it comes there, it has `gone_on`."""
         target, way = self._points[self._leg], self.speed * dt
         if math.dist(here, target) <= way:
             self._aim_at_next()
             target = self._points[self._leg]
         self.pose = Pose(*here, Pose(*here, 0).bearing(target)).moved(way, 0)
         return self.pose
+
+    def gone_on(self) -> None:
+        """Take note that nothing is in the way any more."""
+        self._waited = 0.0
 
     def _aim_at_next(self) -> None:
         self._leg = (self._leg + self._step) % len(self._points)

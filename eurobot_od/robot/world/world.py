@@ -165,6 +165,8 @@ class World:
         self._go(body, wanted)
         if math.dist(before, body.point) < 0.2 * patrol.speed * PACE:
             body.angle = patrol.held_up(body.point, PACE).angle
+        else:
+            patrol.gone_on()
 
     # What can be seen
 

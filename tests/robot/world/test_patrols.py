@@ -18,6 +18,7 @@ def walk(patrol: Patrol, seconds: float) -> Pose:
     """Let a patrol go unhindered."""
     for _ in range(round(seconds / 0.01)):
         patrol.advance(patrol.pose.point, 0.01)
+        patrol.gone_on()
     return patrol.pose
 
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import pytest
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
 from eurobot_od.robot.nodes.motion import Odometry
+from eurobot_od.robot.options import ENEMY_DIAMETER
 from eurobot_od.robot.values import Source, TeamColour
+from eurobot_od.robot.world import patrols
 from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, gap
 from eurobot_od.robot.world.contact import SHOVE, Touch
 from eurobot_od.robot.world.world import OURS, RIVAL
@@ -46,6 +48,21 @@ def test_who_asks_how_often_does_not_change_where_the_others_are() -> None:
         one.vehicle.pose(Source.ENEMY_1)
     other.now = one.now
     assert one.vehicle.pose(Source.ENEMY_1) == other.vehicle.pose(Source.ENEMY_1)
+
+
+def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(patrols, "STRAY", 0)
+    monkeypatch.setitem(patrols.ROUNDS, Source.ENEMY_1, (Point(1500, 900), Point(500, 900)))
+    place, way = Place(enemies=1), []
+    for _ in range(300):
+        place.now += 0.1
+        way.append(place.world.robots["enemy 1"].pose.x)
+        place.world.pose("enemy 1", 0.0)
+    nearest = min(way)
+    assert nearest == pytest.approx(900 + 150 + ENEMY_DIAMETER * 5, abs=1), "it came as far as the pool"
+    waits = [len(list(times)) * 0.1 for x, times in groupby(way) if x == nearest]
+    assert waits[0] == pytest.approx(patrols.WAIT, abs=0.2)
+    assert max(way[way.index(nearest) :]) > 1400, "and went back"
 
 
 # Our robot
