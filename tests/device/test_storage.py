@@ -42,6 +42,13 @@ def test_what_was_saved_is_loaded(store: FileStore) -> None:
     assert store.load() == {}
 
 
+@pytest.mark.parametrize(("rates", "said"), [((), "500"), ((250,), "250")])
+def test_the_file_says_the_bit_rate(tmp_path: Path, rates: tuple[int, ...], said: str) -> None:
+    store = FileStore(tmp_path / "drive.dcf", DRIVE, *rates)
+    store.save(SETTINGS, 9)
+    assert f"Baudrate={said}" in store.file.read_text().splitlines()
+
+
 def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
     device = Device(DRIVE, store)
     device.objects.write((0x2101, 1), (333).to_bytes(2, "little"))

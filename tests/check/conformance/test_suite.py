@@ -54,6 +54,8 @@ ASKED = [
     "7.3.2.2 NMT state: after a reset: pre-operational by itself after a reset: heartbeat says pre-operational",
     "7.5.2.37 TPDO transmission: TPDO 1 by its event timer: none in PRE-OPERATIONAL",
     "7.5.2.21 Identity: 0x1018:1 Vendor-ID",
+    "7.5.2.35 RPDO communication: RPDO 2 keeps its identifier: another identifier while it is valid",
+    "7.5.2.37 TPDO communication: TPDO 1 keeps its inhibit time: nothing has changed",
 ]
 
 
