@@ -83,10 +83,42 @@ def test_chunks_of_any_size_come_to_the_same(
     size: int, packed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "CHUNK", size)
+    monkeypatch.setattr(module, "ROWS", 5)
     file = tmp_path / ("all.log.gz" if packed else "all.log")
     content = b"".join(LINES)[:-1]
     file.write_bytes(gzip.compress(content) if packed else content)
     assert entries(file) == read(file)
+
+
+def test_small_parts_make_larger_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "CHUNK", 1)
+    monkeypatch.setattr(module, "ROWS", 3)
+    file = tmp_path / "small.log"
+    file.write_bytes((LINES[0] + b"garbage\n" + LINES[3]) * 2 + LINES[0])
+    with file.open("rb") as opened:
+        assert [(len(frames), len(foreign)) for frames, foreign, _ in batches(opened)] == [(2, 1), (2, 1), (1, 0)]
+
+
+def test_a_batch_says_how_much_was_read_for_it_where_that_is_known(tmp_path: Path) -> None:
+    file = tmp_path / "some.log"
+    file.write_bytes(b"".join(LINES))
+    with file.open("rb") as opened:
+        assert sum(each.size for each in batches(opened)) == file.stat().st_size
+    with can.Logger(tmp_path / "some.asc") as log:
+        log(can.Message(arbitration_id=8, is_extended_id=False))
+    with (tmp_path / "some.asc").open("rb") as opened:
+        assert [each.size for each in batches(opened)] == [0]
+
+
+@pytest.mark.parametrize(("suffix", "form"), [("asc", "log"), ("log", "asc")])
+def test_the_format_may_be_said(suffix: str, form: str, tmp_path: Path) -> None:
+    named = tmp_path / f"some.{form}"
+    with can.Logger(named) as log:
+        for number in range(3):
+            log(can.Message(timestamp=number, arbitration_id=8 + number, data=b"1", is_extended_id=False, channel=1))
+    file = named.rename(tmp_path / f"some.{suffix}")
+    with file.open("rb") as opened:
+        assert [cob_id for each in batches(opened, form) for cob_id in each.frames["cob_id"]] == [8, 9, 10]
 
 
 @pytest.mark.parametrize("content", [b"", b"\n", b"x", b"(1.0) can0 001#"])
