@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
     from eurobot_od.robot.match import MatchEvent, MatchOptions
     from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.robot.match.summary import Summary
 
 SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
 """N or FIRST-LAST."""
@@ -156,16 +157,16 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             from eurobot_od.robot.match.drawing import draw
 
             draw(arguments.field, frames, options, world)
-        if arguments.json:
-            timeline = [event.as_data() for event in events]
-            print(json.dumps({"timeline": timeline, "summary": summary.as_data()}, indent=2))
-        else:
-            print(f"\n{summary}")
+        print(_as_json(events, summary) if arguments.json else f"\n{summary}")
     if summary.failure is None:
         return ExitStatus.FINE
     sys.stdout.flush()
     print(summary.failure, file=sys.stderr)
     return ExitStatus.FOUND
+
+
+def _as_json(events: list[MatchEvent], summary: Summary) -> str:
+    return json.dumps({"timeline": [each.as_data() for each in events], "summary": summary.as_data()}, indent=2)
 
 
 def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:

@@ -151,6 +151,21 @@ class Device:
         self.objects.values = values
         self._pdos = Pdos(self.objects, self._catalogue)
         bound = BoundObjects(self.objects, self._catalogue, self._application, self._command)
+        self._connect(bound, readers, writers)
+        self._process = ProcessData(self.objects)
+        self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
+        self._synchronous, self._sync = Synchronous(self._pdos.sync_type), SyncProducer()
+        self._deadlines, self._changes = Deadlines(self._pdos.deadline), Changes(self._process.frame)
+        self._sampled: dict[Binding, Frame] = {}
+        self._guarding = NodeGuarding()
+        self._server = SdoServer(self.objects)
+        self._consumer = HeartbeatConsumer()
+        self._next_heartbeat = inf
+        self._beating = False
+        self._configure()
+
+    def _connect(self, bound: BoundObjects, readers: dict[int, OnRead], writers: dict[int, OnWrite]) -> None:
+        """Enter who answers for the objects that are more than a value."""
         readers |= {
             **bound.readers(),
             ERROR_REGISTER: lambda _: self.emergencies.register,
@@ -167,17 +182,6 @@ class Device:
             **dict.fromkeys((GUARD_TIME[0], LIFE_TIME_FACTOR[0], TIME[0]), self._followed(self.objects.put)),
             **{index: self._followed(write) for index, write in self._pdos.writers().items()},
         }
-        self._process = ProcessData(self.objects)
-        self._pacing = Pacing(self._pdos.inhibit_time, self._pdos.event_timer)
-        self._synchronous, self._sync = Synchronous(self._pdos.sync_type), SyncProducer()
-        self._deadlines, self._changes = Deadlines(self._pdos.deadline), Changes(self._process.frame)
-        self._sampled: dict[Binding, Frame] = {}
-        self._guarding = NodeGuarding()
-        self._server = SdoServer(self.objects)
-        self._consumer = HeartbeatConsumer()
-        self._next_heartbeat = inf
-        self._beating = False
-        self._configure()
 
     def _configure(self) -> None:
         """Listen to what is configured now."""

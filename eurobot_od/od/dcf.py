@@ -184,6 +184,14 @@ def with_values(
         _set_compact(rewriting, device.objects[index], texts)
     if announced:
         _write_out_pdos(rewriting, device, announced)
+    _become_dcf(rewriting, device)
+    own = {"NodeID": node_id, "NodeName": node_name if is_text(node_name, "utf-8") else "", "Baudrate": baudrate_kbit}
+    rewriting.append(COMMISSIONING, own | NOT_SAID)
+    return rewriting.text()
+
+
+def _become_dcf(rewriting: Rewriting, device: DescribedDevice) -> None:
+    """Give the file a DCF's name, beside that of the EDS, and leave out who the device was before."""
     info = device.section("fileinfo")
     if info and not info.text("lasteds"):
         eds = info.text("filename")
@@ -191,9 +199,6 @@ def with_values(
         rewriting.set(info, "FileName", f"{eds.rpartition('.')[0]}.dcf")
     if device.commissioning:
         rewriting.drop(device.commissioning)
-    own = {"NodeID": node_id, "NodeName": node_name if is_text(node_name, "utf-8") else "", "Baudrate": baudrate_kbit}
-    rewriting.append(COMMISSIONING, own | NOT_SAID)
-    return rewriting.text()
 
 
 def missing(text: str) -> list[str]:
