@@ -101,9 +101,10 @@ def test_small_parts_make_larger_batches(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_a_batch_says_how_much_was_read_for_it_where_that_is_known(tmp_path: Path) -> None:
     file = tmp_path / "some.log"
-    file.write_bytes(b"".join(LINES))
-    with file.open("rb") as opened:
-        assert sum(each.size for each in batches(opened)) == file.stat().st_size
+    for lines in (LINES, LINES[:2]):
+        file.write_bytes(b"".join(lines))
+        with file.open("rb") as opened:
+            assert sum(each.size for each in batches(opened)) == file.stat().st_size
     with can.Logger(tmp_path / "some.asc") as log:
         log(can.Message(arbitration_id=8, is_extended_id=False))
     with (tmp_path / "some.asc").open("rb") as opened:
@@ -116,7 +117,8 @@ def test_the_format_may_be_said(suffix: str, form: str, tmp_path: Path) -> None:
     with can.Logger(named) as log:
         for number in range(3):
             log(can.Message(timestamp=number, arbitration_id=8 + number, data=b"1", is_extended_id=False, channel=1))
-    file = named.rename(tmp_path / f"some.{suffix}")
+    file = tmp_path / f"some.{suffix}"
+    file.write_bytes(b"another head\n" + named.read_bytes())  # by its own, a log says its format
     with file.open("rb") as opened:
         assert [cob_id for each in batches(opened, form) for cob_id in each.frames["cob_id"]] == [8, 9, 10]
 
@@ -133,6 +135,7 @@ def test_a_packed_log_that_is_cut_off_says_so_and_gives_what_is_whole(tmp_path: 
     file.write_bytes(gzip.compress(b"".join(LINES) * 50)[:-20])
     found = entries(file)
     assert found[-1][3] == Foreign("cut off", "Compressed file ended before the end-of-stream marker was reached")  # type: ignore[arg-type]
+    assert found[-1][0] == found[-2][0] + 1
     assert found[:-1] == read(file)[: len(found) - 1]
 
 
