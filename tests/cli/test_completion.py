@@ -55,3 +55,11 @@ def test_bash_completes(words: list[str], completions: list[str], capsys: pytest
     script = f"{text}\n{line}; printf '%s\\n' \"${{COMPREPLY[@]}}\""
     done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True, timeout=60)
     assert sorted(done.stdout.split()) == completions
+
+
+@pytest.mark.skipif(shutil.which("fish") is None, reason="there is no fish here")
+@pytest.mark.parametrize(("words", "completions"), COMPLETED)
+def test_fish_completes(words: list[str], completions: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    script = f"{run(capsys, 'completion', 'fish').out}\ncomplete -C 'eurobot-od {' '.join(words)}'"
+    done = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True, timeout=60)
+    assert sorted(line.split("\t")[0] for line in done.stdout.splitlines()) == completions

@@ -61,7 +61,7 @@ class Patrol:
         return self.pose
 
     def advance(self, here: Point, dt: float) -> Pose:
-        """Return where it wants to be `dt` seconds after it was `here`; if it comes there, it has `gone_on`."""
+        """Return where it wants to be `dt` seconds after it was `here`; call `gone_on` when it came there."""
         target, way = self._points[self._leg], self.speed * dt
         if math.dist(here, target) <= way:
             self._aim_at_next()
