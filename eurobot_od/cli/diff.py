@@ -49,8 +49,9 @@ def _compare_live(device: LintedDevice, arguments: Namespace) -> list[Difference
     node_id = arguments.node or device.node_id
     if node_id is None:
         raise LocalError("nothing to compare with: name a second file, or a live node with --node")
+    from eurobot_od.cli.progress import passing
     from eurobot_od.client.master import Master
     from eurobot_od.client.reading import read_bytes
 
-    with Master(shared.open_bus(arguments)) as master:
-        return compare_live(device, read_bytes(master.node(node_id), readable(device)), node_id)
+    with Master(shared.open_bus(arguments)) as master, passing(f"node {node_id}", readable(device)) as addresses:
+        return compare_live(device, read_bytes(master.node(node_id), addresses), node_id)

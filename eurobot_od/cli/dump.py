@@ -15,9 +15,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the objects; an object that the node refuses is listed with its reason."""
+    from eurobot_od.cli.progress import passing
     from eurobot_od.client.reading import read_all, readable
 
     with remote.node(arguments) as node:
         dictionary = remote.needed_description(arguments, node).dictionary
-        readings = list(read_all(node, readable(dictionary)))
+        with passing(f"node {node.node_id}", readable(dictionary)) as things:
+            readings = list(read_all(node, things))
     remote.print_readings(readings, arguments.json)

@@ -18,14 +18,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the file; 1 if the node refuses objects of its EDS, which are left out."""
-    from eurobot_od.client.reading import dcf_of_node
+    from eurobot_od.cli.progress import passing
+    from eurobot_od.client.reading import dcf_of_node, parameters
     from eurobot_od.live import BITRATE
     from eurobot_od.od.values import label
 
     with remote.node(arguments) as node:
         dictionary = remote.needed_description(arguments, node).dictionary
         stem = arguments.output.stem if arguments.output else dictionary.name
-        dcf, left_out = dcf_of_node(node, dictionary, (arguments.bitrate or BITRATE) // 1000, stem)
+        with passing(f"node {node.node_id}", parameters(dictionary)) as things:
+            dcf, left_out = dcf_of_node(node, dictionary, (arguments.bitrate or BITRATE) // 1000, stem, things)
     output.write_dcf(arguments.output, dcf)
     for thing, _, reason in left_out:
         complain(f"left out {label(thing.address, thing.name)}: {reason}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import NamedTuple, TextIO, TypeVar
 
@@ -27,7 +27,7 @@ class Unit(NamedTuple):
     number: int
 
 
-BYTES, PERCENT = Unit("bytes", "kB/s", 1000), Unit("%", "%/s", 1)
+BYTES, PERCENT, OBJECTS = Unit("bytes", "kB/s", 1000), Unit("%", "%/s", 1), Unit("objects", "objects/s", 1)
 
 
 @contextmanager
@@ -88,6 +88,21 @@ SHORT = 2.0
 # Many things
 
 Thing = TypeVar("Thing")
+
+
+@contextmanager
+def passing(what: str, things: Iterable[Thing], unit: Unit = OBJECTS) -> Iterator[Iterator[Thing]]:
+    """Give things to pass on, one after the other; of `what` takes long the bar is drawn."""
+    listed = list(things)
+    with bar(what, unit=unit, after=SHORT) as draw:
+        yield _drawn(listed, draw)
+
+
+def _drawn(things: Sequence[Thing], draw: Progress) -> Iterator[Thing]:
+    for done, thing in enumerate(things):
+        draw(done, len(things))
+        yield thing
+
 
 LONG = 10.0
 """What takes longer, in seconds, is said to do so; and so often something is said where there is no terminal."""

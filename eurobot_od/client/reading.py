@@ -85,13 +85,20 @@ def dcf_of_writes(
     return with_contents(dictionary, dict(writes), dictionary.node_id, dictionary.name, baudrate_kbit, stem)
 
 
-def dcf_of_node(node: RemoteNode, dictionary: Dictionary, baudrate_kbit: int, stem: str) -> tuple[Dcf, list[Reading]]:
-    """Return the DCF of a node as it is, and the objects of its EDS that are not in it, and why.
+def dcf_of_node(
+    node: RemoteNode,
+    dictionary: Dictionary,
+    baudrate_kbit: int,
+    stem: str,
+    things: Iterable[NamedObject] | None = None,
+) -> tuple[Dcf, list[Reading]]:
+    """Return the DCF of a node as it is, and the objects that are not in it, and why.
 
-    Those are the ones that the node refused to tell, or told with fewer bytes than their type has.
+    `things` are the objects that are read, all `parameters` if left out. Not in the DCF are those that the node refused
+    to tell, or told with fewer bytes than their type has.
     """
     contents, left_out = dict[Address, bytes](), list[Reading]()
-    for thing in parameters(dictionary):
+    for thing in parameters(dictionary) if things is None else things:
         try:
             data = read_object(node, thing)
         except NodeRefused as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from eurobot_od.live import Live
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.repairs import repaired
+from tests.cli.console import Terminal
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
 from tests.eds_text import DEVICE_TYPE, variable
 
@@ -51,6 +53,23 @@ def drive(run: Run) -> Iterator[str]:
     with robot("drive") as channel:
         run(channel, "write", "2", "0x1017", "10")
         yield channel
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("dump", "2"), ("export-dcf", "2", "-o", "{folder}/drive.dcf"), ("diff", str(DRIVE), "--node", "2")],
+    ids=lambda words: words[0],
+)
+def test_a_terminal_sees_how_far_it_is_with_the_objects(
+    drive: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("eurobot_od.cli.progress.SHORT", 0.0)
+    monkeypatch.setattr("sys.stderr", terminal)
+    main([*(word.format(folder=tmp_path) for word in words), "-i", "virtual", "-c", drive])
+    drawn, *_, wiped = terminal.getvalue().split("\r")[1:-1]
+    assert re.fullmatch(r"node 2 .* 0 of \d+ objects .*", drawn)
+    assert not wiped.strip()
 
 
 # scan
