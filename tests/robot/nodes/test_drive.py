@@ -120,10 +120,31 @@ class Seat:
         objects.put(objects.dictionary.address(setting), value)
         return self
 
+    def read(self, name: str) -> int:
+        """Read an object as SDO does."""
+        objects = self.drive.device.objects
+        return int.from_bytes(objects.read(objects.dictionary.address(name)), "little")
+
 
 def configured(dialect: str | None = None) -> Seat:
     """Return a drive at the red team's start place."""
     return Seat(dialect).say(RED)
+
+
+# Its place
+
+
+def test_how_uncertain_its_place_is_can_be_read_in_mm_and_tenths_of_a_degree() -> None:
+    names = [f"Position deviation.{part} deviation" for part in ("X", "Y", "Heading")]
+    seat = Seat()
+    assert [seat.read(each) for each in names] == [0xFFFF] * 3, "before it knows its place"
+    seat.say(RED).say(GOTO).run(5.0)
+    deviations = seat.drive.estimate.deviations
+    assert deviations is not None
+    x, y, heading = (seat.read(each) for each in names)
+    assert (x, y, heading) == (round(deviations.x), round(deviations.y), round(deviations.heading * 10))
+    assert 5 < x < y < 100
+    assert 10 < heading < 100
 
 
 # Gotos
