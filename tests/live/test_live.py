@@ -17,8 +17,10 @@ from eurobot_od.errors import BusError, FieldError, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.gatekeeper import Gatekeeper
+from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT
 from eurobot_od.live import Live, Watch, open_bus
-from eurobot_od.live.reader import ENDURED
+from eurobot_od.live.reader import ENDURED, POLL
+from eurobot_od.live.sender import FIRST_PAUSE, LONGEST_PAUSE
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.messages import (
@@ -642,3 +644,30 @@ def test_a_listener_that_raises_does_not_stop_the_node(channel: str) -> None:
         live.send(CheckDriveRequest())
         assert answers.get(LONG) is not None
         assert reports.wait_for(What.LISTENER_FAILED).name == "lamp"
+
+
+# When the keeper looks again
+
+
+def test_a_keeper_with_nothing_to_do_looks_now_and_then(driver: Driver) -> None:
+    assert Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)._next_look() == 5.0 + POLL
+
+
+def test_what_waits_and_no_thread_is_at_is_looked_at_now(driver: Driver) -> None:
+    gatekeeper = Gatekeeper(PROTOCOL)
+    live = Live(driver, gatekeeper, clock=lambda: 5.0)
+    gatekeeper.send(CheckDriveRequest(), 5.0)
+    assert live._next_look() == 5.0
+
+
+def test_what_the_driver_has_not_taken_is_tried_again_and_is_not_kept_for_too_long(driver: Driver) -> None:
+    driver.error = can.CanOperationError("transmit buffer full")
+    live = Live(driver, Gatekeeper(PROTOCOL), clock=lambda: 5.0)
+    live.send(CheckDriveRequest())
+    live._sender.retry()
+    assert live._next_look() == 5.0 + FIRST_PAUSE
+    for message in URGENT:
+        live.send(message)
+    while live._sender.pause < LONGEST_PAUSE:
+        live._sender.retry()
+    assert live._next_look() == 5.0 + MAILBOX_WAIT
