@@ -25,7 +25,7 @@ from eurobot_od.logs.candump import CandumpFormat
 from eurobot_od.logs.entries import LARGEST, Damage, LogEntry
 from eurobot_od.logs.lines import read_lines
 
-CHUNK = 1 << 21
+CHUNK = 1 << 20
 """Bytes of a log that are taken apart at once."""
 
 ENTRIES = 1 << 14
