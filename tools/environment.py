@@ -39,11 +39,20 @@ def prepare(extras: str = "") -> Path:
     if sys.version_info < OLDEST:
         sys.exit(f"Python {'.'.join(map(str, OLDEST))} or newer is needed, this is {sys.version.split()[0]}")
     stamp = FOLDER / f"installed-{extras or 'plain'}"
-    wanted = hashlib.sha256((ROOT / "pyproject.toml").read_bytes()).hexdigest()
-    if not stamp.is_file() or stamp.read_text() != wanted or not PYTHON.is_file():
+    if not is_current(stamp) or not PYTHON.is_file():
         _install(extras)
-        stamp.write_text(wanted)
+        stamp.write_text(wanted())
     return PYTHON
+
+
+def wanted() -> str:
+    """Return what stands for the packages that `pyproject.toml` names now."""
+    return hashlib.sha256((ROOT / "pyproject.toml").read_bytes()).hexdigest()
+
+
+def is_current(stamp: Path) -> bool:
+    """Tell whether an environment was filled, by the file that says with what, from what is `wanted` now."""
+    return stamp.is_file() and stamp.read_text() == wanted()
 
 
 def _install(extras: str) -> None:

@@ -7,7 +7,6 @@ looked for as `python3.12`, and among those of pyenv. The exit status is 1 if te
 
 from __future__ import annotations
 
-import hashlib
 import os
 import subprocess
 import sys
@@ -17,7 +16,7 @@ from pathlib import Path
 from shutil import which
 from typing import NamedTuple
 
-from environment import ROOT, call, ensure
+from environment import ROOT, call, ensure, is_current, wanted
 
 FINE, FAILED, WRONG_USAGE = 0, 1, 2
 
@@ -67,12 +66,11 @@ def prepare(row: Row, python: str) -> Path:
     """Set up a Python's own environment, and return its Python."""
     folder = ROOT / f".venv-{row.version}"
     own, stamp = folder / "bin" / "python", folder / "installed"
-    wanted = hashlib.sha256((ROOT / "pyproject.toml").read_bytes()).hexdigest()
-    if not stamp.is_file() or stamp.read_text() != wanted:
+    if not is_current(stamp):
         subprocess.run([python, "-m", "venv", "--clear", str(folder)], check=True)
         install = ["-m", "uv", "pip", "install", "--quiet", "--python", str(own), "--resolution", row.resolution]
         subprocess.run([sys.executable, *install, "--editable", f"{ROOT}[test]"], check=True)
-        stamp.write_text(wanted)
+        stamp.write_text(wanted())
     return own
 
 

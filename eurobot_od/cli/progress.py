@@ -91,10 +91,10 @@ Thing = TypeVar("Thing")
 
 
 @contextmanager
-def passing(what: str, things: Iterable[Thing], unit: Unit = OBJECTS) -> Iterator[Iterator[Thing]]:
-    """Give things to pass on, one after the other; of `what` takes long the bar is drawn."""
+def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
+    """Give objects to pass on, one after the other; of `what` takes long the bar is drawn."""
     listed = list(things)
-    with bar(what, unit=unit, after=SHORT) as draw:
+    with bar(what, unit=OBJECTS, after=SHORT) as draw:
         yield _drawn(listed, draw)
 
 
