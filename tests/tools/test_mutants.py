@@ -1,3 +1,5 @@
+"""The changes that are made, the tests that are chosen for one, and survivors told and tried again."""
+
 from __future__ import annotations
 
 import json
