@@ -13,12 +13,14 @@ if TYPE_CHECKING:
     from eurobot_od.gatekeeper import Gatekeeper as Gatekeeper
     from eurobot_od.live import Live as Live
     from eurobot_od.live import open_bus as open_bus
-    from eurobot_od.robot import messages as messages
     from eurobot_od.robot.facade import Robot as Robot
     from eurobot_od.robot.match import rehearse as rehearse
+    from eurobot_od.robot.match import rehearse_async as rehearse_async
+    from eurobot_od.robot.model import messages as messages
     from eurobot_od.robot.nodes import Core as Core
     from eurobot_od.robot.nodes import Drive as Drive
     from eurobot_od.robot.nodes import Navigation as Navigation
+    from eurobot_od.robot.plugin import own_robot as own_robot
     from eurobot_od.robot.protocol import EurobotProtocol as Protocol
     from eurobot_od.season.season import Season as Season
 
@@ -33,9 +35,11 @@ _HOMES = {
     "Robot": "robot.facade",
     "Season": "season.season",
     "SimulatedDevice": "device.simulated",
-    "messages": "robot.messages",
+    "messages": "robot.model.messages",
     "open_bus": "live",
+    "own_robot": "robot.plugin",
     "rehearse": "robot.match",
+    "rehearse_async": "robot.match",
 }
 """Where each public name is; `messages` is a module itself."""
 
@@ -48,6 +52,8 @@ __all__ = [  # noqa: RUF022 (as documented; each is loaded by __getattr__)
     "Navigation",
     "Robot",
     "rehearse",
+    "own_robot",
+    "rehearse_async",
     "Gatekeeper",
     "Live",
     "open_bus",

@@ -76,6 +76,10 @@ class StateError(LocalError):
     """A call that does not fit the node's state, such as a goto after an emergency shutdown."""
 
 
+class ProgramFailed(EurobotError):
+    """A program that was run for somebody has hung, or has tried to end everything; the text says where."""
+
+
 # A file's mistakes
 
 

@@ -39,5 +39,5 @@ class Frame(NamedTuple):
         return cls(int(match["identifier"], 16), bytes.fromhex(data))
 
     def __str__(self) -> str:
-        """Write it as candump does: `008#D27423592C0D9702`."""
+        """Write it as candump does: `008#D27423592C01C3A5`."""
         return f"{self.cob_id:03X}#{self.data.hex().upper()}"

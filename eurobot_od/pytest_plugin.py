@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.values import Value
+    from eurobot_od.plugin import Plugin
     from eurobot_od.simulation.network import Network
     from eurobot_od.yaml_places import Place
 
@@ -151,20 +152,27 @@ def _fail(steps: Iterable[StepResult]) -> None:
             pytest.fail("\n".join([f"{step.name} (line {step.place.line})", *said]), pytrace=False)
 
 
+def _robot(config: pytest.Config) -> Plugin:
+    """Return the robot of the environment, of the folder's network file, or the installed one."""
+    from eurobot_od import plugin
+
+    return plugin.find(folder=config.rootpath)
+
+
 READER: pytest.StashKey[SuiteReader] = pytest.StashKey()
 
 
 def _read(config: pytest.Config, file: Path) -> list[Suite]:
     """Read the suites of a file; raises LocalError, DictionaryError."""
     from eurobot_od.check.reader import SuiteReader
-    from eurobot_od.od.network import DEFAULT
-    from eurobot_od.robot.check.shipped import NETWORKS
+    from eurobot_od.od.network import DEFAULT, read_network
 
+    known = _robot(config).networks()
     named = config.getini("eurobot_network")
     path = config.rootpath / (named or DEFAULT)
-    networks = NETWORKS._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
-    if named or path.is_file():
-        networks = networks._replace(find=lambda dialect: NETWORKS.find(dialect) if dialect else path)
+    networks = known._replace(refused=lambda error: warnings.warn(f"PDO left out: {error}", stacklevel=2))
+    if named or (path.is_file() and read_network(path).nodes):
+        networks = networks._replace(find=lambda dialect: known.find(dialect) if dialect else path)
     return config.stash.setdefault(READER, SuiteReader(networks)).read_files([file])
 
 
@@ -172,7 +180,6 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
     """Run a suite, its teardown also after Ctrl-C; raises BusError, UnknownName."""
     from eurobot_od.check.live import run_live
     from eurobot_od.check.runner import Interrupt, RunOptions
-    from eurobot_od.robot.check.partners import simulate
 
     live = config.getoption("eurobot_interface")
     if live and suite.world:
@@ -181,7 +188,9 @@ def _run(config: pytest.Config, suite: Suite, faults: Iterable[str] = (), seed: 
     options = RunOptions(interrupt=interrupt)
     with interrupt.by_ctrl_c():
         result = (
-            run_live(suite, options, partial(_open_bus, config)) if live else simulate(suite, options, faults, seed)
+            run_live(suite, options, partial(_open_bus, config))
+            if live
+            else _robot(config).simulate(suite, options, faults, seed)
         )
     if interrupt.requested:
         raise KeyboardInterrupt
@@ -211,11 +220,10 @@ def eurobot_check(request: pytest.FixtureRequest) -> Callable[..., list[SuiteRes
 
     def check(file: str, faults: Iterable[str] = (), seed: int = 1) -> list[SuiteResult]:
         from eurobot_od.errors import DictionaryError, LocalError
-        from eurobot_od.robot.check import shipped
 
         beside = request.path.with_name(file)
         try:
-            path = beside if beside.is_file() else shipped.find(file)
+            path = beside if beside.is_file() else _robot(request.config).suite(file)
             results = [_run(request.config, suite, faults, seed) for suite in _read(request.config, path)]
         except (DictionaryError, LocalError) as error:
             pytest.fail(str(error), pytrace=False)
@@ -260,17 +268,17 @@ class DescribedNode(NamedTuple):
 
     def read(self, name: str) -> Value:
         """Read an object by number or name; raises NodeRefused, NoAnswer, UnknownName, BusError."""
-        from eurobot_od.client.objects import decode, find_one
+        from eurobot_od.od.objects import address_of, decode, find_one
 
-        thing = find_one(name, self.dictionary)
-        return decode(thing, self.remote.upload(thing.address, thing.name))
+        thing = find_one(name, self.dictionary.objects)
+        return decode(thing, self.remote.upload(address_of(thing), thing.qualname))
 
     def write(self, name: str, value: Value) -> None:
         """Write an object by number or name; raises as `read`, and FieldError for a value that it does not allow."""
-        from eurobot_od.client.objects import encode, find_one
+        from eurobot_od.od.objects import address_of, encode, find_one
 
-        thing = find_one(name, self.dictionary)
-        self.remote.download(thing.address, encode(thing, value), thing.name)
+        thing = find_one(name, self.dictionary.objects)
+        self.remote.download(address_of(thing), encode(thing, value), thing.qualname)
 
 
 @pytest.fixture

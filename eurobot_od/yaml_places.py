@@ -32,6 +32,12 @@ class Place(NamedTuple):
 START = Place(1, 1)
 
 
+class PlaceElsewhere(Place):
+    """A place in another `file` than the one that is read: one that it builds on."""
+
+    file: str
+
+
 class Problem(NamedTuple):
     """What is wrong at a place, in words without the file's name."""
 
@@ -79,7 +85,41 @@ NodeReader = Callable[[yaml.Node, Problems], T]
 
 def place_of(mark: yaml.Mark) -> Place:
     """Count line and column from 1, as editors do; YAML counts from 0."""
-    return Place(mark.line + 1, mark.column + 1)
+    if not isinstance(mark, MarkElsewhere):
+        return Place(mark.line + 1, mark.column + 1)
+    place = PlaceElsewhere(mark.line + 1, mark.column + 1)
+    place.file = str(mark.name)
+    return place
+
+
+class MarkElsewhere(yaml.Mark):
+    """The mark of a node that comes from another file, its `name`."""
+
+
+def elsewhere(node: yaml.Node, file: str) -> yaml.Node:
+    """Return a node, and all in it, as one that comes from another file."""
+    if not isinstance(node.start_mark, MarkElsewhere):  # an alias is here already
+        mark = node.start_mark
+        node.start_mark = MarkElsewhere(file, mark.index, mark.line, mark.column, None, 0)
+        for part in node.value if isinstance(node, yaml.CollectionNode) else ():
+            for each in part if isinstance(part, tuple) else (part,):
+                elsewhere(each, file)
+    return node
+
+
+def merged(base: yaml.Node, own: yaml.Node) -> yaml.Node:
+    """Return a mapping with the entries of both; own ones count, and one that is empty takes away the base's.
+
+    What is a mapping in both is merged likewise; anything else is replaced as a whole.
+    """
+    if not (isinstance(base, yaml.MappingNode) and isinstance(own, yaml.MappingNode)):
+        return own
+    mine = {key.value: value for key, value in own.value if isinstance(key, yaml.ScalarNode)}
+    there = {key.value for key, _ in base.value}
+    kept = [(key, merged(value, mine[key.value]) if key.value in mine else value) for key, value in base.value]
+    new = [pair for pair in own.value if pair[0].value not in there]
+    entries = [(key, value) for key, value in (*kept, *new) if shown(value) != "nothing"]
+    return yaml.MappingNode(own.tag, entries, own.start_mark, own.end_mark, own.flow_style)
 
 
 def shown(node: yaml.Node) -> str:

@@ -9,11 +9,11 @@ import pytest
 from eurobot_od.compare import Difference, Kind, Timed, Tolerances, compare
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import Damage, Foreign, Raw
-from eurobot_od.robot import messages
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.robot.values import Source
 
 DECODER = decoder()
 ENCODE = DECODER.protocol.encode

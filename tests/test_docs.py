@@ -3,7 +3,8 @@
 A block with a comment `<!-- not run: why -->` before it is left out, one with `<!-- exit status 0 or 1 -->` ends so. A
 block with a title is a file. What follows a command is what it prints, `...` standing for any lines or the rest of one;
 a command that nothing follows may print what it likes. Commands run in a folder that has the checkout's, and on a bus
-inside the process, whatever bus they name. What would go on for ever is interrupted at its first line.
+inside the process, whatever bus they name. What would go on for ever is interrupted at its first line. A command with
+`&` at its end is a process of its own, on the bus that it names, up to the end of its page.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import re
 import shlex
 import shutil
 import signal
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, redirect_stderr, redirect_stdout
@@ -20,11 +23,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from interop_rows.bench import live, open_bus
+from canopen.sdo.client import SdoClient
+from interop_rows.bench import PATIENCE, live, open_bus
 
 from eurobot_od import cli
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.live import Live
+from tests.processes import free_port, process
 
 ROOT = Path(__file__).parents[1]
 PAGES = {
@@ -46,6 +51,11 @@ STAND_INS = (
     (r"(eurobot-od serve.*)", r"\1 --listen 127.0.0.1:0"),
 )
 ENDLESS = ("node", "monitor", "serve")
+READY = {"python": "Server listening", "eurobot-od": "Ctrl-C ends it"}
+"""What a program says when others may rely on it."""
+
+PORT = "54701"
+"""The port of a page's bus server: it may be taken."""
 
 
 class Block(NamedTuple):
@@ -109,19 +119,35 @@ class Terminal(io.TextIOWrapper):
 class Shell:
     """Runs the commands of a page."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self._monkeypatch = monkeypatch
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, leaving: ExitStack) -> None:
+        self._monkeypatch, self._leaving = monkeypatch, leaving
+        self._port = str(free_port())
+
+    def with_free_port(self, text: str) -> str:
+        """Return what a block says, with a port that nobody uses."""
+        return text.replace(PORT, self._port)
 
     def run(self, line: str) -> tuple[int, list[str]]:
         """Run a command; give its exit status, and the lines that it printed."""
+        if line.endswith(" &"):
+            return self._beside(*shlex.split(self.with_free_port(line.removesuffix(" &"))))
         for pattern, instead in STAND_INS:
             line = re.sub(pattern, instead, line)
         program, *words = self._globbed(shlex.split(line))
         if (program, words[0]) == ("python3", "tools/run.py"):
             program = words.pop(0)
+        if "mine" in words:  # a robot's own modules are imported into a process of its own
+            return self._elsewhere(words)
         if program in ("eurobot-od", "tools/run.py"):
             return self._eurobot_od(words)
-        {"export": self._export, "cp": self._cp}[program](words)
+        {"export": self._export, "cp": self._cp, "rm": self._rm}[program](words)
+        return 0, []
+
+    def _beside(self, program: str, *words: str) -> tuple[int, list[str]]:
+        """Run a program beside the page, once it is ready."""
+        module = () if program == "python" else ("-m", "eurobot_od")
+        running = self._leaving.enter_context(process(sys.executable, *module, *words))
+        running.line(READY[program])
         return 0, []
 
     def _globbed(self, words: list[str]) -> Iterator[str]:
@@ -139,6 +165,15 @@ class Shell:
         if endless and status == cli.ExitStatus.INTERRUPTED:
             status = 0
         return status, terminal.written.getvalue().decode().splitlines()
+
+    def _elsewhere(self, words: list[str]) -> tuple[int, list[str]]:
+        line = [sys.executable, "-m", "eurobot_od", *words]
+        done = subprocess.run(line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=120)
+        return done.returncode, done.stdout.splitlines()
+
+    def _rm(self, words: list[str]) -> None:
+        for word in words:
+            Path(word).unlink()
 
     def _export(self, words: list[str]) -> None:
         for word in words:
@@ -160,7 +195,7 @@ def bus() -> Iterator[None]:
 
 
 @pytest.fixture
-def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Shell]:
     """A shell in a folder with the checkout's folders, and EDS files."""
     for name in ("docs", "eds", "eurobot_od"):
         (tmp_path / name).symlink_to(ROOT / name)
@@ -169,7 +204,9 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Shell:
     monkeypatch.chdir(tmp_path)
     for name in ("CAN_INTERFACE", "CAN_CHANNEL"):
         monkeypatch.delenv(name, raising=False)
-    return Shell(monkeypatch)
+    monkeypatch.setattr(SdoClient, "RESPONSE_TIMEOUT", PATIENCE)
+    with ExitStack() as leaving:
+        yield Shell(monkeypatch, leaving)
 
 
 @pytest.mark.usefixtures("bus")
@@ -181,7 +218,7 @@ def test_a_page_runs_as_it_stands(page: str, shell: Shell, capsys: pytest.Captur
             Path(block.title).write_text(block.text, encoding="utf-8")
         elif block.runs and block.language == "python":
             capsys.readouterr()
-            exec(compile(block.text, page, "exec"), names)
+            exec(compile(shell.with_free_port(block.text), page, "exec"), names)
             assert agrees(PRINTED.findall(block.text), capsys.readouterr().out.splitlines()), block.text
         elif block.runs:
             wanted = set(map(int, re.findall(r"\d+", block.comment))) or {0}

@@ -22,6 +22,7 @@ from eurobot_od.errors import (
     NodeFailed,
     NodeRefused,
     ProgramError,
+    ProgramFailed,
     Refused,
     RemoteError,
     StateError,
@@ -29,7 +30,7 @@ from eurobot_od.errors import (
     UnknownName,
     WorldError,
 )
-from eurobot_od.robot.values import Direction
+from eurobot_od.robot.model.values import Direction
 
 ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     # the caller's: nothing was sent
@@ -81,6 +82,7 @@ ERRORS: list[tuple[EurobotError, type[EurobotError], str]] = [
     (NodeFailed("the wheels are gone"), EurobotError, "the wheels are gone"),
     (WorldError("the world does not answer"), RemoteError, "the world does not answer"),
     # the node's own
+    (ProgramFailed("mine.py:3 does not give way"), EurobotError, "mine.py:3 does not give way"),
     (NodeFailed("drive has failed and ended"), EurobotError, "drive has failed and ended"),
     # the bus's
     (BusError("gone"), EurobotError, "gone"),

@@ -132,7 +132,7 @@ def test_svg_is_xml() -> None:
 
 def test_a_device_name_with_line_ends_injects_no_section_into_a_dcf(tmp_path: Path) -> None:
     drive = dialects.load("drive")
-    named = Dictionary(drive.file, drive.device, drive.node_id, "x\n[2101sub6]\nParameterValue=0")
+    named = Dictionary.load(drive.file, drive.node_id, "x\n[2101sub6]\nParameterValue=0")
     FileStore(tmp_path / "stored.dcf", named).save({}, 2)
     written = parse((tmp_path / "stored.dcf").read_text("latin-1"))
     assert written.text("devicecomissioning", "nodename") == ""

@@ -8,7 +8,7 @@ from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 
 TEXTS = [
-    (Frame(0x008, bytes.fromhex("D27423592C0D9702")), "008#D27423592C0D9702"),
+    (Frame(0x008, bytes.fromhex("D27423592C01C3A5")), "008#D27423592C01C3A5"),
     (Frame(0x7FF, b"\x00"), "7FF#00"),
     (Frame(0x000), "000#"),
 ]

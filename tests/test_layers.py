@@ -22,6 +22,7 @@ NAME = PACKAGE.name
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
     {
+        "address",
         "amounts",
         "annotations",
         "bounded",
@@ -33,6 +34,7 @@ LAYERS = (
         "yaml_places",
         "frame",
         "files",
+        "python_file",
         "svg",
     },
     {"od"},
@@ -43,11 +45,28 @@ LAYERS = (
     {"client", "lint", "logs", "export", "load"},
     {"monitor", "check", "season", "compare"},
     {"web"},
-    {"robot"},
+    {"plugin"},
     {"cli", "pytest_plugin"},
+    {"robot"},
     {"__main__"},
 )
 LAYER = {name: number for number, names in enumerate(LAYERS) for name in names}
+
+# The same within the folder of the robot.
+ROBOT = "robot"
+ROBOT_LAYERS = (
+    {"dialects"},
+    {"model"},
+    {"protocol"},
+    {"nodes"},
+    {"world", "faults"},
+    {"picture"},
+    {"panel"},
+    {"match", "check"},
+    {"facade", "season", "commands"},
+    {"plugin"},
+)
+ROBOT_LAYER = {name: number for number, names in enumerate(ROBOT_LAYERS) for name in names}
 
 # Identifiers that are also numbers of CiA 301 and 304: bases of the predefined connection set, and GFC.
 CIA_NUMBERS = {0x001, *range(0x080, 0x580, 0x080)}
@@ -124,8 +143,43 @@ def test_packages_import_each_other_in_no_circle() -> None:
     assert circle({unit: others - {unit} for unit, others in units.items()}) == []
 
 
+def robot_imports() -> dict[str, set[str]]:
+    """Give what each unit of the robot imports of its others."""
+    units: dict[str, set[str]] = {}
+    for module, others in IMPORTS.items():
+        if unit_of(module) == ROBOT and module != ROBOT:
+            inside = {unit_in_robot(other) for other in others if unit_of(other) == ROBOT}
+            units.setdefault(unit_in_robot(module), set()).update(inside - {unit_in_robot(module)})
+    return units
+
+
+def unit_in_robot(module: str) -> str:
+    return unit_of(module.partition(".")[2])
+
+
+def test_every_folder_of_the_robot_has_its_layer() -> None:
+    assert robot_imports().keys() == ROBOT_LAYER.keys()
+
+
+def test_imports_point_down_between_the_folders_of_the_robot() -> None:
+    arrows = ((unit, other) for unit, others in robot_imports().items() for other in others)
+    assert [(unit, other) for unit, other in arrows if ROBOT_LAYER[other] > ROBOT_LAYER[unit]] == []
+
+
+def test_folders_of_the_robot_import_each_other_in_no_circle() -> None:
+    assert circle(robot_imports()) == []
+
+
 def test_nobody_imports_through_the_package() -> None:
     assert [module for module, others in IMPORTS.items() if "" in others] == []
+
+
+def test_nothing_names_the_robot_but_itself() -> None:
+    # the package's face, which is in no layer, passes its names on; everybody else finds it by the entry point
+    outside = {
+        module: file.read_text(encoding="utf-8") for module, file in MODULES.items() if unit_of(module) != "robot"
+    }
+    assert [module for module, text in outside.items() if module and f"{NAME}.robot." in f"{text}."] == []
 
 
 def prints(file: Path) -> bool:
@@ -135,7 +189,7 @@ def prints(file: Path) -> bool:
 
 def test_only_the_command_line_prints() -> None:
     printing = [module for module, file in MODULES.items() if prints(file)]
-    assert {unit_of(module) for module in printing} <= {"cli", "__main__"}, printing
+    assert [each for each in printing if not each.startswith(("cli", "robot.commands", "__main__"))] == []
 
 
 def arguments_about_dialects(file: Path) -> Iterator[str]:

@@ -12,8 +12,8 @@ import can
 import pytest
 
 # What a run inside this process imports, pytester forgets; imported again, there would be two of each class.
-USED = ("check.live", "check.reader", "check.report", "client.objects", "client.master", "device.simulated")
-for module in (*USED, "robot.check.partners", "robot.check.shipped", "simulation.network"):
+USED = ("check.live", "check.reader", "check.report", "od.objects", "client.master", "device.simulated")
+for module in (*USED, "robot.check.partners", "robot.plugin", "simulation.network"):
     import_module(f"eurobot_od.{module}")
 
 pytest_plugins = ["pytester"]

@@ -28,11 +28,12 @@ from random import Random
 from statistics import median
 from typing import NamedTuple
 
+from eurobot_od.cli.load import of_robot
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MICROSECONDS, ErrorRate, MessageSet, SentMessage, analysed, by_urgency
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot import traffic
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.simulation.bit_errors import Attempt, Flip
 from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.simulation.network import Network
@@ -322,7 +323,7 @@ def crosscheck(name: str, messages: MessageSet, bit_rate: int, frames: int) -> O
 def attempt(number: int, frames: int, rate: ErrorRate = RATES[0]) -> Outcome:
     """Check the robot's set at each bit rate, and then random sets, by number, with bit errors at a rate."""
     if number < len(BIT_RATES):
-        name, messages, bit_rate = f"robot at {BIT_RATES[number] // 1000}", traffic.message_set(), BIT_RATES[number]
+        name, messages, bit_rate = f"robot at {BIT_RATES[number] // 1000}", of_robot(ROBOT), BIT_RATES[number]
     else:
         name, (messages, bit_rate) = f"set {number}", random_set(Random(f"set {number}"))
     name += " with errors" * (rate.number > 0)

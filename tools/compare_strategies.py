@@ -23,10 +23,10 @@ from eurobot_od.robot.match import strategy
 from eurobot_od.robot.match.referee import Strategy
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.touches import touches_of
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.tasks import Task
+from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.tasks import Task, tasks
-from eurobot_od.robot.values import Outcome
 from eurobot_od.robot.world.world import OURS
 
 
@@ -42,7 +42,7 @@ class Played(NamedTuple):
 async def attempt(core: Core, task: Task) -> None:
     """Drive to a task and do it, whoever is in the way; wait for a moment if that fails."""
     try:
-        report = await core.goto(task.x, task.y, task.angle, strategy.SPEED, strategy.FLAGS)
+        report = await core.goto(task.x, task.y, task.angle, strategy.SPEED, strategy.flags(core.facts))
         if report.outcome is Outcome.ARRIVED:
             await core.act(task.name)
             return
@@ -54,14 +54,14 @@ async def attempt(core: Core, task: Task) -> None:
 async def in_order(core: Core) -> None:
     """Do one task after the other, in the order of the table, again and again."""
     assert core.configuration is not None
-    for task in cycle(tasks(core.configuration.team_colour).values()):
+    for task in cycle(core.facts.tasks(core.configuration.team_colour).values()):
         await attempt(core, task)
 
 
 async def by_lot(core: Core) -> None:
     """Do any task, again and again."""
     assert core.configuration is not None
-    chance, table = random.Random(1), list(tasks(core.configuration.team_colour).values())
+    chance, table = random.Random(1), list(core.facts.tasks(core.configuration.team_colour).values())
     while True:
         await attempt(core, chance.choice(table))
 
@@ -72,7 +72,7 @@ STRATEGIES: dict[str, Strategy] = {"shipped": strategy.play, "in order": in_orde
 @cache
 def files() -> EdsFiles:
     """Return the EDS files, read once in each process."""
-    return EdsFiles.read(None)
+    return EdsFiles.read(MatchOptions())
 
 
 def play(name: str, seed: int) -> Played:

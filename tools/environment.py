@@ -31,6 +31,10 @@ ENSURED = "EUROBOT_OD_ENSURED"
 """Environment variable with the module for which a script was started again; one that is still missing ends it."""
 
 
+ONCE_MORE = ("-m", "pytest", "-q", "--last-failed", "--last-failed-no-failures", "none")
+"""What failed, alone: a test in real time may come too late on a busy machine. One that fails again has failed."""
+
+
 def prepare(extras: str = "") -> Path:
     """Return the environment's Python; `extras` are those of pyproject.toml, comma-separated.
 

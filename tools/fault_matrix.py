@@ -21,10 +21,9 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.cli import campaign
-from eurobot_od.robot import dialects, faults
-from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.check.shipped import NETWORKS, shipped_suites
+from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
+from eurobot_od.robot.plugin import ROBOT
 
 if TYPE_CHECKING:
     from eurobot_od.campaign.results import Results
@@ -54,14 +53,14 @@ class Outcome(NamedTuple):
 @cache
 def shipped(dialect: str) -> dict[str, Suite]:
     """Return the shipped suites that are for a dialect, by the names of their files."""
-    suites = SuiteReader(NETWORKS, dialect).read_files(shipped_suites().values())
+    suites = SuiteReader(ROBOT.networks(), dialect).read_files(ROBOT.shipped_suites().values())
     return {suite.file.stem: suite for suite in suites if suite.dialect in (None, dialect)}
 
 
 def do(run: Run) -> Outcome:
     """Run a suite."""
     suite = shipped(run.dialect)[run.suite]
-    make_nodes = partial(nodes_under_test, kinds=faults.faulty_kinds([run.fault] if run.fault else []))
+    make_nodes = partial(ROBOT.under_test, faults=[run.fault] if run.fault else [])
     options = RunOptions(keep_going=True)
     result = run_simulated(suite, options, make_nodes, run.seed)
     return Outcome(run, tuple(step.name for step in result.steps if step.status is not Status.PASSED))
@@ -69,12 +68,12 @@ def do(run: Run) -> Outcome:
 
 def fits(fault: str, node: str) -> bool:
     """Tell whether a node can have a fault."""
-    return issubclass(ROLES[node], faults.find(fault)[0])
+    return issubclass(ROLES[node], ROBOT.find_fault(fault)[0])
 
 
 def named_red(fault: str, outcome: Outcome) -> bool:
     """Tell whether the first red step is the one that the fault's table names; a group's steps carry its name."""
-    suite, step = faults.find(fault)[1].caught_by
+    suite, step = ROBOT.find_fault(fault)[1].caught_by
     return (
         outcome.run.suite == suite
         and outcome.red[:1] != ()
@@ -87,7 +86,7 @@ def named_red(fault: str, outcome: Outcome) -> bool:
 
 def robot_faults() -> list[str]:
     """Return the faults that a shipped suite finds; the others are found by a conformance suite (tests/faults)."""
-    return [name for name in faults.names() if faults.find(name)[1].caught_by.suite in shipped_suites()]
+    return [name for name in ROBOT.fault_names() if ROBOT.find_fault(name)[1].caught_by.suite in ROBOT.shipped_suites()]
 
 
 def fault_runs(dialect: str, names: Iterable[str]) -> list[Run]:
@@ -133,7 +132,7 @@ def missed(outcomes: Iterable[Outcome]) -> Iterator[str]:
         by_fault.setdefault(each.run.fault or "", []).append(each)
     for fault, runs in by_fault.items():
         if not any(named_red(fault, each) for each in runs):
-            suite, step = faults.find(fault)[1].caught_by
+            suite, step = ROBOT.find_fault(fault)[1].caught_by
             red = "; ".join(f"{each.run.suite}: {each.red[0]}" for each in runs if each.red) or "nothing"
             yield f"{fault}: expected red is {suite}: {step!r}; red is {red}"
 

@@ -38,9 +38,9 @@ from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, Address
 from eurobot_od.robot import dialects
+from eurobot_od.robot.model.values import Obstacle, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Node
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Obstacle, TeamColour
 
 FINE, WRONG = 0, 1
 
@@ -357,7 +357,7 @@ def compared(sent: Sequence[Sent]) -> dict[int, list[tuple[float, str]]]:
     return found
 
 
-NOT_COMPARED = {base + each.node_id for base in (0x080, 0x580) for each in dialects.outlines()}
+NOT_COMPARED = {base + each.node_id for base in (0x080, 0x580) for each in dialects.load_all()}
 """EMCY and SDO answers: to tell that something odd has come is right."""
 
 

@@ -15,9 +15,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from eurobot_od.device.device import SAVE, STORE, Device
+from eurobot_od.device.device import Device
 from eurobot_od.device.storage import FileStore
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import SIGNATURES, STORE
 from eurobot_od.od.values import Address
 from eurobot_od.robot import dialects
 
@@ -35,7 +36,7 @@ def store_once(device: Device, generation: int) -> None:
     """Give all settings this value and store them."""
     for address in SETTINGS:
         device.objects.write(address, generation.to_bytes(2, "little"))
-    device.objects.write((STORE, 1), SAVE.to_bytes(4, "little"))
+    device.objects.write((STORE, 1), SIGNATURES[STORE])
 
 
 def store_for_ever(store: FileStore, dictionary: Dictionary, generation: int, told: int) -> None:

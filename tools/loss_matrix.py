@@ -31,15 +31,15 @@ from eurobot_od.device.station import Station
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
-from eurobot_od.robot.assembly import equip
 from eurobot_od.robot.match import stage, strategy
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee
-from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
+from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Node
 from eurobot_od.robot.nodes.motion import AT_REST, Chassis, Command, Odometry
-from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
 from eurobot_od.robot.world import World
+from eurobot_od.robot.world.assembly import equip
+from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import ON_TIME, Network, processing_time
 
@@ -133,7 +133,7 @@ class Watched:
 @cache
 def files(dialect: str) -> stage.EdsFiles:
     """Return the EDS files of a dialect, read once in each process."""
-    return stage.EdsFiles.read(dialect)
+    return stage.EdsFiles.read(MatchOptions(dialect=dialect))
 
 
 class Trial:
@@ -153,7 +153,7 @@ class Trial:
         )
         self.network = Network()
         self.world = World(self.options, self._clock)
-        nodes = stage.cast_for(self.options, self.files, self.world)
+        _, nodes = stage.cast_for(self.options, self.files, self.world)
         self.nodes: dict[str, Node] = {node.name: node for node in nodes}
         self.stations: dict[str, Station] = {}
         self.wheels = Watched(self.world, self.drive.chassis, self._is_commanded)

@@ -14,20 +14,23 @@ from pathlib import Path
 from environment import ROOT, ensure
 
 FOLDER = ROOT / "eurobot_od" / "completions"
-FILES = re.compile(r"(^|_)(files?|logs?|left|right|output|store|strategy|against|network|eds)$")
+FILES = re.compile(r"(^|_)(files?|logs?|robot|left|right|output|store|strategy|against|network|eds)$")
 """Arguments whose values are files, beside those that are read as paths."""
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the whole command line as one parser."""
-    from eurobot_od.cli import COMMANDS
+    from eurobot_od.cli import COMMANDS, add_robot
+    from eurobot_od.robot.plugin import ROBOT
 
     whole = argparse.ArgumentParser("eurobot-od")
     whole.add_argument("--version", action="store_true", help="print the version, and end")
     commands = whole.add_subparsers()
-    for command, text in COMMANDS.items():
+    modules = {name: (text, f"eurobot_od.cli.{name.replace('-', '_')}") for name, text in COMMANDS.items()}
+    for command, (text, module) in {**modules, **ROBOT.commands}.items():
         each = commands.add_parser(command, help=text)
-        import_module(f"eurobot_od.cli.{command.replace('-', '_')}").add_arguments(each)
+        import_module(module).add_arguments(each)
+        add_robot(each)
         _prepare(each)
     return whole
 

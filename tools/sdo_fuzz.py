@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from eurobot_od.device.device import Device
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.sdo.wire import AbortCode

@@ -38,7 +38,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that are not in docs/."""
     for page, source in ELSEWHERE.items():
         files.append(File.generated(config, page, content=(ROOT / source).read_text(encoding="utf-8")))
-    described = docs_text(EurobotProtocol.load(), dialects.outlines(), "markdown")
+    described = docs_text(EurobotProtocol.load(), dialects.load_all(), "markdown")
     text = described.replace("\n", "\n\nMade from the EDS files by `eurobot-od export docs`.\n", 1)
     files.append(File.generated(config, "messages.md", content=text))
     return files

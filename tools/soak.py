@@ -42,13 +42,13 @@ from programs import SERVER, Program, free_port
 from soak_node import NUMBERED, Numbers
 
 from eurobot_od.client.master import Master
-from eurobot_od.device.device import SAVE, STORE
 from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live, open_bus
+from eurobot_od.od.standard import SIGNATURES, STORE
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoConfirm
+from eurobot_od.robot.model.messages import GotoConfirm
 from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.protocol import EurobotProtocol
 
@@ -56,7 +56,7 @@ FINE, WRONG = 0, 1
 
 INTERFACE = "vcan0"
 PROTOCOL = EurobotProtocol.load()
-NODE_IDS = {each.name: each.node_id for each in dialects.outlines()}
+NODE_IDS = {each.name: each.node_id for each in dialects.load_all()}
 EMERGENCY, REQUEST, HEARTBEAT = 0x080, 0x600, 0x700
 """Where the identifiers of EMCY, SDO requests and heartbeats begin; the node-ID is added."""
 
@@ -453,7 +453,7 @@ class Soak:
         with Master(self.opener(), answer_wait=PATIENCE / 4) as master:
             node = master.node(NODE_IDS["navigation"])
             node.download(SETTING, value.to_bytes(2, "little"))
-            request = bytes([0x23, *STORE.to_bytes(2, "little"), 1]) + SAVE.to_bytes(4, "little")
+            request = bytes([0x23, *STORE.to_bytes(2, "little"), 1]) + SIGNATURES[STORE]
             master.send(REQUEST + node.node_id, request)
             time.sleep(self.dice.uniform(0.0, 0.03))
             since = time.monotonic()

@@ -18,8 +18,8 @@ from eurobot_od.device.storage import FileStore
 from eurobot_od.errors import EurobotError
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
-from eurobot_od.robot.values import TeamColour
 
 NUMBERED = 0x7F0
 """Identifier of the numbered frames, which no node uses; their data is the number, 4 bytes, and 4 more."""

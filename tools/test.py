@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 
-from environment import ROOT, call, prepare
+from environment import ONCE_MORE, ROOT, call, prepare
 
 WORKERS = str((os.cpu_count() or 1) + 1)
 """Processes that run tests: one more than there are cores, as many tests wait for other processes."""
@@ -20,10 +20,6 @@ CHECKS = (
     ("EDS files", ("tools/make_eds.py", "--check")),
     ("pytest", ("-m", "pytest", "-q", "-n", WORKERS, "--dist", "worksteal", "--durations=10")),
 )
-
-
-ONCE_MORE = ("-m", "pytest", "-q", "--last-failed", "--last-failed-no-failures", "none")
-"""What failed, alone: a test in real time may come too late on a busy machine. One that fails again has failed."""
 
 
 def main(arguments: list[str]) -> int:

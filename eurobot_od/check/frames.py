@@ -17,7 +17,7 @@ from eurobot_od.check.patterns import FramePattern, MessagePattern, Pattern, Sen
 from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import SCALAR, Schema, Shape, converted, taken
 from eurobot_od.check.suite import FieldOf, Order, Patterns
-from eurobot_od.check.values import Operand, Scale, ValueProblem, expectation
+from eurobot_od.check.values import FieldValues, Operand, Scale, ValueProblem, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
@@ -113,8 +113,9 @@ class FrameShapes:
         for key, value in pairs_of(node, problems).items():
             try:
                 field = taken(key, problems, lambda name: _field(binding, name))
-                scale = self._words.scale(binding.kinds[field], binding.limits[field])
-                fields[field] = _read_value(value, scale, problems, read)
+                kind = binding.kinds[field]
+                scale = self._words.scale(FieldValues(kind, binding.limits[field]))
+                fields[field] = _read_value(value, kind, scale, problems, read)
             except ReadError:
                 continue
         if len(problems) > before:
@@ -187,10 +188,10 @@ def _operand(binding: Binding, text: str, scale: Scale) -> Operand:
         raise ValueProblem(f"{error}{hint}") from None
 
 
-def _read_value(node: yaml.Node, scale: Scale, problems: Problems, read: Callable[[str, Scale], T]) -> T:
+def _read_value(node: yaml.Node, kind: Kind, scale: Scale, problems: Problems, read: Callable[[str, Scale], T]) -> T:
     """Read a field's value; that of a kind with a keyed form may also be a mapping."""
-    if scale.kind.keyed_form is not None and isinstance(node, yaml.MappingNode):
-        words = _keyed(scale.kind.keyed_form).read(node, problems)
+    if kind.keyed_form is not None and isinstance(node, yaml.MappingNode):
+        words = _keyed(kind.keyed_form).read(node, problems)
         text = ",".join(f"{key}:{word}" for key, word in words.items()) or "none"
     else:
         text = str(SCALAR.read(node, problems))

@@ -14,10 +14,11 @@ from eurobot_od import bounded
 from eurobot_od.check.format import Format
 from eurobot_od.check.shapes import Schema
 from eurobot_od.check.suite import Suite
-from eurobot_od.check.vocabulary import Dictionaries, Networks, Vocabulary, saved_names, texts_at
+from eurobot_od.check.vocabulary import Networks, Vocabulary, saved_names, texts_at
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.yaml_places import START, Problem, Problems, ReadError, compose_all, refuse_aliases
 
 
@@ -38,7 +39,7 @@ class SuiteReader:
 
     def __init__(self, networks: Networks, dialect: str | None = None) -> None:
         self._networks, self._dialect = networks, dialect
-        self._loaded: dict[Path, tuple[Decoder, Dictionaries]] = {}
+        self._loaded: dict[Path, tuple[Decoder, dict[str, Dictionary]]] = {}
 
     def read_files(self, files: Iterable[Path]) -> list[Suite]:
         """Read all suites of some files; raises SuiteError with the problems of all of them."""
@@ -95,7 +96,7 @@ class SuiteReader:
         constants, saved = texts_at(document, "variables"), frozenset(saved_names(document))
         return Format(Vocabulary(self._networks, decoder, dictionaries, constants, saved, nodes))
 
-    def _load(self, dialect: str | None) -> tuple[Decoder, Dictionaries]:
+    def _load(self, dialect: str | None) -> tuple[Decoder, dict[str, Dictionary]]:
         """Load the EDS files of a network, once.
 
         For a dialect that does not exist it is the reader's own: the suite can still be checked against that, and the
@@ -108,7 +109,7 @@ class SuiteReader:
         if folder not in self._loaded:
             found = self._networks.load(folder)
             decoder = Decoder(found, self._networks.catalogue, self._networks.refused)
-            self._loaded[folder] = decoder, Dictionaries(found)
+            self._loaded[folder] = decoder, {each.name: each for each in found}
         return self._loaded[folder]
 
     def schema(self) -> Schema:

@@ -5,40 +5,32 @@ A service without a node is that of the node under test, if there is one only.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping
-from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import yaml
 
 from eurobot_od.check import shapes
-from eurobot_od.check.objects import ObjectType, find_address, object_type, services
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
-from eurobot_od.check.suite import AbortCodes, Action, Nmt, SdoRead, SdoWrite
-from eurobot_od.check.values import (
-    VARIABLE,
-    Expected,
-    ExpectedBytes,
-    NotSaved,
-    ValueProblem,
-    Variables,
-    expectation,
-)
+from eurobot_od.check.suite import AbortCodes, Action, Nmt, NodeServices, SdoRead, SdoWrite
+from eurobot_od.check.values import ObjectValues, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
-from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.logs.services import EMCY_ENTRY
+from eurobot_od.errors import LocalError
+from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import BASE_IDENTIFIER, ERROR_CONTROL_BASE, NOT_VALID, Address, Limits, label
-from eurobot_od.yaml_places import Problems, Text
+from eurobot_od.od.standard import EMCY
+from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_VALID
+from eurobot_od.yaml_places import Problems
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 T = TypeVar("T")
 
 NMT_COMMANDS = {name: command for command, name in COMMAND_NAMES.items()}
 STATES = {name: state for state, name in STATE_NAMES.items()} | {ANY: None}
-BYTES = re.compile(r"(?:[0-9A-Fa-f]{2}\s*)*")
 
 
 def _read_aborts(node: yaml.Node, problems: Problems) -> AbortCodes:
@@ -68,7 +60,7 @@ class ServiceShapes:
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
         self.nmt: Shape[Action] = self._service("command", command, self._nmt)
         sdo = {
-            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name"),
+            "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
             "write": Key(SCALAR, "object to write"),
             "value": Key(SCALAR, "value to write"),
             "data": Key(TEXT, "bytes to write, or to be read, in hexadecimal, instead of a value"),
@@ -109,9 +101,9 @@ class ServiceShapes:
 
     def _emergency(self, code: int | None, given: Dictionary | None) -> Pattern:
         node = self._dictionary(given)
-        entry = node.default(EMCY_ENTRY)
+        entry = node.default(EMCY)
         if not isinstance(entry, int) or entry & NOT_VALID:
-            raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY_ENTRY[0]:04X})")
+            raise LocalError(f"the EDS of {node.name} has no EMCY (0x{EMCY[0]:04X})")
         return EmergencyPattern(node.name, entry & BASE_IDENTIFIER, code)
 
     def _nmt(self, command: NmtCommand, given: Dictionary | None) -> Action:
@@ -125,67 +117,28 @@ class ServiceShapes:
         with shapes.refusing(node, problems):
             verb = _verb(given)
             dictionary = self._dictionary(given.get("node"))
-        name: Text = given[verb]
-        address = taken(name, problems, lambda text: find_address(dictionary, text))
-        shown = label(address, "" if name.lower().startswith("0x") else name)
-        target = Target(dictionary, address, shown, object_type(dictionary, address))
-        return self._sdo_read(target, given, problems) if verb == "read" else self._sdo_write(target, given, problems)
-
-    def _sdo_read(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
-        expected = taken(given["expect"], problems, partial(self._expected, target)) if "expect" in given else None
-        decode = bytes.hex if target.type is None or "data" in given else target.type.decode
-        wanted = ExpectedBytes(taken(given["data"], problems, self._bytes)) if "data" in given else expected
-        return SdoRead(
-            *(services(target.node), target.address, target.label, decode, wanted),
-            *(given.get("abort"), given.get("optional"), given.get("transfer", False), given.get("save")),
-        )
-
-    def _bytes(self, text: str) -> Callable[[Variables], bytes]:
-        """Return what gives the bytes of hexadecimal digits, or those that a variable has."""
-        variable = VARIABLE.fullmatch(text)
-        if variable is not None and variable["name"] not in self._words.saved:
-            raise UnknownName("variable", variable["name"], sorted(self._words.saved))
-        if variable is None and not BYTES.fullmatch(text):
-            raise ValueProblem(f"{text!r} is not hexadecimal bytes such as 'E8 03'")
-        return (lambda _: bytes.fromhex(text)) if variable is None else partial(_saved_bytes, variable["name"])
-
-    def _expected(self, target: Target, text: str) -> Expected:
-        return expectation(text, self._words.scale(target.typed.kind, target.typed.limits))
-
-    def _sdo_write(self, target: Target, given: Mapping[str, Any], problems: Problems) -> Action:
-        widened = "abort" in given
-        if "data" in given:
-            encode = taken(given["data"], problems, self._bytes)
-        else:
-            encode = taken(given["value"], problems, lambda text: self._encoder(target.typed, text, widened))
-        return SdoWrite(
-            *(services(target.node), target.address, target.label, encode),
-            *(given.get("abort"), given.get("optional"), given.get("transfer", False)),
-        )
-
-    def _encoder(self, kind: ObjectType, text: str, widened: bool) -> Callable[[Variables], bytes]:
-        """Return what makes the bytes of a value; `widened` takes all that its type can carry."""
-        limits = Limits(kind.type.low, kind.type.high) if widened else kind.limits
-        operand = self._words.scale(kind.kind, limits).operand(text)
-        return lambda variables: kind.encode(operand.resolve(variables))
+        named = taken(given[verb], problems, lambda text: objects.find_one(text, dictionary.objects))
+        value = next((given[key] for key in ("data", "expect", "value") if key in given), None)
+        where = given[verb] if value is None else value
+        variable = taken(where, problems, lambda _: _looked_at(named, given, dictionary))
+        scale, service = self._words.scale(ObjectValues(variable)), NodeServices.of(dictionary)
+        refusals = {"abort": given.get("abort"), "optional": given.get("optional")}
+        blocks: bool = given.get("transfer", False)
+        if verb == "read":
+            expected = None if value is None else taken(value, problems, lambda text: expectation(text, scale))
+            return SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
+        operand = taken(where, problems, scale.operand)
+        return SdoWrite(service, variable, operand, **refusals, blocks=blocks)
 
 
-class Target(NamedTuple):
-    """The object of an SDO step; `type` is None if the EDS does not have it."""
-
-    node: Dictionary
-    address: Address
-    label: str
-    type: ObjectType | None
-
-    @property
-    def typed(self) -> ObjectType:
-        """The type; raises ValueProblem without one."""
-        if self.type is None:
-            raise ValueProblem(
-                f"{self.label} is neither a whole number nor a text in the EDS of {self.node.name}; use 'data'"
-            )
-        return self.type
+def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dictionary) -> ODVariable:
+    """Return an object as a step looks at it; raises LocalError for a value of one that no file describes."""
+    if "data" in given or not ({"expect", "value"} & given.keys() or objects.is_described(variable)):
+        return objects.changed(variable, data_type=DOMAIN.code)
+    if not objects.is_described(variable):
+        raise LocalError(f"{objects.label(variable)} is not in the EDS of {dictionary.name}; use 'data'")
+    # What is to be refused may be all that its type can carry.
+    return objects.changed(variable, min=None, max=None) if "abort" in given else variable
 
 
 EXCLUDED = {"read": ("value",), "write": ("expect", "save")}
@@ -211,13 +164,3 @@ def _verb(given: Mapping[str, Any]) -> str:
 def _one_of(given: Mapping[str, Any], what: str, one: str, other: str) -> None:
     if (one in given) == (other in given):
         raise LocalError(f"{what} has either '{one}' or '{other}'")
-
-
-def _saved_bytes(name: str, variables: Variables) -> bytes:
-    """Return the bytes that a variable has; raises NotSaved, ValueProblem if it has a number or a text."""
-    if name not in variables:
-        raise NotSaved(name)
-    try:
-        return bytes.fromhex(variables[name])
-    except (TypeError, ValueError):
-        raise ValueProblem(f"{name!r} has no bytes, but {variables[name]!r}") from None

@@ -11,18 +11,21 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from eurobot_od import durations
+from eurobot_od.amounts import amount
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
 from eurobot_od.check.results import Reason
 from eurobot_od.check.trace import Seen
+from eurobot_od.check.values import ValueProblem
 from eurobot_od.errors import BusError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.od.values import NMT_COB_ID
+from eurobot_od.od import objects
+from eurobot_od.od.values import NMT_COB_ID, Value
 from eurobot_od.sdo.client import (
     OddAnswer,
     Refused,
@@ -34,6 +37,9 @@ from eurobot_od.sdo.client import (
     upload,
 )
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 
 class Failed(Exception):
@@ -50,6 +56,14 @@ class Skipped(Exception):
     def __init__(self, reason: Reason) -> None:
         super().__init__(reason.what)
         self.reason = reason
+
+
+def _value(variable: ODVariable, data: bytes) -> Value:
+    """Return the value that an object's bytes mean; raises ValueProblem for a length that its type does not have."""
+    size = objects.data_type(variable).size
+    if size not in (0, len(data)):
+        raise ValueProblem(f"{amount(len(data), 'byte')} came, the object has {size}")
+    return objects.decode(variable, data)
 
 
 class Doer:
@@ -238,22 +252,22 @@ class Doer:
     async def _sdo_read(self, action: suite.SdoRead) -> None:
         self._ask()
         begin = block_upload if action.blocks else upload
-        data = await self._transfer(action, begin(action.address, self._longest(action.within)))
+        data = await self._transfer(action, begin(objects.address_of(action.variable), self._longest(action.within)))
         if data is None:
             return
-        value = action.decode(data)
+        value = _value(action.variable, data)
         if action.expected is not None and not action.expected.fits(value, self._variables):
+            label = objects.label(action.variable)
             wanted, came = action.expected.text(self._variables), action.expected.shown(value)
-            mismatch = Mismatch(action.label, wanted, came)
-            raise Failed(Reason(f"{action.label} is not as expected", wanted, came, (mismatch,)))
+            raise Failed(Reason(f"{label} is not as expected", wanted, came, (Mismatch(label, wanted, came),)))
         if action.save is not None:
             self._variables[action.save] = value
 
     async def _sdo_write(self, action: suite.SdoWrite) -> None:
         self._ask()
         begin = block_download if action.blocks else download
-        content = action.encode(self._variables)
-        await self._transfer(action, begin(action.address, content, self._longest(action.within)))
+        content = action.content(self._variables)
+        await self._transfer(action, begin(objects.address_of(action.variable), content, self._longest(action.within)))
 
     async def _transfer(self, action: suite.SdoRead | suite.SdoWrite, transfer: Transfer) -> bytes | None:
         """Do a transfer that may have to be refused; None if it was refused as it had to be.

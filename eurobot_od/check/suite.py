@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od import durations
 from eurobot_od.amounts import amount
 from eurobot_od.check.patterns import Pattern, Sent
-from eurobot_od.check.values import Expected, ExpectedBytes, Variables
+from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.logs.meaning import Decoder
+from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import Address
+from eurobot_od.od.standard import SDO_ANSWERS, SDO_REQUESTS
+from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
 from eurobot_od.yaml_places import Place
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 TIMEOUT = 1.0
 """Seconds that an answer may take where the suite does not say."""
@@ -104,6 +109,12 @@ class NodeServices(NamedTuple):
     sdo_request: int
     sdo_answer: int
 
+    @classmethod
+    def of(cls, device: Dictionary) -> NodeServices:
+        """Return where the services of a device are."""
+        request = device.cob_id(SDO_REQUESTS, SDO_REQUEST_BASE)
+        return cls(device.name, device.node_id, request, device.cob_id(SDO_ANSWERS, SDO_RESPONSE_BASE))
+
 
 class AbortCodes(NamedTuple):
     """Abort codes, one of which has to come; none of them stands for any code."""
@@ -126,10 +137,8 @@ class SdoRead(NamedTuple):
     """
 
     node: NodeServices
-    address: Address
-    label: str
-    decode: Callable[[bytes], Any]
-    expected: Expected | ExpectedBytes | None = None
+    variable: ODVariable
+    expected: Expected | None = None
     abort: AbortCodes | None = None
     optional: AbortCodes | None = None
     blocks: bool = False
@@ -137,23 +146,29 @@ class SdoRead(NamedTuple):
     within: float | None = None
 
     def __str__(self) -> str:
-        return f"SDO read {self.label}"
+        return f"SDO read {objects.label(self.variable)}"
 
 
 class SdoWrite(NamedTuple):
     """Write an object; the node takes it, or aborts with `abort`. `optional` and `blocks` are as for SdoRead."""
 
     node: NodeServices
-    address: Address
-    label: str
-    encode: Callable[[Variables], bytes]
+    variable: ODVariable
+    value: Operand
     abort: AbortCodes | None = None
     optional: AbortCodes | None = None
     blocks: bool = False
     within: float | None = None
 
+    def content(self, variables: Variables) -> bytes:
+        """Return the bytes that are written; raises NotSaved, FieldError.
+
+        Of what a variable holds, the node says itself whether it is within the limits.
+        """
+        return objects.encode(objects.changed(self.variable, min=None, max=None), self.value.resolve(variables))
+
     def __str__(self) -> str:
-        return f"SDO write {self.label}"
+        return f"SDO write {objects.label(self.variable)}"
 
 
 class Nmt(NamedTuple):

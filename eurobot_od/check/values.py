@@ -1,7 +1,8 @@
 """Values as suites write them: `1200`, `1200 +- 15`, `88..92`, `< 500`, `not red`, `unknown`, `"{t}"`.
 
-What a value means, and which are allowed, is known by its kind (`pdo.kinds`); here is how a received value may relate
-to a written one. Everything is checked while the suite is read, except for what a variable holds.
+What a value means, and which are allowed, is known by the kind of a message's field (`pdo.kinds`) or by an object
+(`od.objects`); here is how a received value may relate to a written one. Everything is checked while the suite is read,
+except for what a variable holds.
 """
 
 from __future__ import annotations
@@ -10,11 +11,15 @@ import operator
 import re
 from collections.abc import Callable, Mapping
 from enum import Enum
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.od import objects
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind, OutOfRange
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 Variables: TypeAlias = Mapping[str, Any]
 
@@ -32,31 +37,51 @@ class NotSaved(LocalError):
         super().__init__(f"no step before has saved {name!r}")
 
 
-class Scale(NamedTuple):
-    """What a value is measured on: its kind, its limits in the EDS, and the variables that there are.
+class Values(Protocol):
+    """The values of something that can be compared: how a person writes them, and how far they are from each other."""
 
-    `constants` are the variables that have their value from the start, `saved` those that get it from a step.
-    """
+    @property
+    def modulus(self) -> int | None:
+        """What they wrap around at, None if they do not."""
+
+    @property
+    def are_ordered(self) -> bool:
+        """Whether one may be less than another."""
+
+    @property
+    def distances(self) -> Values:
+        """What tolerances are: they need not be in the range that values have to be in."""
+
+    def parse(self, text: str) -> Any:
+        """Read a value; raises LocalError for one that could not be sent, so that it cannot be expected either."""
+
+    def text(self, value: Any) -> str:
+        """Write a value for a person."""
+
+
+class FieldValues(NamedTuple):
+    """The values of a message's field: its kind, and its limits in the EDS."""
 
     kind: Kind
     limits: Limits
-    constants: Variables
-    saved: frozenset[str]
 
-    def operand(self, text: str) -> Operand:
-        """Read one value or variable; raises ValueProblem, UnknownName."""
-        match = VARIABLE.fullmatch(text)
-        if match is None:
-            return Operand(self._checked(text), None, self.kind)
-        name = match["name"]
-        if name in self.constants:
-            return Operand(self._checked(str(self.constants[name])), None, self.kind)
-        if name not in self.saved:
-            raise UnknownName("variable", name, sorted({*self.constants, *self.saved}))
-        return Operand(None, name, self.kind)
+    @property
+    def modulus(self) -> int | None:
+        """What they wrap around at, None if they do not."""
+        return self.kind.modulus
 
-    def _checked(self, text: str) -> Any:
-        """Return the meaning of a text; what could not be sent cannot be expected either."""
+    @property
+    def are_ordered(self) -> bool:
+        """Whether one may be less than another: `Expected` looks at the values, as numbers may have names, too."""
+        return True
+
+    @property
+    def distances(self) -> FieldValues:
+        """What tolerances are: up to the whole range."""
+        return self._replace(limits=Limits(0, self.limits.high - self.limits.low))
+
+    def parse(self, text: str) -> Any:
+        """Read a value; raises ValueProblem."""
         try:
             value = self.kind.parse(self._without_unit(text))
             if value is None:
@@ -72,13 +97,76 @@ class Scale(NamedTuple):
         unit = self.kind.unit
         return text[: -len(unit)].rstrip() if unit and text.endswith(unit) and text[:1].isdigit() else text
 
+    def text(self, value: Any) -> str:
+        """Write a value for a person."""
+        return self.kind.text(value)
+
+
+class ObjectValues(NamedTuple):
+    """The values of an object, in the words of the commands `read` and `write`."""
+
+    variable: ODVariable
+
+    @property
+    def modulus(self) -> None:
+        """They wrap around nowhere."""
+
+    @property
+    def are_ordered(self) -> bool:
+        """Whether they are numbers."""
+        return objects.limits(self.variable) is not None
+
+    @property
+    def distances(self) -> ObjectValues:
+        """What tolerances are: numbers of its type."""
+        return ObjectValues(objects.changed(self.variable, min=0, max=None))
+
+    def parse(self, text: str) -> Any:
+        """Read a value as the object holds it, so that what is written 0.1 equals what comes as 0.1.
+
+        Raises FieldError.
+        """
+        return objects.decode(self.variable, objects.encode(self.variable, objects.parse(self.variable, text)))
+
+    def text(self, value: Any) -> str:
+        """Write a value for a person, a text with its quotes."""
+        return repr(value) if isinstance(value, str) else objects.written(self.variable, value)
+
+
+class Scale(NamedTuple):
+    """What a value is measured on: the values there are, and the variables.
+
+    `constants` are the variables that have their value from the start, `saved` those that get it from a step.
+    """
+
+    values: Values
+    constants: Variables
+    saved: frozenset[str]
+
+    def operand(self, text: str) -> Operand:
+        """Read one value or variable; raises LocalError."""
+        match = VARIABLE.fullmatch(text)
+        if match is None:
+            return Operand(self.values.parse(text), None, self.values)
+        name = match["name"]
+        if name in self.constants:
+            return Operand(self.values.parse(str(self.constants[name])), None, self.values)
+        if name not in self.saved:
+            raise UnknownName("variable", name, sorted({*self.constants, *self.saved}))
+        return Operand(None, name, self.values)
+
+    @property
+    def distances(self) -> Scale:
+        """What a tolerance is measured on."""
+        return self._replace(values=self.values.distances)
+
 
 class Operand(NamedTuple):
-    """A value, or the variable that will have it, of a kind."""
+    """A value, or the variable that will have it."""
 
     value: Any
     variable: str | None
-    kind: Kind
+    values: Values
 
     def resolve(self, variables: Variables) -> Any:
         """Return the value now; raises NotSaved."""
@@ -91,8 +179,8 @@ class Operand(NamedTuple):
     def text(self, variables: Variables) -> str:
         """Write the value for a person, with the variable it came from."""
         if self.variable is None:
-            return self.kind.text(self.value)
-        return f"{{{self.variable}}} = {self.kind.text(self.resolve(variables))}"
+            return self.values.text(self.value)
+        return f"{{{self.variable}}} = {self.values.text(self.resolve(variables))}"
 
 
 # How a received value may relate to the written ones
@@ -104,20 +192,20 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, (Enum, OutOfRange))
 
 
-def _equal(_: Kind, value: Any, wanted: Any) -> bool:
+def _equal(_: Values, value: Any, wanted: Any) -> bool:
     return type(value) is not OutOfRange and bool(value == wanted)
 
 
-def _near(kind: Kind, value: Any, middle: Any, tolerance: Any) -> bool:
+def _near(values: Values, value: Any, middle: Any, tolerance: Any) -> bool:
     """Compare with a tolerance; a value with a modulus goes round."""
     distance = abs(value - middle)
-    return bool((distance if kind.modulus is None else min(distance, kind.modulus - distance)) <= tolerance)
+    return bool((distance if values.modulus is None else min(distance, values.modulus - distance)) <= tolerance)
 
 
-def _between(kind: Kind, value: Any, low: Any, high: Any) -> bool:
+def _between(values: Values, value: Any, low: Any, high: Any) -> bool:
     """Compare with a range, both ends included; one of a value with a modulus may go through 0."""
-    if kind.modulus is not None:
-        return bool((value - low) % kind.modulus <= (high - low) % kind.modulus)
+    if values.modulus is not None:
+        return bool((value - low) % values.modulus <= (high - low) % values.modulus)
     return bool(low <= value <= high)
 
 
@@ -146,7 +234,7 @@ NOTATIONS = (
     Notation(re.compile(r"<\s*(.+)"), "< {}", _ordering(operator.lt)),
     Notation(re.compile(r">\s*(.+)"), "> {}", _ordering(operator.gt)),
     Notation(re.compile(r"not\s+(?!possible)(.+)"), "not {}", lambda *a: not _equal(*a), ordered=False),
-    Notation(re.compile(r"(.+)", re.DOTALL), "{}", _equal, ordered=False),
+    Notation(re.compile(r"(.*)", re.DOTALL), "{}", _equal, ordered=False),
 )
 """The forms in the order in which they are tried; `not possible` is a value's name (see GotoFault)."""
 
@@ -159,14 +247,14 @@ class Expected(NamedTuple):
 
     form: Notation
     operands: tuple[Operand, ...]
-    kind: Kind
+    values: Values
 
     def fits(self, value: Any, variables: Variables) -> bool:
         """Tell whether a value is as expected; raises NotSaved."""
         operands = [operand.resolve(variables) for operand in self.operands]
         if self.form.ordered and not all(map(_is_number, (value, *operands))):
             return False
-        return self.form.test(self.kind, value, *operands)
+        return self.form.test(self.values, value, *operands)
 
     def text(self, variables: Variables) -> str:
         """Write the expectation for a person, variables with their values."""
@@ -174,30 +262,15 @@ class Expected(NamedTuple):
 
     def shown(self, value: Any) -> str:
         """Write a received value for a person."""
-        return self.kind.text(value)
-
-
-class ExpectedBytes(NamedTuple):
-    """The bytes that an object has to have; `encode` gives them. Values are written as hexadecimal digits."""
-
-    encode: Callable[[Variables], bytes]
-
-    def fits(self, value: str, variables: Variables) -> bool:
-        """Tell whether the bytes are as expected; raises NotSaved."""
-        return value == self.encode(variables).hex()
-
-    def text(self, variables: Variables) -> str:
-        """Write the expectation for a person."""
-        return self.shown(self.encode(variables).hex())
-
-    def shown(self, value: str) -> str:
-        """Write bytes for a person."""
-        return " ".join(f"{each:02X}" for each in bytes.fromhex(value)) or "no bytes"
+        return self.values.text(value)
 
 
 def expectation(text: str, scale: Scale) -> Expected:
-    """Read an expectation; raises ValueProblem, UnknownName."""
-    written = text.strip() or "''"
+    """Read an expectation; raises LocalError."""
+    ordered = scale.values.are_ordered
+    written = text.strip() if ordered else text
     forms = NOTATIONS if len(written) <= LONGEST_NOTATION else NOTATIONS[-1:]
-    form, match = next((form, match) for form in forms if (match := form.pattern.fullmatch(written)))
-    return Expected(form, tuple(map(scale.operand, match.groups())), scale.kind)
+    may = ((each, each.pattern.fullmatch(written)) for each in forms if ordered or not each.ordered)
+    form, operands = next((form, match.groups()) for form, match in may if match)
+    scales = (scale, scale.distances if form.test is _near else scale)
+    return Expected(form, tuple(each.operand(operand) for each, operand in zip(scales, operands)), scale.values)

@@ -5,46 +5,23 @@ They are collected before the suite itself is read, so that each of its words ca
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 import yaml
 
-from eurobot_od.check.values import Scale
+from eurobot_od.check.values import Scale, Values
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import network
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.outline import Outline
 from eurobot_od.od.pdos import OnRefused, fatal
-from eurobot_od.od.values import Limits
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
-from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
 
 
-class Dictionaries(Mapping[str, Dictionary]):
-    """Dictionaries by node; each is loaded when a suite asks for it, as those without SDO steps do not."""
-
-    def __init__(self, outlines: Iterable[Outline]) -> None:
-        self._outlines = {each.name: each for each in outlines}
-        self._loaded: dict[str, Dictionary] = {}
-
-    def __getitem__(self, node: str) -> Dictionary:
-        if node not in self._loaded:
-            said = self._outlines[node]
-            self._loaded[node] = Dictionary(said.file, said.device, said.node_id, said.name)
-        return self._loaded[node]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._outlines)
-
-    def __len__(self) -> int:
-        return len(self._outlines)
-
-
-def _load(path: Path) -> tuple[Outline, ...]:
-    return network.load(network.read_network(path).nodes, Outline)
+def _load(path: Path) -> tuple[Dictionary, ...]:
+    return network.load(network.read_network(path).nodes)
 
 
 class Networks(NamedTuple):
@@ -56,7 +33,7 @@ class Networks(NamedTuple):
 
     find: Callable[[str | None], Path]
     catalogue: Catalogue = NOTHING
-    load: Callable[[Path], tuple[Outline, ...]] = _load
+    load: Callable[[Path], tuple[Dictionary, ...]] = _load
     refused: OnRefused = fatal
 
 
@@ -78,9 +55,9 @@ class Vocabulary(NamedTuple):
         """All messages of the EDS files."""
         return self.decoder.protocol
 
-    def scale(self, kind: Kind, limits: Limits) -> Scale:
-        """Return what a field's values are read by."""
-        return Scale(kind, limits, self.constants, self.saved)
+    def scale(self, values: Values) -> Scale:
+        """Return what values are read by."""
+        return Scale(values, self.constants, self.saved)
 
 
 def texts_at(root: yaml.Node, key: str) -> dict[str, str]:

@@ -1,5 +1,7 @@
 """The command `eurobot-od`: finds the module of a sub-command, runs it, and turns errors into one line.
 
+A robot (see `plugin`) has commands of its own beside these.
+
 Rule of this package: one module a command, with `add_arguments(parser)` and `run(arguments)`, which parses, calls a
 plain function of a lower layer, prints, and returns an `ExitStatus`, or None if it cannot be but fine. A module is
 imported when its command is called and not before.
@@ -11,22 +13,24 @@ import argparse
 import gc
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from enum import IntEnum
 from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
-from typing import Any, NoReturn
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from eurobot_od.errors import BusError, EurobotError, NodeFailed, RemoteError, UnknownName, WorldError
+from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.escaping import one_line
 
+if TYPE_CHECKING:
+    from eurobot_od.plugin import Plugin
+
 COMMANDS = {
-    "match": "play a match of the three nodes, in simulated or real time",
     "show": "show the messages as the EDS files map them, or one message's bits",
-    "node": "run one node on a CAN bus",
-    "world": "run the world that simulated nodes in other processes share",
+    "node": "run one device on a CAN bus",
     "send": "send a message, and wait for an answer if asked to",
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
@@ -37,7 +41,6 @@ COMMANDS = {
     "replay": "replay a log onto a bus at its old times",
     "monitor": "watch a bus, or a log, as a live table",
     "serve": "show a bus, or logs, in a browser",
-    "field": "draw the playing field with what a log says of the match: SVG, HTML or PNG",
     "load": "compute how full a bus is, and how late each message can be",
     "lint": "check EDS and DCF files, one by one or as a network",
     "diff": "compare two EDS or DCF files, or one with a live node",
@@ -82,6 +85,7 @@ class ExitStatus(IntEnum):
 
 STATUS_OF = {
     WorldError: ExitStatus.TROUBLE,
+    ProgramFailed: ExitStatus.FOUND,
     RemoteError: ExitStatus.FOUND,
     BusError: ExitStatus.TROUBLE,
     NodeFailed: ExitStatus.TROUBLE,
@@ -92,9 +96,19 @@ STATUS_OF = {
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line; its help is as wide as the terminal."""
+    """Says what is wrong with a command line in one line; its help is as wide as the terminal.
 
-    def __init__(self, prog: str, kind: type[argparse.HelpFormatter] = argparse.HelpFormatter, **options: Any) -> None:
+    `robot` is what `--robot` names, for options that only a robot has.
+    """
+
+    def __init__(
+        self,
+        prog: str,
+        kind: type[argparse.HelpFormatter] = argparse.HelpFormatter,
+        robot: str | None = None,
+        **options: Any,
+    ) -> None:
+        self.robot = robot
         try:  # or else argparse asks `shutil`, which imports three compression libraries
             width = int(os.environ.get("COLUMNS", 0)) or os.get_terminal_size().columns
         except (ValueError, OSError):  # no number; no terminal
@@ -156,20 +170,21 @@ def _open_streams() -> None:
 
 
 def _run(words: list[str]) -> int:
+    words, robot = _robot_in(words)
     command = words[0] if words else "--help"
     if command.startswith("-"):
-        _overview().parse_args(words or [command])
+        _overview(_find(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
-    if command not in COMMANDS:
-        raise UnknownName("command", command, COMMANDS)
     # What is imported stays, and so does what is read of EDS files: ten thousand entries in which to look for garbage
     # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
     gc.disable()
     try:
-        module = import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
-        parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0])
+        module = _module(command, robot)
+        parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0], robot=robot)
         module.add_arguments(parser)
+        add_robot(parser)
         arguments = parser.parse_args(words[1:])
+        arguments.robot = robot
     finally:
         gc.freeze()
         gc.set_threshold(ALLOCATIONS)
@@ -177,6 +192,46 @@ def _run(words: list[str]) -> int:
     status: int | None = module.run(arguments)
     sys.stdout.flush()  # here, where a reader that has left is no error
     return status or ExitStatus.FINE
+
+
+def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
+    """Take `--robot` out of the command line: a robot has to be known before its commands and options are."""
+    finder = argparse.ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
+    finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
+    finder.add_argument("--robot")
+    if not any(each.partition("=")[0] == "--robot" for each in words):
+        return words, None
+    found, others = finder.parse_known_args(words)
+    return others, found.robot
+
+
+def _find(robot: str | None) -> Plugin:
+    from eurobot_od import plugin  # most commands need none, or not yet
+
+    return plugin.find(robot)
+
+
+def add_robot(parser: argparse.ArgumentParser) -> None:
+    """Add --robot, which every command has."""
+    parser.add_argument("--robot", metavar="ROBOT", help="whose messages, nodes and commands: a name, folder or module")
+
+
+def _module(command: str, robot: str | None) -> ModuleType:
+    """Import the module of a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
+    if command in COMMANDS:
+        return import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
+    own = _find(robot).commands
+    if command not in own:
+        raise UnknownName("command", command, [*COMMANDS, *own])
+    return import_module(own[command].module)
+
+
+class Version(argparse.Action):
+    """Prints the version; to find it takes 40 ms."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        print(version())
+        parser.exit()
 
 
 def version() -> str:
@@ -189,15 +244,21 @@ def version() -> str:
         return f"eurobot-od, not installed, from {__file__}, Python {sys.version.split()[0]}"
 
 
-def _overview() -> argparse.ArgumentParser:
-    width = max(map(len, COMMANDS))
-    lines = [f"  {name:{width}}  {text}" for name, text in COMMANDS.items()]
+def _overview(robot: Plugin) -> argparse.ArgumentParser:
+    own = {name: each.text for name, each in robot.commands.items()}
+    width = max(map(len, (*COMMANDS, *own)))
+
+    def listed(commands: Mapping[str, str]) -> list[str]:
+        return [f"  {name:{width}}  {text}" for name, text in commands.items()]
+
+    ours = ["", f"{robot.name}:", *listed(own)] if own else []
     parser = Parser(
         "eurobot-od",
-        description="The Eurobot 2014 robot's CAN protocol as CANopen object dictionaries.",
-        epilog="\n".join(["commands:", *lines, "", "`eurobot-od COMMAND --help` explains a command."]),
+        description="A CANopen workbench for any device's EDS, and for robots that are plugged in.",
+        epilog="\n".join(["commands:", *listed(COMMANDS), *ours, "", "`eurobot-od COMMAND --help` explains it."]),
         kind=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
-    parser.add_argument("--version", action="version", version=version(), help="print the version, and end")
+    add_robot(parser)
+    parser.add_argument("--version", action=Version, nargs=0, help="print the version, and end")
     return parser

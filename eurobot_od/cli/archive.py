@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from eurobot_od import extras
 from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, options
+from eurobot_od.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.sdo.client import Progress
@@ -74,6 +75,7 @@ def _network(arguments: argparse.Namespace) -> Network:
 
 
 def _line(archived: Archived) -> str:
+    log = one_line(archived.log)
     if archived.known:
-        return f"{archived.log}: known, {archived.run}"
-    return f"{archived.log}: {archived.run}, {amount(archived.frames, 'frame')}, {archived.damage} damaged"
+        return f"{log}: known, {archived.run}"
+    return f"{log}: {archived.run}, {amount(archived.frames, 'frame')}, {archived.damage} damaged"

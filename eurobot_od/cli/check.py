@@ -16,7 +16,6 @@ from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
 from eurobot_od.escaping import one_line
 from eurobot_od.files import check_writable
-from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.check.reader import SuiteReader
@@ -24,18 +23,19 @@ if TYPE_CHECKING:
     from eurobot_od.check.runner import Interrupt
     from eurobot_od.check.suite import Suite
     from eurobot_od.check.vocabulary import Networks
+    from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.pdos import OnRefused
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("files", nargs="*", metavar="FILE", help="suite files, or names of shipped suites (--list)")
-    parser.add_argument("--list", action="store_true", help="list the shipped suites, or the given ones, and end")
+    parser.add_argument("files", nargs="*", metavar="FILE", help="suite files, or names of the robot's suites (--list)")
+    parser.add_argument("--list", action="store_true", help="list the robot's suites, or the given ones, and end")
     parser.add_argument("--schema", action="store_true", help="print the JSON Schema of suites, for editors, and end")
     parser.add_argument("--simulate", action="store_true", help="check simulated nodes, in simulated time")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
     parser.add_argument(
-        "--shared-world", action="store_true", help="the nodes on the bus share a world, as a robot's do"
+        "--shared-world", action="store_true", help="the nodes on the bus share the world that a suite needs"
     )
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
     parser.add_argument(
@@ -96,12 +96,11 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
 def _suites(arguments: argparse.Namespace, reader: SuiteReader) -> list[Suite]:
     """Read the suites that are asked for; raises SuiteError, LocalError."""
-    from eurobot_od.robot.check import shipped
-
+    robot = shared.robot(arguments)
     if arguments.conformance:
         read = reader.read_texts(_conformance(arguments))
     else:
-        files = [shipped.find(name) for name in arguments.files] or list(shipped.shipped_suites().values())
+        files = [robot.suite(name) for name in arguments.files] or list(robot.shipped_suites().values())
         read = reader.read_files(files)
     return _chosen(read, arguments.tag, arguments.step)
 
@@ -109,10 +108,8 @@ def _suites(arguments: argparse.Namespace, reader: SuiteReader) -> list[Suite]:
 def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
     if arguments.fault and not arguments.simulate:
         raise LocalError("--fault needs --simulate: it is a fault of a simulated node")
-    if arguments.fault:
-        from eurobot_od.robot.faults import faulty_kinds
-
-        faulty_kinds(arguments.fault)  # complains of a name before the first suite, not in it
+    for name in arguments.fault:
+        shared.robot(arguments).find_fault(name)  # complains of a name before the first suite, not in it
     if arguments.conformance and arguments.files:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:
@@ -125,28 +122,27 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
 def _conformance(arguments: argparse.Namespace) -> dict[Path, str]:
     """Make the suites of each device, by what reports call their file."""
     from eurobot_od.check.conformance import suite
-    from eurobot_od.od.dictionary import Dictionary
 
-    dictionaries = [Dictionary(each.file, each.device, each.node_id, each.name) for each in shared.devices(arguments)]
-    return {Path(f"{each.name}.yaml"): suite.text(each, destructive=arguments.destructive) for each in dictionaries}
+    return {
+        Path(f"{each.name}.yaml"): suite.text(each, destructive=arguments.destructive)
+        for each in shared.devices(arguments)
+    }
 
 
 def _networks(arguments: argparse.Namespace, refused: OnRefused) -> Networks:
     """Return the dialects, and the devices that the command line names for suites that name no dialect."""
     from eurobot_od.od import network
-    from eurobot_od.od.outline import Outline
-    from eurobot_od.robot.check import shipped
 
-    known = shipped.NETWORKS._replace(refused=refused)
+    known = shared.robot(arguments).networks()._replace(refused=refused)
     files = shared.named_files(arguments)
     if not files:
         return known
     named = Path(arguments.network or files[0].file)
 
-    def load(path: Path) -> tuple[Outline, ...]:
+    def load(path: Path) -> tuple[Dictionary, ...]:
         if path != named:
             return known.load(path)
-        loaded = network.load(files, Outline)
+        loaded = network.load(files)
         shared.tell_repairs(loaded)
         return loaded
 
@@ -219,7 +215,7 @@ def _many_results(
                 return
 
 
-DEPENDED_ON = ("dialect", "eds", "network", "fault", "tag", "step", "conformance", "destructive", "keep_going")
+DEPENDED_ON = ("robot", "dialect", "eds", "network", "fault", "tag", "step", "conformance", "destructive", "keep_going")
 """Options that the results of a seed depend on."""
 
 
@@ -228,7 +224,8 @@ def _settings(arguments: argparse.Namespace, suites: Sequence[Suite]) -> dict[st
     from eurobot_od.campaign.files import digest_of
 
     named = [Path(each.file) for each in shared.named_files(arguments)]
-    folders = {dialects.folder(suite.dialect or arguments.dialect) for suite in suites}
+    dialects = shared.robot(arguments).dialects
+    folders = {dialects.folder(each.dialect or arguments.dialect) for each in suites if each.dialect or not named}
     eds = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
     given = {name: str(getattr(arguments, name)) for name in DEPENDED_ON}
     return {"campaign": "checks", **given, "files": digest_of([*(suite.file for suite in suites), *named, *eds])}
@@ -260,6 +257,8 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     from eurobot_od.check.runner import RunOptions
 
     how = _how(arguments, seed)
+    robot = shared.robot(arguments)
+    dialects = robot.dialects
     fits = None in (suite.dialect, arguments.dialect) or (
         dialects.folder(suite.dialect) == dialects.folder(arguments.dialect)
     )
@@ -275,9 +274,7 @@ def _run_one(arguments: argparse.Namespace, suite: Suite, seed: int, interrupt: 
     conformance = arguments.conformance
     options = RunOptions(arguments.keep_going or conformance, chosen, conformance, interrupt, show)
     if arguments.simulate:
-        from eurobot_od.robot.check.partners import simulate
-
-        return simulate(suite, options, arguments.fault, seed)
+        return robot.simulate(suite, options, arguments.fault, seed)
     from eurobot_od.check.live import run_live
 
     return run_live(suite, options, partial(shared.open_bus, arguments))

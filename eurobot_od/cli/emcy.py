@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.cli import ExitStatus, remote
+from eurobot_od.cli import ExitStatus, options, remote
+from eurobot_od.device.emergency import error_words
 
 if TYPE_CHECKING:
-    from eurobot_od.client.history import History, RememberedError
+    from eurobot_od.client.history import History
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,25 +29,23 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         if arguments.clear:
             clear(node)
         found = history(node)
-    print(json.dumps(as_data(found), indent=2) if arguments.json else text(found, node.node_id))
+    own = options.robot(arguments).catalogue().errors
+    print(json.dumps(as_data(found, own), indent=2) if arguments.json else text(found, node.node_id, own))
     return ExitStatus.FOUND if found.register else ExitStatus.FINE
 
 
-def as_data(found: History) -> dict[str, Any]:
-    """Return a history as plain data."""
-    return {"register": found.register, "history": [each._asdict() | {"text": _words(each)} for each in found.entries]}
+def as_data(found: History, own: Mapping[int, str]) -> dict[str, Any]:
+    """Return a history as plain data; `own` are the words for the codes that are the devices' own."""
+    history = [each._asdict() | {"text": error_words(each.code, own)} for each in found.entries]
+    return {"register": found.register, "history": history}
 
 
-def text(found: History, node_id: int) -> str:
+def text(found: History, node_id: int, own: Mapping[int, str]) -> str:
     """Return a history for a person."""
     register = ", ".join(found.register_bits) or "no error"
     head = f"node {node_id}: {register} (error register 0x{found.register:02X})"
-    rows = [(f"0x{each.code:04X}", _words(each), f"0x{each.info:04X}" if each.info else "") for each in found.entries]
+    rows = [
+        (f"0x{each.code:04X}", error_words(each.code, own), f"0x{each.info:04X}" if each.info else "")
+        for each in found.entries
+    ]
     return f"{head}\n{remote.columns(rows)}" if rows else f"{head}\nno error remembered"
-
-
-def _words(entry: RememberedError) -> str:
-    from eurobot_od.device.emergency import error_words
-    from eurobot_od.robot.messages import CATALOGUE
-
-    return error_words(entry.code, CATALOGUE.errors)

@@ -21,7 +21,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.cli.progress import passing
     from eurobot_od.client.reading import dcf_of_node, parameters
     from eurobot_od.live import BITRATE
-    from eurobot_od.od.values import label
+    from eurobot_od.od.objects import label
 
     with remote.node(arguments) as node:
         dictionary = remote.needed_description(arguments, node).dictionary
@@ -30,5 +30,5 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
             dcf, left_out = dcf_of_node(node, dictionary, (arguments.bitrate or BITRATE) // 1000, stem, things)
     output.write_dcf(arguments.output, dcf)
     for thing, _, reason in left_out:
-        complain(f"left out {label(thing.address, thing.name)}: {reason}")
+        complain(f"left out {label(thing)}: {reason}")
     return ExitStatus.FOUND if left_out else ExitStatus.FINE

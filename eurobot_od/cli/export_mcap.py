@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from io import BytesIO
 from pathlib import Path
 
-from eurobot_od import extras
+from eurobot_od import extras, files
 from eurobot_od.amounts import amount
 from eurobot_od.cli import logs, options
 
@@ -23,11 +24,13 @@ def run(arguments: argparse.Namespace) -> None:
     """Write the file; say what is in it."""
     with extras.needed("mcap"):
         from eurobot_od.export.mcap import write
-        from eurobot_od.robot.poses import drawings
     decoder = options.decoder(arguments)
-    with logs.opened(arguments.log) as log, arguments.output.open("wb") as file:
+    files.check_writable(arguments.output)
+    file = BytesIO()
+    with logs.opened(arguments.log) as log:
         from eurobot_od.logs import formats
 
         entries = formats.read(log, arguments.format, arguments.largest)
-        messages, poses, damage = write(file, entries, decoder, drawings(decoder.protocol))
+        messages, poses, damage = write(file, entries, decoder, options.robot(arguments).drawings(decoder.protocol))
+    files.write_whole(arguments.output, file.getvalue())
     print(f"{arguments.output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")

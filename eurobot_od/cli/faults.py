@@ -7,28 +7,30 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from eurobot_od.cli import options
+from eurobot_od.errors import UnknownName
+
 if TYPE_CHECKING:
-    from eurobot_od.robot.faults import Fault
+    from eurobot_od.faults.fault import Fault
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("node", nargs="?", choices=("core", "drive", "navigation"), help="only the faults of this node")
+    parser.add_argument("node", nargs="?", help="only the faults of this node of the robot")
     parser.add_argument("--json", action="store_true", help="print them as JSON, with the step that finds each")
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the faults."""
-    from eurobot_od.robot import faults
-    from eurobot_od.robot.nodes import ROLES
-
-    role = ROLES[arguments.node] if arguments.node else None
+    robot = options.robot(arguments)
+    if arguments.node and arguments.node not in robot.nodes:
+        raise UnknownName("node", arguments.node, robot.nodes)
+    kind = robot.kind(arguments.node) if arguments.node else None
     # those of the base class any node can have
-    chosen = {
-        "any node" if owner.__name__ == "Node" else owner.__name__.lower(): rows
-        for owner, rows in faults.FAULTS.items()
-        if role is None or issubclass(role, owner)
-    }
+    chosen: dict[str, dict[str, Fault]] = {}
+    for owner, rows in robot.all_faults().items():
+        if kind is None or issubclass(kind, owner):
+            chosen.setdefault("any node" if owner.__name__ == "Node" else owner.__name__.lower(), {}).update(rows)
     print(json.dumps(as_data(chosen), indent=2) if arguments.json else as_text(chosen))
 
 

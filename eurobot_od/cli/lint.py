@@ -39,7 +39,9 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("-v", "--verbose", action="store_true", help="every finding: infos, and those that repeat")
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
     parser.add_argument(
-        "--fix", action="store_true", help="write the files as they are meant, and list what is changed"
+        "--fix",
+        action="store_true",
+        help="write the files in the normal form that every tool reads, and list what is changed",
     )
     parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: where to; left out: into the file itself")
     parser.add_argument("--explain", metavar="CODE", help="say what a rule demands, and where that is written")
@@ -72,19 +74,20 @@ def run(arguments: Namespace) -> ExitStatus:
 
 
 def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
-    """Write files as they are meant, without a guess at what they do not say; what is right already stays as it is."""
+    """Write files in their normal form, without a guess at what they do not say."""
     from pathlib import Path
 
     from eurobot_od.files import write_whole
-    from eurobot_od.od.repairs import repaired
+    from eurobot_od.od.normal import in_normal_form
 
     if output and len(files) > 1:
         raise LocalError("-o is for one file")
     for file in files:
-        data, repairs = repaired(read_bytes(file), file)
-        for line, what, _ in repairs:
+        before = read_bytes(file)
+        data, changes = in_normal_form(before, file)
+        for line, what, _ in changes:
             print(one_line(f"{file}:{line}: {what}"))
-        if repairs or output:
+        if data != before or output:
             write_whole(Path(output or file), data)
     return ExitStatus.FINE
 

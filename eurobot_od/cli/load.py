@@ -1,4 +1,4 @@
-"""Compute how full a CAN bus is and how late each message can be, for the robot, a network, or any set of messages.
+"""Compute how full a CAN bus is and how late each message can be, for a network, a robot, or any set of messages.
 
 Worst-case response times by Davis, Burns, Bril and Lukkien (2007), with transmit mailboxes and errors. Exit status 1 if
 a deadline can be missed.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,9 @@ from eurobot_od.errors import LocalError
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
     from eurobot_od.load.sweep import Limits
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.network_file import NetworkFile
+    from eurobot_od.plugin import Plugin
 
 BIT_RATE = 500_000
 """bit/s where neither the option nor the file says it."""
@@ -108,29 +112,40 @@ def message_set(arguments: argparse.Namespace) -> MessageSet:
 
 def _read(arguments: argparse.Namespace) -> MessageSet:
     from eurobot_od.load.set_file import is_message_set, read_set
-    from eurobot_od.robot import traffic
 
     path = arguments.path
     if path is None:
-        return traffic.message_set(arguments.dialect)
+        return of_robot(options.robot(arguments), arguments.dialect)
     if arguments.dialect:
-        raise LocalError("--dialect is for the robot's network: leave it out, or the file")
+        raise LocalError("--dialect is for a robot's network: leave it out, or the file")
     if Path(path).suffix.lower() in (".yaml", ".yml"):
         text = bounded.read(path).decode(errors="replace")
         if is_message_set(text):
             return read_set(text, path, arguments.bitrate)
-    return _of_network(path)
+    return _of_network(path, options.robot(arguments))
 
 
-def _of_network(path: str) -> MessageSet:
-    from eurobot_od.load.network_set import network_set
+def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
+    """Return what the nodes of a dialect send, with the periods of the dialects' network file, if there is one."""
+    from eurobot_od.od.network import read_network
+    from eurobot_od.od.network_file import NetworkFile
+
+    file = robot.dialects.network_file()
+    outlines = robot.dialects.load_all(dialect)
+    return _of_outlines(outlines, read_network(file) if file else NetworkFile(), str(file), robot)
+
+
+def _of_network(path: str, robot: Plugin) -> MessageSet:
     from eurobot_od.od.network import load, read_network
-    from eurobot_od.od.outline import Outline
-    from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.messages import CATALOGUE
 
     network = read_network(path)
-    outlines = load(network.nodes, Outline)
+    return _of_outlines(load(network.nodes), network, path, robot)
+
+
+def _of_outlines(outlines: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:
+    from eurobot_od.load.network_set import network_set
+    from eurobot_od.pdo.protocol import Protocol
+
     with options.left_out() as refused:
-        names = {each.cob_id: each.name for each in Protocol.of_devices(outlines, CATALOGUE, refused).bindings}
-    return network_set(outlines, names, network, path)
+        bindings = Protocol.of_devices(outlines, robot.catalogue(), refused).bindings
+    return network_set(outlines, {each.cob_id: each.name for each in bindings}, network, path)

@@ -13,12 +13,15 @@ from typing import TYPE_CHECKING
 from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
+from eurobot_od.cli.progress import SHORT, Unit, bar
 from eurobot_od.errors import LocalError, RemoteError
 from eurobot_od.od.values import parse_number
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Identity
     from eurobot_od.client.lss import LssSteps
+
+REQUESTS = Unit("requests", "requests/s", 1)
 
 NUMBERS = 4
 """Of an identity: vendor-ID, product code, revision and serial number."""
@@ -58,7 +61,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     action = ACTIONS[arguments.action](arguments)
     with Master(shared.open_bus(arguments), arguments.timeout) as master:
         try:
-            lines = perform(master, action, arguments.timeout)
+            with bar(f"lss {arguments.action}", unit=REQUESTS, after=SHORT) as progress:
+                lines = perform(master, action, arguments.timeout, progress)
         finally:
             perform(master, switch(LssState.WAITING))
     print("\n".join(lines) or "no device without a node-ID answers")

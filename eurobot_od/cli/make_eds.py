@@ -25,7 +25,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
     source = bounded.read(arguments.table).decode(errors="replace")
     try:
-        texts = make_files(read_table(source, arguments.table))
+        texts = make_files(read_table(source, arguments.table, _table))
     except TableError as error:
         print(error, file=sys.stderr)
         return ExitStatus.WRONG_INPUT
@@ -35,3 +35,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     found = differences(texts, arguments.output)
     print("\n".join(found) or f"{arguments.output}: as the table says: {amount(len(texts), 'file')}")
     return ExitStatus.FOUND if found else ExitStatus.FINE
+
+
+def _table(name: str) -> Path | None:
+    """Find the table of a robot, which another one may build on."""
+    from eurobot_od import plugin
+
+    return plugin.find(name).table

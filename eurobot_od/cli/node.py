@@ -1,36 +1,31 @@
-"""Run one device on a CAN bus until it is interrupted: a node of the robot, or anybody's device from its EDS."""
+"""Run one device on a CAN bus until it is interrupted: anybody's from its EDS, or a node of a robot."""
 
 from __future__ import annotations
 
 import argparse
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import bounded, durations
-from eurobot_od.cli import ExitStatus, scene
+from eurobot_od import bounded, durations, plugin
+from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
 from eurobot_od.escaping import one_line
-from eurobot_od.robot.values import TeamColour
 
 if TYPE_CHECKING:
-    from eurobot_od.cli.scene import Scene
+    from eurobot_od.device.node import Node
     from eurobot_od.device.waveforms import Waveform
     from eurobot_od.frame import Frame
     from eurobot_od.live import Live
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NodeFile
     from eurobot_od.od.values import Address
-    from eurobot_od.robot.nodes import Core, Node
-
-
-ONLY = {"team": "core", "drill": "core", "strategy": "core", "beacons": "navigation", "set": "", "values": ""}
-"""Options that make sense for one node of the robot only, or (``) for none of them."""
+    from eurobot_od.plugin import Scene
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,15 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="OBJECT=VALUE",
-        help="value in place of the file's, such as 0x2000:1=5 or Motor.Speed=5; repeatable",
+        help="value in place of the file's, such as 0x2000:1=5 or Motor.Speed=5; of a robot's node: a fact; repeatable",
     )
     device.add_argument("--values", type=Path, metavar="FILE", help="YAML of waveforms: what the device measures")
-    robot = parser.add_argument_group("the robot's nodes")
-    colours = [colour.name.lower() for colour in TeamColour]
-    robot.add_argument("--team", choices=colours, help="core only: check the nodes and configure the start")
-    robot.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
-    robot.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
-    scene.add_arguments(robot)
+    robot = plugin.find(getattr(parser, "robot", None))
+    if robot.stage is not None:
+        robot.stage().add_arguments(parser.add_argument_group(f"nodes of {robot.name}"))
     shared.add_network(parser)
     shared.add_bus(parser)
     shared.add_reconnect(parser)
@@ -69,19 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus | None:
     """Run the node until its time is over, an interrupt, or the bus's failure; raises BusError, WorldError."""
-    node = _make(arguments)
-    entered = scene.enter(node, arguments) if arguments.world else None
+    node, scene = _make(arguments)
     live = _live(node, arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the drive stopped, the bus closed
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the node's say, the bus closed
     _set_clock(node, live.clock())
-    if arguments.beacons:
-        from eurobot_od.robot.assembly import assemble
-        from eurobot_od.robot.options import MatchOptions
-
-        assemble([node], MatchOptions(), live.clock)  # our robot stands, the others are on their rounds
     with _bus_failure_first(live), live:
         print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
-        return _stay(live, node, entered, arguments)
+        return _stay(live, scene, arguments)
 
 
 def _live(node: Node, arguments: argparse.Namespace) -> Live:
@@ -101,15 +87,12 @@ def _live(node: Node, arguments: argparse.Namespace) -> Live:
     return live
 
 
-def _stay(live: Live, node: Node, entered: Scene | None, arguments: argparse.Namespace) -> ExitStatus | None:
+def _stay(live: Live, scene: Scene | None, arguments: argparse.Namespace) -> ExitStatus | None:
     """Have the node do what it is there for until its end. Raises BusError, NodeFailed, NoAnswer, OSError."""
-    from eurobot_od.robot.nodes import Core
-
-    if isinstance(node, Core) and entered and entered.strategy:
-        return scene.play(live, node, entered, entered.strategy, arguments)
     end = float("inf") if arguments.duration is None else live.clock() + arguments.duration
-    if isinstance(node, Core):
-        _lead(node, arguments, lambda: max(end - live.clock(), 0.0))
+    status = None if scene is None else scene.play(live)
+    if status is not None:
+        return ExitStatus(status)
     while (failure := live.failure or live.gatekeeper.report_failure) is None and live.clock() < end:
         time.sleep(0.1)
     if failure is not None:
@@ -132,38 +115,31 @@ def _set_clock(node: Node, now: float) -> None:
     node.device.time_of_day.set(datetime.now(), now)
 
 
-def _make(arguments: argparse.Namespace) -> Node:
+def _make(arguments: argparse.Namespace) -> tuple[Node, Scene | None]:
     """Make the node from its file and what was stored; raises UnknownName, LocalError, DictionaryError."""
     from eurobot_od.device.storage import FileStore
-    from eurobot_od.robot import faults
-    from eurobot_od.robot.nodes import ANY_DEVICE, KINDS, role_of
 
-    dictionary = _dictionary(arguments)
-    role = role_of(dictionary)
-    for option, only in ONLY.items():
-        if getattr(arguments, option) and role != only:
-            raise LocalError(f"--{option} is for {_spoken(only)}, not for {_spoken(role)}")
-    if arguments.world and role == ANY_DEVICE:
-        raise LocalError(f"--world is for the robot's nodes, not for {_spoken(role)}")
-    scene.check_arguments(arguments)
-    kind = faults.faulty(KINDS[role], arguments.fault) if arguments.fault else KINDS[role]
-    values: Mapping[str, Any] = _values(arguments, dictionary) if role == ANY_DEVICE else {}
-    return kind(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None, **values)
-
-
-def _spoken(role: str) -> str:
-    return f"the {role}" if role else "devices that are none of the robot's"
+    dictionary, robot = _dictionary(arguments), shared.robot(arguments)
+    role, stage = robot.role_of(dictionary), robot.stage() if robot.stage else None
+    if role and (option := "values" if arguments.values else "set" if arguments.set and not stage else ""):
+        raise LocalError(f"--{option} is for devices that are none of the robot's, not for the {role}")
+    if stage:
+        stage.check_arguments(arguments, role)
+    kind = robot.kind(role)
+    kind = robot.faulty(kind, arguments.fault) if arguments.fault else kind
+    values = _values(arguments, dictionary) if not role else stage.values(kind, dictionary, arguments) if stage else {}
+    node = kind(dictionary, store=FileStore(arguments.store, dictionary) if arguments.store else None, **values)
+    return node, stage.set_up(node, arguments) if stage and role else None
 
 
 def _dictionary(arguments: argparse.Namespace) -> Dictionary:
     from eurobot_od.od.dictionary import Dictionary
-    from eurobot_od.robot import dialects
 
     files = shared.named_files(arguments)
     if not files:
         if arguments.node is None:
             raise LocalError("which node? Name one of the robot's, or give a device's file with --eds")
-        return dialects.load(arguments.node, arguments.dialect, arguments.node_id)
+        return shared.robot(arguments).dialects.load(arguments.node, arguments.dialect, arguments.node_id)
     file = _chosen(files, arguments.node)
     node_id = file.node_id if arguments.node_id is None else arguments.node_id
     dictionary = Dictionary.load(file.file, node_id, file.name)
@@ -183,21 +159,21 @@ def _chosen(files: list[NodeFile], name: str | None) -> NodeFile:
 
 def _values(arguments: argparse.Namespace, dictionary: Dictionary) -> Mapping[str, Mapping[Address, Any]]:
     """Return the values of a device that the command line gives; raises LocalError, FieldError, UnknownName."""
-    from eurobot_od.client.objects import given
+    from eurobot_od.od.objects import given
 
     named = shared.assignments("--set", "OBJECT=VALUE", arguments.set)
     return {
-        "given": dict(given(*each, dictionary) for each in named),
+        "given": dict(given(*each, dictionary.objects) for each in named),
         "waveforms": _waveforms(arguments.values, dictionary) if arguments.values else {},
     }
 
 
 def _waveforms(file: Path, dictionary: Dictionary) -> dict[Address, Waveform]:
-    from eurobot_od.client.objects import find_one
     from eurobot_od.device.waveforms import read_waveforms
+    from eurobot_od.od.objects import address_of, find_one
 
     found = read_waveforms(bounded.read(file).decode(errors="replace"), str(file))
-    return {find_one(name, dictionary).address: waveform for name, waveform in found.items()}
+    return {address_of(find_one(name, dictionary.objects)): waveform for name, waveform in found.items()}
 
 
 def _show(node: Node, frame: Frame, now: float) -> None:
@@ -210,22 +186,3 @@ def _show(node: Node, frame: Frame, now: float) -> None:
     except RemoteError as error:
         what = str(error)
     print(one_line(f"{now:12.3f}  {frame!s:<20}  {what}"), flush=True)
-
-
-def _lead(core: Core, arguments: argparse.Namespace, left: Callable[[], float]) -> None:
-    """Do the core's part of the startup (document 5.1) and its drill, if asked to; raises NoAnswer.
-
-    The drill ends after the seconds that are `left`, and its goto with it.
-    """
-    if arguments.team:
-        for name, seconds in core.check_nodes().result().items():
-            print(f"{name} answered after {seconds * 1000:.1f} ms", flush=True)
-        seconds = core.configure_start(TeamColour[arguments.team.upper()]).result()
-        print(f"start configuration confirmed after {seconds * 1000:.1f} ms", flush=True)
-    if arguments.drill:
-        import asyncio
-
-        from eurobot_od.robot.check.drill import drill
-
-        with suppress(asyncio.TimeoutError):
-            asyncio.run(asyncio.wait_for(drill(core), left()))

@@ -10,13 +10,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od import plugin
+from eurobot_od.address import Address, parse
 from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.logs.recorder import END, GO_ON
 from eurobot_od.od import network
+from eurobot_od.od.dialects import DIALECT_VARIABLE
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, NodeFile
-from eurobot_od.od.outline import Outline
-from eurobot_od.robot import dialects
+from eurobot_od.plugin import Plugin
 
 if TYPE_CHECKING:
     import can
@@ -28,7 +31,6 @@ if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.od.pdos import OnRefused
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.world.channel import Address
 
 
 def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
@@ -71,13 +73,11 @@ def jobs(text: str) -> int:
 
 
 def address(text: str) -> Address:
-    """Read where a world listens: HOST:PORT, an IPv6 address in brackets."""
-    from eurobot_od.robot.world.channel import Address
-
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or int(port) > 0xFFFF:
-        raise argparse.ArgumentTypeError(f"{text} is not HOST:PORT, such as 127.0.0.1:2014")
-    return Address(host.strip("[]"), int(port))
+    """Read where something listens: HOST:PORT, an IPv6 address in brackets."""
+    try:
+        return parse(text)
+    except LocalError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def open_bus(arguments: argparse.Namespace) -> can.BusABC:
@@ -129,9 +129,13 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--dialect",
         metavar="NAME",
-        help=f"EDS files to load: {', '.join(dialects.names())}, or a folder; "
-        f"left out: the variable {dialects.DIALECT_VARIABLE}, else {dialects.DEFAULT}",
+        help=f"a robot's EDS files, by their dialect's name, or a folder; left out: the variable {DIALECT_VARIABLE}",
     )
+
+
+def robot(arguments: argparse.Namespace) -> Plugin:
+    """Return the robot that the command line is about; raises UnknownName, LocalError, DictionaryError."""
+    return plugin.find(getattr(arguments, "robot", None))
 
 
 def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str, str]]:
@@ -147,9 +151,7 @@ def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str,
 
 def add_network(parser: argparse.ArgumentParser) -> None:
     """Add --eds, --network and --dialect: whose EDS and DCF files are loaded."""
-    group = parser.add_argument_group(
-        "devices", f"left out: {network.DEFAULT} of this folder, else the robot's dialect"
-    )
+    group = parser.add_argument_group("devices", f"left out: {network.DEFAULT} of this folder, else the robot's")
     group.add_argument(
         "--eds",
         action="append",
@@ -179,16 +181,16 @@ def named_files(arguments: argparse.Namespace) -> list[NodeFile]:
     return [*files, *network.read_network(path).nodes] if path else files
 
 
-def devices(arguments: argparse.Namespace) -> tuple[Outline, ...]:
+def devices(arguments: argparse.Namespace) -> tuple[Dictionary, ...]:
     """Load the devices that the options name, or else the dialect's.
 
     Raises LocalError, DictionaryError, UnknownName.
     """
-    return _loaded(named_files(arguments), arguments.dialect)
+    return _loaded(named_files(arguments), arguments)
 
 
-def _loaded(files: list[NodeFile], dialect: str | None) -> tuple[Outline, ...]:
-    return network.load(files, Outline) if files else dialects.outlines(dialect)
+def _loaded(files: list[NodeFile], arguments: argparse.Namespace) -> tuple[Dictionary, ...]:
+    return network.load(files) if files else robot(arguments).dialects.load_all(arguments.dialect)
 
 
 def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
@@ -198,26 +200,26 @@ def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
 
     try:
         named = named_files(arguments)
-        path = arguments.network or network.DEFAULT if named else str(dialects.network_file())
-        rows = network.read_network(path) if os.path.exists(path) else NetworkFile([])  # noqa: PTH110
+        path = arguments.network or network.DEFAULT if named else str(robot(arguments).dialects.network_file())
+        rows = network.read_network(path) if os.path.exists(path) else NetworkFile()  # noqa: PTH110
         names = {each.cob_id: each.name for each in decoder.protocol.bindings}
         return network_set(decoder.outlines, names, rows, path)
     except (DictionaryError, LocalError):  # to watch a bus, nobody has to know how often what should come
         return NOTHING
 
 
-def tell_repairs(outlines: Iterable[Outline]) -> None:
+def tell_repairs(outlines: Iterable[Dictionary]) -> None:
     """Say in one line for each file what had to be looked over in it."""
-    for file, repairs in {each.file: each.repairs for each in outlines}.items():
-        if repairs:
-            what = f"line {repairs[0].line}: {repairs[0].what}"
-            more = f", and {len(repairs) - 1} more (`lint --fix` lists them)" if len(repairs) > 1 else ""
+    for file, changes in {each.file: each.changes for each in outlines}.items():
+        if changes:
+            what = f"line {changes[0].line}: {changes[0].what}"
+            more = f", and {len(changes) - 1} more (`lint --fix` lists them)" if len(changes) > 1 else ""
             complain(f"{file}: read as it is meant: {what}{more}")
 
 
 def decoder(arguments: argparse.Namespace) -> Decoder:
     """Return what tells the meaning of these devices' frames; says which PDOs are left out. Raises as `devices`."""
-    return decoder_of(_told(arguments))
+    return decoder_of(_told(arguments), robot(arguments))
 
 
 def asking_decoder(arguments: argparse.Namespace) -> Decoder:
@@ -236,31 +238,29 @@ def asking_decoder(arguments: argparse.Namespace) -> Decoder:
             except RemoteError as error:
                 complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
                 asked.append(outline)
-    return decoder_of(asked)
+    return decoder_of(asked, robot(arguments))
 
 
-def decoder_of(outlines: Iterable[Outline]) -> Decoder:
+def decoder_of(outlines: Iterable[Dictionary], robot: Plugin) -> Decoder:
     """Return what tells the meaning of some devices' frames; says which PDOs are left out."""
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.robot.messages import CATALOGUE
 
     with left_out() as refused:
-        return Decoder(outlines, CATALOGUE, refused)
+        return Decoder(outlines, robot.catalogue(), refused)
 
 
 def protocol(arguments: argparse.Namespace) -> Protocol:
     """Return the messages of these devices; says which PDOs are left out. Raises as `devices`."""
     from eurobot_od.pdo.protocol import Protocol
-    from eurobot_od.robot.messages import CATALOGUE
 
     with left_out() as refused:
-        return Protocol.of_devices(_told(arguments), CATALOGUE, refused)
+        return Protocol.of_devices(_told(arguments), robot(arguments).catalogue(), refused)
 
 
-def _told(arguments: argparse.Namespace) -> tuple[Outline, ...]:
+def _told(arguments: argparse.Namespace) -> tuple[Dictionary, ...]:
     """Load the devices, and say what had to be looked over in the files that are named."""
     files = named_files(arguments)
-    loaded = _loaded(files, arguments.dialect)
+    loaded = _loaded(files, arguments)
     if files:  # the dialects' files are in order; to look again takes as long as to load them
         tell_repairs(loaded)
     return loaded

@@ -1,6 +1,7 @@
 """Download a program into a CANopen node, verify and start it (0x1F50, 0x1F51, 0x1F56, 0x1F57).
 
-The program in the node is stopped and cleared first. If a step fails, one line says why and in which state the node is.
+Nothing is stopped before the node was looked at: whether it has a place for the program, and is the device of --eds.
+If a step fails, one line says why, in which state the node is, and how to go on.
 """
 
 from __future__ import annotations
@@ -39,7 +40,9 @@ def run(arguments: argparse.Namespace) -> None:
     if not content:
         raise LocalError(f"{arguments.file}: the file is empty")
     with remote.node(arguments) as node, bar(f"node {node.node_id}: {arguments.file.name}") as progress:
-        loaded = load(node, content, arguments.program, not arguments.no_crc, progress)
+        described = remote.named_description(arguments, node)
+        dictionary = described.dictionary if described else None
+        loaded = load(node, content, arguments.program, not arguments.no_crc, progress, dictionary)
     verified = f"verified by {loaded.crc}" if loaded.crc else "not verified by a CRC"
     print(
         f"node {node.node_id}: program {arguments.program}: {amount(loaded.size, 'byte')} written, {verified}, started"

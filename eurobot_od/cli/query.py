@@ -6,6 +6,7 @@ DuckDB's SQL; tables are `runs`, `frames`, `damage`, `messages`, and one for eac
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -14,6 +15,8 @@ from typing import TYPE_CHECKING
 from eurobot_od import extras
 from eurobot_od.cli import options, output, progress
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.escaping import cell, one_line
+from eurobot_od.plugin import Plugin
 
 if TYPE_CHECKING:
     import polars as pl
@@ -44,11 +47,14 @@ def run(arguments: argparse.Namespace) -> None:
         raise LocalError("a question is SQL or --report, not both")
     with extras.needed("season"):
         from eurobot_od.season.season import Season
+    known = reports(options.robot(arguments))
     if arguments.report == "list":
-        width = max(map(len, reports()))
-        print("\n".join(f"{name:{width}}  {report.title}" for name, report in reports().items()))
+        width = max(map(len, known))
+        print("\n".join(f"{name:{width}}  {report.title}" for name, report in known.items()))
         return
-    season, report = Season.open(arguments.season), _report(arguments.report)
+    if arguments.report is not None and arguments.report not in known:
+        raise UnknownName("report", arguments.report, known)
+    season, report = Season.open(arguments.season), known.get(arguments.report)
     question = report.sql if report else arguments.sql
     with progress.bar(str(arguments.season), unit=progress.PERCENT, after=progress.SHORT) as draw:
 
@@ -58,22 +64,17 @@ def run(arguments: argparse.Namespace) -> None:
         rows = ask(question) if question else _tables(season)
         if arguments.plot is not None:
             output.write(arguments.plot, _picture(ask, report, rows, arguments.sql))
+    for file in season.damaged:
+        print(f"eurobot-od: left out: {one_line(str(file))} is damaged; archive its log again", file=sys.stderr)
     written = _json if arguments.json else _csv if arguments.csv else _table
     sys.stdout.write(written(rows))
 
 
-def reports() -> Mapping[str, Report]:
-    """Return all reports by name."""
-    from eurobot_od.robot.season import REPORTS as OF_THE_ROBOT
+def reports(robot: Plugin) -> Mapping[str, Report]:
+    """Return all reports by name, a robot's and those for any devices."""
     from eurobot_od.season.reports import REPORTS
 
-    return {**OF_THE_ROBOT, **REPORTS}
-
-
-def _report(name: str | None) -> Report | None:
-    if name is not None and name not in reports():
-        raise UnknownName("report", name, reports())
-    return None if name is None else reports()[name]
+    return {**robot.reports(), **REPORTS}
 
 
 def _tables(season: Season) -> pl.DataFrame:
@@ -105,7 +106,18 @@ def _json(rows: pl.DataFrame) -> str:
 
 
 def _csv(rows: pl.DataFrame) -> str:
-    return _plain(rows).write_csv()
+    """Write CSV; a list or a record is text there, as JSON."""
+    import polars as pl
+
+    made = _plain(rows)
+    for name, type_ in made.schema.items():
+        if type_.is_nested():
+            texts = [None if each is None else json.dumps(each, default=str) for each in made[name].to_list()]
+            made = made.with_columns(pl.Series(name, texts, pl.String))
+    escaped = [
+        made[name].map_elements(cell, return_dtype=pl.String) for name in made.columns if made[name].dtype == pl.String
+    ]
+    return made.with_columns(escaped).rename(cell).write_csv()
 
 
 def _plain(rows: pl.DataFrame) -> pl.DataFrame:
@@ -122,7 +134,7 @@ def _table(rows: pl.DataFrame) -> str:
 
 def _lines(rows: pl.DataFrame) -> Iterator[str]:
     """Yield aligned lines: numbers to the right, all else to the left."""
-    columns = [[name, *map(_shown, rows[name].to_list())] for name in rows.columns]
+    columns = [[one_line(name), *map(_shown, rows[name].to_list())] for name in rows.columns]
     widths = [max(map(len, column)) for column in columns]
     aligned: list[Callable[[str, int], str]] = [
         str.rjust if rows[name].dtype.is_numeric() else str.ljust for name in rows.columns
@@ -132,4 +144,10 @@ def _lines(rows: pl.DataFrame) -> Iterator[str]:
 
 
 def _shown(value: object) -> str:
-    return "" if value is None else f"{value:.6f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
+    return (
+        ""
+        if value is None
+        else f"{value:.6f}".rstrip("0").rstrip(".")
+        if isinstance(value, float)
+        else one_line(str(value))
+    )

@@ -11,11 +11,12 @@ from eurobot_od.cli import ExitStatus, output, remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
 from eurobot_od.escaping import one_line
-from eurobot_od.od.values import label
+from eurobot_od.od.objects import address_of, find, label
 
 if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
     from eurobot_od.client.master import RemoteNode
-    from eurobot_od.client.objects import NamedObject
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,13 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Print the objects; 1 if the node refuses one."""
-    from eurobot_od.client.objects import find
     from eurobot_od.client.reading import read_all
 
     with remote.node(arguments) as node:
         found = remote.description(arguments, node)
-        dictionary = found.dictionary if found else None
-        things = [thing for text in arguments.objects for thing in find(text, dictionary)]
+        known = found.dictionary.objects if found else None
+        things = [thing for text in arguments.objects for thing in find(text, known)]
         if arguments.file:
             return _read_file(node, things, arguments.file)
         readings = list(read_all(node, things))
@@ -44,15 +44,13 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     return ExitStatus.FOUND if any(each.refusal for each in readings) else ExitStatus.FINE
 
 
-def _read_file(node: RemoteNode, things: list[NamedObject], file: Path) -> ExitStatus:
+def _read_file(node: RemoteNode, things: list[ODVariable], file: Path) -> ExitStatus:
     """Write an object's bytes to a file. Raises NodeRefused, NoAnswer, LocalError for several objects, OSError."""
     if len(things) != 1:
         raise LocalError(f"--file takes one object, not {len(things)}")
     thing = things[0]
-    with bar(label(thing.address, thing.name)) as progress:
-        content = node.upload_block(thing.address, thing.name, progress)
+    with bar(label(thing)) as progress:
+        content = node.upload_block(address_of(thing), thing.qualname, progress)
     output.write_bytes(file, content)
-    print(
-        one_line(f"{file}: {amount(len(content), 'byte')} of node {node.node_id}, {label(thing.address, thing.name)}")
-    )
+    print(one_line(f"{file}: {amount(len(content), 'byte')} of node {node.node_id}, {label(thing)}"))
     return ExitStatus.FINE

@@ -16,8 +16,8 @@ from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.escaping import one_line
 from eurobot_od.od import network
+from eurobot_od.od.objects import address_of, data_type, is_described, written
 from eurobot_od.od.values import NODE_IDS, label
-from eurobot_od.robot import dialects
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 
 def add_node(parser: argparse.ArgumentParser) -> None:
     """Add the node, and what every command needs to talk to it."""
-    names = ", ".join(each.stem for each in sorted(dialects.folder().glob("*.eds")))
-    parser.add_argument("node", metavar="NODE", help=f"node-ID 1..127, or a device's name; the dialect's: {names}")
+    parser.add_argument("node", metavar="NODE", help="node-ID 1..127, or a device's name")
     add_bus(parser)
 
 
@@ -90,17 +89,28 @@ def description(arguments: argparse.Namespace, node: RemoteNode) -> Description 
     """
     from eurobot_od.client import description as found
 
+    named = named_description(arguments, node)
+    if named is not None:
+        return named
+    dialects = shared.robot(arguments).dialects
+    names = [arguments.dialect] if arguments.dialect else dialects.names()
+    known = (each for name in names for each in dialects.load_all(name))
+    return found.fitting(node, known) or found.uploaded(node)
+
+
+def named_description(arguments: argparse.Namespace, node: RemoteNode) -> Description | None:
+    """Return the EDS that the user has named for the node; None if there is none."""
+    from eurobot_od.client.description import from_file
+
     files = [network.node_file(text) for text in arguments.eds]
     mine = next((each.file for each in files if each.node_id in (None, node.node_id)), None)
     if mine is None and shared.named_files(arguments):
         mine = next((str(each.file) for each in shared.devices(arguments) if each.node_id == node.node_id), None)
-    if mine is not None:
-        described = found.from_file(mine, node.node_id)
-        shared.tell_repairs([described.dictionary])
-        return described
-    names = [arguments.dialect] if arguments.dialect else dialects.names()
-    known = (each for name in names for each in dialects.load_all(name))
-    return found.fitting(node, known) or found.uploaded(node)
+    if mine is None:
+        return None
+    described = from_file(mine, node.node_id)
+    shared.tell_repairs([described.dictionary])
+    return described
 
 
 def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Description:
@@ -132,14 +142,12 @@ def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
 def as_data(reading: Reading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
-    type_name = thing.type.name if thing.type else ""
-    data = {"index": thing.address[0], "subindex": thing.address[1], "name": thing.name, "type": type_name}
+    type_name = data_type(thing).name if is_described(thing) else ""
+    data = {"index": thing.index, "subindex": thing.subindex, "name": thing.qualname, "type": type_name}
     result = {"refused": refusal} if refusal else {"value": value.hex() if isinstance(value, bytes) else value}
     return {**data, **result}
 
 
 def _row(reading: Reading) -> tuple[str, str, str]:
-    from eurobot_od.client.objects import written
-
     thing, value, refusal = reading
-    return label(thing.address), thing.name, f"({refusal})" if refusal else written(thing, value)
+    return label(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value)

@@ -1,4 +1,4 @@
-"""Show the bus in a browser, or logs: field, messages, plots, nodes, object dictionaries, events.
+"""Show the bus in a browser, or logs: messages, plots, nodes, object dictionaries, events.
 
 Rule of this file: a page is for this machine only, and changes nothing on the bus, unless it was asked for otherwise.
 """
@@ -57,18 +57,13 @@ def run(arguments: argparse.Namespace) -> None:
         raise LocalError(f"{len(arguments.logs)} logs do not go side by side: name one or two")
     if arguments.logs and arguments.control:
         raise LocalError("--control is for a bus: in a log there is nothing to be changed")
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))  # which asyncio takes between steps
     decoder = options.decoder(arguments)
     show = _show_logs if arguments.logs else _show_bus
     with suppress(KeyboardInterrupt):  # the usual way to end it
-        asyncio.run(show(arguments, decoder, panels_for(decoder)))
-
-
-def panels_for(decoder: Decoder) -> list[type[Panel]]:
-    """Return the panels that there are for a network."""
-    from eurobot_od.robot.panel import FieldPanel
-
-    return [FieldPanel] if FieldPanel.fits(decoder.protocol) else []
+        panels = [
+            each.of(decoder.protocol) for each in options.robot(arguments).panels() if each.fits(decoder.protocol)
+        ]
+        asyncio.run(show(arguments, decoder, panels))
 
 
 def _access(arguments: argparse.Namespace) -> Access:
@@ -79,8 +74,12 @@ def _access(arguments: argparse.Namespace) -> Access:
 
 
 async def _forever(address: str) -> None:
+    """Wait for SIGTERM; Ctrl-C, which a shell may have a program in the background ignore, cancels it."""
+    told = asyncio.Event()
+    with suppress(NotImplementedError):  # on Windows, which has no SIGTERM
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, told.set)
     print(f"{address}  (Ctrl-C ends it)", flush=True)
-    await asyncio.Event().wait()
+    await told.wait()
 
 
 # Logs

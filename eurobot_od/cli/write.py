@@ -13,11 +13,12 @@ from eurobot_od.cli import remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
 from eurobot_od.escaping import one_line
-from eurobot_od.od.values import label
+from eurobot_od.od.objects import address_of, encode, find_one, is_described, label, parse, shown, written
 
 if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
     from eurobot_od.client.master import RemoteNode
-    from eurobot_od.client.objects import NamedObject
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,30 +33,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Write the object."""
-    from eurobot_od.client.objects import find_one
-
     if (arguments.value is None) is (arguments.file is None):
         raise LocalError("what to write: give a value or --file FILE, one of them")
     content = arguments.file.read_bytes() if arguments.file else b""
     with remote.node(arguments) as node:
         found = remote.description(arguments, node)
-        thing = find_one(arguments.object, found.dictionary if found else None)
+        thing = find_one(arguments.object, found.dictionary.objects if found else None)
         text = _write_value(node, thing, arguments.value) if arguments.file is None else _write(node, thing, content)
-    print(one_line(f"node {node.node_id}: {label(thing.address, thing.name)} = {text}"))
+    print(one_line(f"node {node.node_id}: {label(thing)} = {text}"))
 
 
-def _write_value(node: RemoteNode, thing: NamedObject, text: str) -> str:
-    from eurobot_od.client.objects import encode, parse, written
-
+def _write_value(node: RemoteNode, thing: ODVariable, text: str) -> str:
     value = parse(thing, text)
-    size = len(node.upload(thing.address)) if thing.variable is None else 0
-    node.download(thing.address, encode(thing, value, size), thing.name)
+    size = len(node.upload(address_of(thing))) if not is_described(thing) else 0
+    node.download(address_of(thing), encode(thing, value, size), thing.qualname)
     return written(thing, value)
 
 
-def _write(node: RemoteNode, thing: NamedObject, content: bytes) -> str:
-    from eurobot_od.client.objects import shown
-
-    with bar(label(thing.address, thing.name)) as progress:
-        node.download(thing.address, content, thing.name, progress=progress)
+def _write(node: RemoteNode, thing: ODVariable, content: bytes) -> str:
+    with bar(label(thing)) as progress:
+        node.download(address_of(thing), content, thing.qualname, progress=progress)
     return shown(thing, content)

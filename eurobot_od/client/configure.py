@@ -6,31 +6,43 @@ taken back. Nothing is stored before everything reads back as it should, so a re
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Container, Iterable, Mapping
 from datetime import datetime
-from typing import NamedTuple
+from enum import Enum
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.client.description import Description, Identity
 from eurobot_od.client.master import STORE_WAIT, RemoteNode
-from eurobot_od.client.objects import NamedObject, all_objects, at, encode, shown
 from eurobot_od.client.pdo_order import Bytes, in_order, pdo_of, procedure_objects
 from eurobot_od.device.nmt import STATE_NAMES, NmtCommand, NmtState
-from eurobot_od.device.objects import VERIFY_CONFIGURATION
+from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, EurobotError, FieldError, NodeRefused
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.keys import COMMISSIONING
+from eurobot_od.od.objects import address_of, all_objects, at, data_type, encode, is_described, label, shown, value_text
+from eurobot_od.od.standard import (
+    ALL_PARAMETERS,
+    ERROR_FIELD,
+    PROGRAM_CONTROL,
+    PROGRAM_DATA,
+    RESTORE,
+    SIGNATURES,
+    STORE,
+    VERIFY_CONFIGURATION,
+)
 from eurobot_od.od.time_of_day import TimeOfDay
-from eurobot_od.od.values import DOMAIN, Address, label
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.od.values import DOMAIN, MANUFACTURER, Address
+from eurobot_od.sdo.wire import EXPEDITED_SIZE, LARGEST, AbortCode
 
-STORE: Address = (0x1010, 1)
-SAVE = b"save"
-RESTORE: Address = (0x1011, 1)
-LOAD = b"load"
-"""Where which signature stores all parameters, or restores their defaults (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
-NOT_CONFIGURATION = frozenset({0x1003, 0x1010, 0x1011, 0x1020, 0x1023, 0x1024, 0x1F50, 0x1F51})
+
+NOT_CONFIGURATION = frozenset(
+    {ERROR_FIELD, STORE, RESTORE, VERIFY_CONFIGURATION[0][0], 0x1023, 0x1024, PROGRAM_DATA, PROGRAM_CONTROL}
+)
 """Objects that can be written and mean a history, a command or our own mark, no parameter."""
 
 COMMAND_TO: dict[NmtState | None, NmtCommand] = {
@@ -43,7 +55,7 @@ COMMAND_TO: dict[NmtState | None, NmtCommand] = {
 class ChangedObject(NamedTuple):
     """An object whose bytes differ: `before` in the node (None: it cannot be read), `after` in the file."""
 
-    thing: NamedObject
+    thing: ODVariable
     before: bytes | None
     after: bytes
 
@@ -53,30 +65,61 @@ class ChangedObject(NamedTuple):
         return "?" if self.before is None else shown(self.thing, self.before), shown(self.thing, self.after)
 
 
+class Chapter(Enum):
+    """A part of an object dictionary, and its `indices` (CiA 301, Table 39); PDO parameters are a part of their own."""
+
+    COMMUNICATION = "communication"
+    PDO = "pdo"
+    MANUFACTURER = "manufacturer"
+    PROFILE = "profile"
+
+    @property
+    def indices(self) -> Container[int]:
+        """The indices of its objects."""
+        return CHAPTERS[self]
+
+
+PDO_PARAMETERS = range(0x1400, 0x1C00)
+CHAPTERS: Mapping[Chapter, Container[int]] = {
+    Chapter.COMMUNICATION: frozenset(COMMUNICATION_PROFILE) - frozenset(PDO_PARAMETERS),
+    Chapter.PDO: PDO_PARAMETERS,
+    Chapter.MANUFACTURER: MANUFACTURER,
+    Chapter.PROFILE: range(MANUFACTURER.stop, 0x10000),
+}
+
+
 class ChangePlan(NamedTuple):
-    """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs."""
+    """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs.
+
+    `whole` tells whether that is all of the DCF.
+    """
 
     dictionary: Dictionary
     changes: tuple[ChangedObject, ...]
     present: Bytes
+    whole: bool = True
 
     def writes(self) -> list[Write]:
         """Return all writes in their order."""
-        return in_order({each.thing.address: each.after for each in self.changes}, self.present)
+        return in_order({address_of(each.thing): each.after for each in self.changes}, self.present)
 
     def way_back(self, done: Iterable[Write]) -> list[Write]:
         """Return the writes that undo those of `done`, of objects whose former bytes are known."""
         state = {**self.present, **{write.address: write.data for write in done}}
         touched = {_unit(write.address) for write in done}
-        former = {**{c.thing.address: c.before for c in self.changes if c.before is not None}, **self.present}
+        former = {**{address_of(c.thing): c.before for c in self.changes if c.before is not None}, **self.present}
         return in_order({address: data for address, data in former.items() if _unit(address) in touched}, state)
 
 
 class Configured(NamedTuple):
-    """What a configuration did: how many objects it changed, and whether the node has stored them."""
+    """What a configuration did: how many objects it changed, and whether the node has stored them.
+
+    `verified` tells whether the node had them after a reset.
+    """
 
     changed: int
     stored: bool
+    verified: bool = False
 
 
 def configure(node: RemoteNode, description: Description, now: datetime) -> Configured:
@@ -92,45 +135,44 @@ def configure(node: RemoteNode, description: Description, now: datetime) -> Conf
 # The file
 
 
-def settings(description: Description) -> list[tuple[NamedObject, bytes]]:
+def settings(description: Description) -> list[tuple[ODVariable, bytes]]:
     """Return the objects that a DCF configures, with their bytes: those with a value that can be written.
 
     A mapping's entries after the last that counts are not among them. Raises DictionaryError for a value that its
     object cannot have, and for a file beside the DCF that cannot be read.
     """
     dictionary, found = description.dictionary, []
-    for thing in all_objects(dictionary):
-        if is_parameter(thing) and _counts(dictionary, thing.address):
+    for thing in all_objects(dictionary.objects):
+        if is_parameter(thing) and _counts(dictionary, address_of(thing)):
             data = _configured(dictionary, thing)
             if data is not None:
                 found.append((thing, data))
     return found
 
 
-def _configured(dictionary: Dictionary, thing: NamedObject) -> bytes | None:
+def _configured(dictionary: Dictionary, thing: ODVariable) -> bytes | None:
     """Return the bytes that a DCF gives an object, None if it gives it none. Raises DictionaryError."""
-    text = getattr(thing.variable, "value_raw", "")
-    if thing.type is None or not thing.type.size:
-        return dcf.content(dictionary, thing.address)
+    if not data_type(thing).size:
+        return dcf.content(dictionary, address_of(thing))
     try:
-        return encode(thing, getattr(thing.variable, "value", None)) if text else None
+        return encode(thing, thing.value) if value_text(thing) else None
     except FieldError as error:
-        what = f"sub {thing.address[1]} ({thing.name}): {text} is not allowed; allowed: {error.allowed}"
-        raise DictionaryError(dictionary.file, thing.address[0], what) from None
+        what = f"sub {thing.subindex} ({thing.qualname}): {value_text(thing)} is not allowed; allowed: {error.allowed}"
+        raise DictionaryError(dictionary.file, thing.index, what) from None
 
 
 def all_writes(description: Description) -> list[Write]:
     """Return the writes that configure a device of which nothing is known, in their order; raises as `settings`."""
-    wanted = {thing.address: data for thing, data in settings(description)}
+    wanted = {address_of(thing): data for thing, data in settings(description)}
     dictionary = description.dictionary
     for address in set(procedure_objects(wanted)) - set(wanted):
-        wanted[address] = encode(at(address, dictionary), dictionary.default(address))
+        wanted[address] = encode(at(address, dictionary.objects), dictionary.default(address))
     return in_order(wanted, {})
 
 
-def is_parameter(thing: NamedObject) -> bool:
+def is_parameter(thing: ODVariable) -> bool:
     """Whether a configuration may write an object."""
-    return thing.variable is not None and thing.variable.writable and thing.address[0] not in NOT_CONFIGURATION
+    return is_described(thing) and thing.writable and thing.index not in NOT_CONFIGURATION
 
 
 def check_file(description: Description, node_id: int) -> None:
@@ -139,16 +181,11 @@ def check_file(description: Description, node_id: int) -> None:
     absent = dcf.missing(description.text)
     if absent:
         raise DictionaryError(dictionary.file, None, f"incomplete: no section [{absent[0]}]")
-    intended = dictionary.objects.node_id
+    intended = dictionary.commissioned_node_id
     if intended is None:
-        raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{dcf.COMMISSIONING}]")
+        raise DictionaryError(dictionary.file, None, f"incomplete: no NodeID in [{COMMISSIONING}]")
     if intended != node_id:
         raise DictionaryError(dictionary.file, None, f"is for node {intended}, not for node {node_id}")
-    address = dictionary.node_id_address
-    own = dictionary.variable(address) if address else None
-    if own is not None and own.value not in (None, node_id):
-        what = f"{own.name} {own.value} is not the NodeID {node_id} of [{dcf.COMMISSIONING}]"
-        raise DictionaryError(dictionary.file, own.index, what)
     dictionary.read_pdos(dictionary.default)
 
 
@@ -162,8 +199,10 @@ def _counts(dictionary: Dictionary, address: Address) -> bool:
 # The difference
 
 
-def difference(node: RemoteNode, description: Description) -> ChangePlan:
-    """Compare a node with a DCF, by reading alone.
+def difference(
+    node: RemoteNode, description: Description, chapters: Collection[Chapter] = tuple(Chapter)
+) -> ChangePlan:
+    """Compare a node with a DCF, or with some chapters of it, by reading alone.
 
     Raises DictionaryError for a file that is damaged, for another device or node-ID, or with objects that the node
     does not have; RemoteError and BusError.
@@ -173,30 +212,49 @@ def difference(node: RemoteNode, description: Description) -> ChangePlan:
     other = Identity.of(dictionary).difference(Identity.read(node))
     if other is not None:
         raise DictionaryError(dictionary.file, None, f"is for another device: node {node.node_id} has {other}")
-    wanted = settings(description)
-    present = {thing.address: _present(node, dictionary, thing) for thing, _ in wanted}
-    read = ((thing, present[thing.address], data) for thing, data in wanted)
+    wanted = [each for each in settings(description) if any(each[0].index in one.indices for one in chapters)]
+    present = {address_of(thing): _present(node, dictionary, thing) for thing, _ in wanted}
+    read = ((thing, present[address_of(thing)], data) for thing, data in wanted)
     changes = tuple(ChangedObject(*each) for each in read if each[1] != each[2])
-    needed = procedure_objects(each.thing.address for each in changes)
+    _check_own_node_id(node, dictionary, changes)
+    needed = procedure_objects(address_of(each.thing) for each in changes)
     return ChangePlan(
-        dictionary, changes, {address: present.get(address) or node.upload(address) for address in needed}
+        dictionary,
+        changes,
+        {address: present.get(address) or node.upload(address) for address in needed},
+        whole=set(chapters) == set(Chapter),
     )
 
 
-def read_object(node: RemoteNode, thing: NamedObject) -> bytes:
+def _check_own_node_id(node: RemoteNode, dictionary: Dictionary, changes: Iterable[ChangedObject]) -> None:
+    """Raise DictionaryError if a change would give the node another node-ID than the file is for.
+
+    An object of a maker may be called the same and be none: it is one only if it says what the node's is.
+    """
+    for thing, before, after in changes:
+        is_own = before is not None and int.from_bytes(before, "little") == node.node_id
+        if is_own and address_of(thing) == dictionary.node_id_address:
+            what = f"{thing.qualname} {shown(thing, after)} is not the NodeID {node.node_id} of [{COMMISSIONING}]"
+            raise DictionaryError(dictionary.file, thing.index, what)
+
+
+def read_object(node: RemoteNode, thing: ODVariable) -> bytes:
     """Read an object, as many bytes as its type has: some devices send 4 of everything. Raises as `upload`."""
-    upload = node.upload_block if thing.type == DOMAIN else node.upload
-    return upload(thing.address, thing.name)[: (thing.type.size if thing.type else 0) or None]
+    if data_type(thing) == DOMAIN and is_described(thing):
+        return node.upload_block(address_of(thing), thing.qualname)
+    size = data_type(thing).size or None
+    most = max(size, EXPEDITED_SIZE) if size else LARGEST
+    return node.upload(address_of(thing), thing.qualname, most=most)[:size]
 
 
-def _present(node: RemoteNode, dictionary: Dictionary, thing: NamedObject) -> bytes | None:
+def _present(node: RemoteNode, dictionary: Dictionary, thing: ODVariable) -> bytes | None:
     """Read an object of a DCF; None if it can only be written, or has no value yet. Raises as `difference`."""
     try:
         return read_object(node, thing)
     except NodeRefused as error:
         if error.code in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX):
-            what = f"sub {thing.address[1]} ({thing.name}): node {node.node_id} has no such object"
-            raise DictionaryError(dictionary.file, thing.address[0], what) from error
+            what = f"sub {thing.subindex} ({thing.qualname}): node {node.node_id} has no such object"
+            raise DictionaryError(dictionary.file, thing.index, what) from error
         if error.code in (AbortCode.WRITE_ONLY, AbortCode.NO_DATA):
             return None
         raise
@@ -211,12 +269,13 @@ def _unit(address: Address) -> Address:
 # The change
 
 
-def apply(node: RemoteNode, plan: ChangePlan, now: datetime) -> Configured:
+def apply(node: RemoteNode, plan: ChangePlan, now: datetime, *, stores: bool = True, resets: bool = True) -> Configured:
     """Write a plan: pre-operational, writes, read back, verify configuration, store, reset, verify.
 
-    Raises ConfigurationError, or BusError, that names the state in which the node is.
+    Verify configuration is only for a whole DCF, and the reset for a node that has stored. Raises ConfigurationError,
+    or BusError, that names the state in which the node is.
     """
-    former, mark = node.last_state, _mark(plan.dictionary, now)
+    former, mark = node.last_state, _mark(plan.dictionary, now) if plan.whole else []
     done: list[Write] = []
     try:
         # A node at work would send PDOs half in the old form, half in the new, and some refuse to be mapped anew.
@@ -225,35 +284,38 @@ def apply(node: RemoteNode, plan: ChangePlan, now: datetime) -> Configured:
         read_back(node, plan)
         # The node clears the mark when its configuration changes, so it comes after all else; and it is stored too.
         _write(node, plan, mark, [])
-        stored = plan.dictionary.variable(STORE) is not None
+        stored = stores and plan.dictionary.variable((STORE, ALL_PARAMETERS)) is not None
         if stored:
             store(node)
     except (EurobotError, KeyboardInterrupt) as error:
         raise _failure(error, _take_back(node, plan, done, former)) from error
-    _restart(node, plan, mark, stored, former)
-    return Configured(len(plan.changes), stored)
+    if stored and resets:
+        _reset(node, plan, mark)
+    else:
+        node.command(COMMAND_TO.get(former, NmtCommand.START))
+    return Configured(len(plan.changes), stored, stored and resets)
 
 
 def read_back(node: RemoteNode, plan: ChangePlan) -> None:
     """Raise ConfigurationError unless a node has all that a plan was to write."""
     for thing, _, after in plan.changes:
-        if thing.variable is None or not thing.variable.readable:
+        if not thing.readable:
             continue
         found = _present(node, plan.dictionary, thing)
         if found != after:
             reads, wrote = ChangedObject(thing, found, after).texts
-            what = f"node {node.node_id}: {label(thing.address, thing.name)} reads {reads} after {wrote} was written"
+            what = f"node {node.node_id}: {label(thing)} reads {reads} after {wrote} was written"
             raise ConfigurationError(what)
 
 
 def store(node: RemoteNode) -> None:
     """Have a node store its parameters, so that they survive a reset; raises as `RemoteNode.download`."""
-    node.download(STORE, SAVE, "Save all parameters", STORE_WAIT)
+    node.download((STORE, ALL_PARAMETERS), SIGNATURES[STORE], "Save all parameters", STORE_WAIT)
 
 
 def restore(node: RemoteNode) -> None:
     """Have a node take the defaults of its parameters again, from its next reset on; raises as `store`."""
-    node.download(RESTORE, LOAD, "Restore all default parameters", STORE_WAIT)
+    node.download((RESTORE, ALL_PARAMETERS), SIGNATURES[RESTORE], "Restore all default parameters", STORE_WAIT)
 
 
 def _mark(dictionary: Dictionary, now: datetime) -> list[Write]:
@@ -268,17 +330,14 @@ def _write(node: RemoteNode, plan: ChangePlan, writes: Iterable[Write], done: li
     for write in writes:
         done.append(write)
         try:
-            node.download(write.address, write.data, at(write.address, plan.dictionary).name)
+            node.download(write.address, write.data, at(write.address, plan.dictionary.objects).qualname)
         except NodeRefused:
             done.pop()
             raise
 
 
-def _restart(node: RemoteNode, plan: ChangePlan, mark: list[Write], stored: bool, former: NmtState | None) -> None:
-    """Reset a node that has stored its parameters and see that it still has them; leave another as it was."""
-    if not stored:
-        node.command(COMMAND_TO.get(former, NmtCommand.START))
-        return
+def _reset(node: RemoteNode, plan: ChangePlan, mark: list[Write]) -> None:
+    """Reset a node that has stored its parameters and see that it still has them."""
     try:
         node.reset()
         # The mark that it still has stands for all of them: that saves reading every object once more.
@@ -299,7 +358,7 @@ def _take_back(node: RemoteNode, plan: ChangePlan, done: list[Write], former: Nm
         node.command(COMMAND_TO[state])
     except EurobotError:
         units = {_unit(write.address) for write in done}
-        is_new = {label(c.thing.address, c.thing.name): _unit(c.thing.address) in units for c in plan.changes}
+        is_new = {label(c.thing): _unit(address_of(c.thing)) in units for c in plan.changes}
         new, old = (", ".join(name for name in is_new if is_new[name] is which) or "nothing" for which in (True, False))
         return (
             f"node {node.node_id} is pre-operational; written and not stored: {new}; not written: {old}; "

@@ -12,12 +12,8 @@ from typing import NamedTuple
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import DEVICE_NAME, IDENTITY, STORE_FORMAT, STORED_EDS
 from eurobot_od.od.values import Address
-
-IDENTITY = 0x1018
-STORED_EDS: Address = (0x1021, 0)
-STORE_FORMAT: Address = (0x1022, 0)
-DEVICE_NAME: Address = (0x1008, 0)
 
 PLAIN_TEXT = b"\0"
 """Value of 0x1022 for an EDS that is not compressed (CiA 301, 7.5.2.23)."""
@@ -70,7 +66,7 @@ def from_file(file: str | Path, node_id: int | None = None) -> Description:
 
 
 def _described(dictionary: Dictionary) -> Description:
-    return Description(dictionary, "\n".join(dictionary.device.document.lines))
+    return Description(dictionary, dictionary.content.decode("latin-1"))
 
 
 def uploaded(node: RemoteNode) -> Description | None:

@@ -9,10 +9,7 @@ import struct
 from typing import NamedTuple
 
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.od.values import Address
-
-REGISTER: Address = (0x1001, 0)
-FIELD = 0x1003
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER
 
 REGISTER_BITS = (
     "generic error", "current", "voltage", "temperature",
@@ -42,12 +39,12 @@ class History(NamedTuple):
 
 def history(node: RemoteNode) -> History:
     """Read the errors of a node. Raises NodeRefused, NoAnswer, BusError."""
-    register = node.upload(REGISTER, "Error register")[0]
-    count = node.upload((FIELD, 0), "Number of errors")[0]
-    fields = (node.upload((FIELD, sub)) for sub in range(1, count + 1))
+    register = node.upload(ERROR_REGISTER, "Error register")[0]
+    count = node.upload((ERROR_FIELD, 0), "Number of errors")[0]
+    fields = (node.upload((ERROR_FIELD, sub)) for sub in range(1, count + 1))
     return History(register, [RememberedError(*struct.unpack_from("<HH", each)) for each in fields])
 
 
 def clear(node: RemoteNode) -> None:
     """Empty the history; raises as `history` does."""
-    node.download((FIELD, 0), b"\0", "Number of errors")
+    node.download((ERROR_FIELD, 0), b"\0", "Number of errors")

@@ -11,17 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator, Mapping
 from enum import IntEnum
+from itertools import count
 from typing import NamedTuple, TypeAlias, TypeVar
 
 from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od.values import LSS_COB_IDS, NODE_IDS
+from eurobot_od.sdo.client import Progress, unwatched
 
 ANSWERS, REQUESTS = LSS_COB_IDS
 
 ANSWER_WAIT = 0.1
-"""Seconds that a device has for an answer; `find_all` waits so long about 70 times for each device."""
+"""Seconds that a device has for an answer; `find_all` waits so long about 130 times for each device."""
 
 LENGTH = 8
 """Bytes of every LSS request and answer."""
@@ -122,13 +124,54 @@ def fastscan() -> LssSteps[Identity | None]:
 
 
 def find_all() -> LssSteps[list[Identity]]:
-    """Return all devices without a node-ID; all are in waiting state afterwards."""
+    """Return all devices without a node-ID, at most as many as there are node-IDs; none is configured meanwhile.
+
+    Devices answer by one identifier all alike, so that they are told apart by asking for both values of each bit. They
+    stay in waiting state: in the other one CiA 305 has them answer no more, but CANopenNode's then say yes to whatever
+    they are asked.
+    """
     yield from switch(LssState.WAITING)
-    found: list[Identity] = []
-    while (identity := (yield from fastscan())) is not None:  # one that is found is being configured: no longer asked
-        found.append(identity)
+    seen: list[Identity] = []
+    if (yield from _positioned(())):
+        yield from _explore((), 0, FIRST_BIT + 1, seen)
+    found = []
+    for each in seen:  # one whose slave keeps no position may be made of parts of two devices
+        if (yield from select(each)):
+            found.append(each)
     yield from switch(LssState.WAITING)
     return found
+
+
+def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity]) -> LssSteps[None]:
+    """Note the devices whose identities begin with `head`, and go on with a number of these bits from `bit` upwards.
+
+    There is one at least.
+    """
+    part = len(head)
+    if bit == 0 and part + 1 == len(Identity._fields):
+        seen.append(Identity._make((*head, number)))
+    elif bit == 0:
+        yield from _positioned((*head, number))
+        yield from _explore((*head, number), 0, FIRST_BIT + 1, seen)
+    else:
+        bit -= 1
+        other = number | 1 << bit
+        is_first = yield from _scanned(number, bit, part, part)
+        is_other = not is_first or (yield from _scanned(other, bit, part, part))
+        if is_first:
+            yield from _explore(head, number, bit, seen)
+        if is_first and is_other:
+            yield from _positioned(head)
+        if is_other and len(seen) < len(NODE_IDS):
+            yield from _explore(head, other, bit, seen)
+
+
+def _positioned(head: tuple[int, ...]) -> LssSteps[bool]:
+    """Have the devices whose identities begin with `head` expect its next part; return whether any device is there."""
+    is_there = yield from _scanned(0, ANY_BIT, 0, 0)
+    for part, number in enumerate(head):
+        yield from _scanned(number, 0, part, part + 1)
+    return is_there
 
 
 def inquire_node_id() -> LssSteps[int]:
@@ -202,15 +245,22 @@ def _number(value: int) -> bytes:
 # The bus
 
 
-def perform(master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT) -> Result:
-    """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError."""
+def perform(
+    master: Master, steps: LssSteps[Result], wait: float = ANSWER_WAIT, progress: Progress = unwatched
+) -> Result:
+    """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError.
+
+    `progress` is told the number of requests so far.
+    """
     answers: list[bytes] = []
     master.listeners[ANSWERS] = answers.append
     answer = None
     try:
-        while True:
+        for number in count(1):
             request = steps.send(answer)
+            progress(number, None)
             answer = _exchange(master, request, answers, wait)
+        raise AssertionError  # `count` has no end
     except StopIteration as end:
         result: Result = end.value
         return result

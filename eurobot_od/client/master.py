@@ -27,6 +27,7 @@ from eurobot_od.sdo.client import (
     OddAnswer,
     Progress,
     Refused,
+    Room,
     Silence,
     Transfer,
     block_download,
@@ -35,7 +36,7 @@ from eurobot_od.sdo.client import (
     unwatched,
     upload,
 )
-from eurobot_od.sdo.wire import reason
+from eurobot_od.sdo.wire import LARGEST, reason
 
 if TYPE_CHECKING:
     import can
@@ -48,6 +49,9 @@ BLOCK_FROM = 128
 
 STORE_WAIT = 5.0
 """Seconds that a node has to store its parameters: it may have to erase a flash memory."""
+
+BACKLOG = 1 << 16
+"""So many frames are taken in at once of those that are waiting: more than any adapter's buffer has."""
 
 BOOT_WAIT = 5.0
 """Seconds that a node has from a reset to its boot-up message."""
@@ -101,14 +105,20 @@ class Master:
 
     def drain(self) -> None:
         """Take in the frames that are waiting already. Raises BusError."""
-        while self._receive(0):
-            pass
+        for _ in range(BACKLOG):
+            if not self._receive(0):
+                break
 
     def pump(self, wait: float, done: Callable[[], bool] = lambda: False) -> bool:
-        """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError."""
+        """Take in frames for `wait` seconds, or until `done`; return whether it is done. Raises BusError.
+
+        Frames that are waiting at the end count too: they have come in time, however late this process looks.
+        """
         end = self.clock() + wait
         while not done() and (left := end - self.clock()) > 0:
             self._receive(left)
+        if not done():
+            self.drain()
         return done()
 
     def _receive(self, wait: float) -> bool:
@@ -133,15 +143,19 @@ class RemoteNode:
     def __init__(self, master: Master, node_id: int) -> None:
         self.master, self.node_id = master, node_id
 
-    def upload(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
-        """Read an object's bytes. Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError."""
-        master = self.master
-        return self._transfer("read", address, name, upload(address, master.answer_wait, progress, master.unannounced))
+    def upload(self, address: Address, name: str = "", progress: Progress = unwatched, most: int = LARGEST) -> bytes:
+        """Read an object's bytes, of which it can have `most`.
+
+        Raises NodeRefused, NoAnswer, RemoteError for an odd answer, BusError.
+        """
+        master, room = self.master, Room(most, min(most, self.master.unannounced))
+        return self._transfer("read", address, name, upload(address, master.answer_wait, progress, room))
 
     def upload_block(self, address: Address, name: str = "", progress: Progress = unwatched) -> bytes:
         """Read a long object by block transfer; by segments if the node has no blocks, however it says so."""
         master = self.master
-        by_blocks = block_upload(address, master.answer_wait, progress=progress, unannounced=master.unannounced)
+        room = Room(unannounced=master.unannounced)
+        by_blocks = block_upload(address, master.answer_wait, progress=progress, room=room)
         try:
             return self._transfer("read", address, name, by_blocks)
         except RemoteError:
@@ -204,7 +218,7 @@ class RemoteNode:
 
     def _transfer(self, verb: str, address: Address, name: str, transfer: Transfer) -> bytes:
         """Do a transfer, and turn how it failed into the error that says it of this node and object."""
-        self._run(transfer)
+        self.run(transfer)
         request = f"{verb} {label(address, name)}"
         try:
             return transfer.result()
@@ -215,7 +229,9 @@ class RemoteNode:
         except OddAnswer as error:
             raise RemoteError(f"node {self.node_id} gave an odd answer to {request}: {error}") from error
 
-    def _run(self, transfer: Transfer) -> None:
+    def run(self, transfer: Transfer) -> None:
+        """Do a transfer to its end, whatever that is. Raises BusError."""
+
         def send(requests: list[bytes]) -> None:
             for request in requests:
                 self.master.send(SDO_REQUEST_BASE + self.node_id, request)

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.client.pdo_order import pdo_of
 from eurobot_od.client.reading import read_bytes
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 
 
-def pdo_parameters(node: RemoteNode, outline: Outline) -> dict[Address, Value]:
+def pdo_parameters(node: RemoteNode, outline: Dictionary) -> dict[Address, Value]:
     """Read the numbers that a node has in its PDOs' records; what it refuses is left out.
 
     Raises NoAnswer, RemoteError, BusError.
@@ -23,5 +23,5 @@ def pdo_parameters(node: RemoteNode, outline: Outline) -> dict[Address, Value]:
     return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 
-def _addresses(outline: Outline) -> Iterator[Address]:
+def _addresses(outline: Dictionary) -> Iterator[Address]:
     return (address for address in outline.addresses() if pdo_of(address) is not None)

@@ -1,6 +1,7 @@
-"""Downloads a program into a node: stop, clear, write, verify, start, and see that it runs (CiA 302-3).
+"""Downloads a program into a node: look, stop, clear, write, verify, start, and see that it runs (CiA 302-3).
 
-Rule of this file: a step that fails ends the download, and its error says in which state the node was left.
+Rule of this file: nothing is written before everything that can be known by reading is as it should be. A step that
+fails ends the download, and its error says in which state the node was left, and how to go on.
 """
 
 from __future__ import annotations
@@ -12,20 +13,21 @@ from enum import IntEnum
 from typing import NamedTuple
 from zlib import crc32
 
+from eurobot_od.amounts import amount
+from eurobot_od.client.description import Identity
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, ProgramError
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, PROGRAM_IDENTIFICATION
 from eurobot_od.od.values import label
 from eurobot_od.sdo.client import Progress, unwatched
-from eurobot_od.sdo.wire import AbortCode
-
-DATA, CONTROL, IDENTIFICATION, STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
-"""Program data, program control, program software identification, flash status; a program is a sub-index of each."""
+from eurobot_od.sdo.wire import LARGEST, AbortCode
 
 NAMES = {
-    DATA: "Program data",
-    CONTROL: "Program control",
-    IDENTIFICATION: "Program software identification",
-    STATUS: "Flash status identification",
+    PROGRAM_DATA: "Program data",
+    PROGRAM_CONTROL: "Program control",
+    PROGRAM_IDENTIFICATION: "Program software identification",
+    FLASH_STATUS: "Flash status identification",
 }
 
 
@@ -70,28 +72,37 @@ class Loaded(NamedTuple):
 
 
 def load(
-    node: RemoteNode, content: bytes, program: int = 1, check_crc: bool = True, progress: Progress = unwatched
+    node: RemoteNode,
+    content: bytes,
+    program: int = 1,
+    check_crc: bool = True,
+    progress: Progress = unwatched,
+    dictionary: Dictionary | None = None,
 ) -> Loaded:
-    """Download a program and start it; `program` is the sub-index, 1 to 254.
+    """Download a program and start it; `program` is the sub-index, 1 to 254, `dictionary` what the node should be.
 
     Raises ProgramError or BusError, with the state that the node was left in.
     """
     memory = ProgramMemory(node, program)
+    start = f"eurobot-od write {node.node_id} 0x{PROGRAM_CONTROL:X}:{program} {ProgramControl.START:d} starts it"
     with _left(node, "its program is as it was"):
-        memory.read(CONTROL)
-    with _left(node, "its program may be stopped"):
-        with suppress(NoAnswer):  # a node that leaves its program for its loader need not confirm
-            memory.control(ProgramControl.STOP)
+        state = memory.look(content, dictionary)
+    with _left(node, f"its program may be stopped; {start} again"):
+        if state != ProgramControl.STOP:  # a node that is in its loader already may refuse to be stopped
+            with suppress(NoAnswer):  # and one that leaves its program for its loader need not confirm
+                memory.control(ProgramControl.STOP)
         memory.wait()
-    with _left(node, "its program is stopped and may be cleared"):
+    with _left(
+        node, "its program is stopped and may be cleared: download it again, or, if it is still there, " + start
+    ):
         memory.control(ProgramControl.CLEAR, FLASH_WAIT)
         memory.wait(NO_ERROR, NO_PROGRAM)
     with _left(node, "it is stopped without a whole program: download it again"):
-        node.download((DATA, program), content, NAMES[DATA], FLASH_WAIT, progress)
+        node.download((PROGRAM_DATA, program), content, NAMES[PROGRAM_DATA], FLASH_WAIT, progress)
         memory.wait(NO_ERROR)
-    with _left(node, "the program is written and not started"):
+    with _left(node, f"the program is written and not started: download it again, or {start} as it is"):
         crc = memory.identify(content) if check_crc else ""
-    with _left(node, "the program is written and does not run"):
+    with _left(node, f"the program is written and does not run; {start}, or download it again"):
         with suppress(NoAnswer):  # nor need one that leaves its loader for its program
             memory.control(ProgramControl.START)
         memory.wait(NO_ERROR)
@@ -105,13 +116,54 @@ class ProgramMemory:
     def __init__(self, node: RemoteNode, program: int) -> None:
         self._node, self._program = node, program
 
+    def look(self, content: bytes, dictionary: Dictionary | None) -> int:
+        """Return the state that program control tells; raises ProgramError if there is nowhere to load a content to."""
+        if len(content) > LARGEST:
+            raise ProgramError(f"the file has {len(content)} bytes; a program has at most {LARGEST}")
+        if dictionary is not None:
+            self._check_file(dictionary)
+        for index in (PROGRAM_DATA, PROGRAM_CONTROL):
+            self._check_number(index)
+        return self._state()
+
+    def _check_number(self, index: int) -> None:
+        """Raise ProgramError if the node has fewer programs; how many, not every node tells."""
+        try:
+            number = int.from_bytes(self._node.upload((index, 0), NAMES[index]), "little")
+        except NodeRefused as error:
+            if error.code == AbortCode.NO_OBJECT:
+                raise
+        else:
+            if number < self._program:
+                has = f"0x{index:04X} {NAMES[index]} has {amount(number, 'program')}"
+                raise ProgramError(f"{has}: there is no program {self._program}")
+
+    def _check_file(self, dictionary: Dictionary) -> None:
+        """Raise ProgramError if the node is not the device of a file, or if the file has no such program."""
+        other = Identity.of(dictionary).difference(Identity.read(self._node))
+        if other is not None:
+            raise ProgramError(f"{dictionary.file} is for another device: node {self._node.node_id} has {other}")
+        for index in (PROGRAM_DATA, PROGRAM_CONTROL):
+            variable = dictionary.variable((index, self._program))
+            if variable is None or not variable.writable:
+                raise ProgramError(f"{dictionary.file} has no {self._where(index)} that can be written")
+
+    def _state(self) -> int:
+        try:
+            return self.read(PROGRAM_CONTROL)
+        except NodeRefused as error:
+            if error.code == AbortCode.WRITE_ONLY:
+                return ProgramControl.START
+            raise
+
     def read(self, index: int) -> int:
         """Return the number in an object."""
         return int.from_bytes(self._node.upload((index, self._program), NAMES[index]), "little")
 
     def control(self, command: ProgramControl, wait: float | None = None) -> None:
         """Tell the node what to do with its program."""
-        self._node.download((CONTROL, self._program), bytes([command]), f"{NAMES[CONTROL]} ({command.name})", wait)
+        what = f"{NAMES[PROGRAM_CONTROL]} ({command.name})"
+        self._node.download((PROGRAM_CONTROL, self._program), bytes([command]), what, wait)
 
     def wait(self, *allowed: int) -> None:
         """Wait until the flash memory is not at work; its error has to be one of the allowed, any if none is named."""
@@ -119,17 +171,17 @@ class ProgramMemory:
         end = clock() + FLASH_WAIT
         while (status := self._status()) & IN_PROGRESS:
             if clock() >= end:
-                raise NoAnswer("start of an operation", f"end of it in {self._where(STATUS)}", 1, FLASH_WAIT)
+                raise NoAnswer("start of an operation", f"end of it in {self._where(FLASH_STATUS)}", 1, FLASH_WAIT)
             self._node.master.pump(POLL)
         error = status >> 1 & 0x7F
         if allowed and error not in allowed:
             words = FLASH_ERRORS.get(error, f"error {error}")
             maker = f" (the manufacturer's 0x{status >> 16:04X})" if status >> 16 else ""
-            raise ProgramError(f"{self._where(STATUS)} says: {words}{maker}")
+            raise ProgramError(f"{self._where(FLASH_STATUS)} says: {words}{maker}")
 
     def identify(self, content: bytes) -> str:
         """Return by which CRC the node identifies a program, `` if it does not; raises ProgramError for another one."""
-        found = self._read_if_there(IDENTIFICATION)
+        found = self._read_if_there(PROGRAM_IDENTIFICATION)
         known = {
             "CRC-32": crc32(content),
             "CRC-16 (start value 0)": crc_hqx(content, 0),
@@ -141,17 +193,19 @@ class ProgramMemory:
             if crc == found:
                 return name
         no_crc = ", ".join(f"{name} 0x{crc:X}" for name, crc in known.items())
-        raise ProgramError(f"{self._where(IDENTIFICATION)} is 0x{found:X}, which is no CRC of the file ({no_crc})")
+        raise ProgramError(
+            f"{self._where(PROGRAM_IDENTIFICATION)} is 0x{found:X}, which is no CRC of the file ({no_crc})"
+        )
 
     def check_started(self) -> None:
         """Raise ProgramError if the node says that the program is stopped; a program need not have the object."""
-        if self._read_if_there(CONTROL) == ProgramControl.STOP:
-            raise ProgramError(f"{self._where(CONTROL)} says: stopped")
+        if self._read_if_there(PROGRAM_CONTROL) == ProgramControl.STOP:
+            raise ProgramError(f"{self._where(PROGRAM_CONTROL)} says: stopped")
 
     def _status(self) -> int:
         """Return the flash status; at work for a node that is silent, at rest for one that has none."""
         try:
-            return self._read_if_there(STATUS) or 0
+            return self._read_if_there(FLASH_STATUS) or 0
         except NoAnswer:
             return IN_PROGRESS
 

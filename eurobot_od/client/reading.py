@@ -6,33 +6,36 @@ Rule of this file: a node that refuses one object is asked for the next; one tha
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.amounts import amount
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.objects import NamedObject, all_objects, at, decode
 from eurobot_od.errors import NodeRefused
 from eurobot_od.od.dcf import Dcf, with_contents
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode
 from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 
 class Reading(NamedTuple):
     """An object's `value` in a node, or why there is none: the text of the refusal."""
 
-    thing: NamedObject
+    thing: ODVariable
     value: Value = None
     refusal: str = ""
 
 
-def read_all(node: RemoteNode, things: Iterable[NamedObject]) -> Iterator[Reading]:
+def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[Reading]:
     """Read objects one after the other. Raises NoAnswer, RemoteError, BusError."""
     for thing in things:
         try:
-            yield Reading(thing, decode(thing, node.upload(thing.address, thing.name)))
+            yield Reading(thing, decode(thing, read_object(node, thing)))
         except NodeRefused as error:
             yield Reading(thing, refusal=error.reason)
 
@@ -53,28 +56,26 @@ def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, 
     return found
 
 
-def readable(dictionary: Dictionary) -> Iterator[NamedObject]:
+def readable(dictionary: Dictionary) -> Iterator[ODVariable]:
     """Give the objects that can be read, files (DOMAIN) not among them."""
-    return (thing for thing in _readable(dictionary) if thing.type != DOMAIN)
+    return (thing for thing in _readable(dictionary) if data_type(thing) != DOMAIN)
 
 
-def parameters(dictionary: Dictionary) -> Iterator[NamedObject]:
+def parameters(dictionary: Dictionary) -> Iterator[ODVariable]:
     """Give the objects that are a node's configuration: what can be read and written and is no process data."""
     for thing in _readable(dictionary):
-        if is_parameter(thing) and thing.variable is not None and not thing.variable.pdo_mappable:
+        if is_parameter(thing) and not thing.pdo_mappable:
             yield thing
 
 
-def _readable(dictionary: Dictionary) -> Iterator[NamedObject]:
-    for thing in all_objects(dictionary):
-        if thing.variable is not None and thing.variable.readable:
-            yield thing
+def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
+    return (thing for thing in all_objects(dictionary.objects) if thing.readable)
 
 
 def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[Reading]:
     """Give objects and their values by their bytes."""
     for address, data in writes:
-        thing = at(address, dictionary)
+        thing = at(address, dictionary.objects if dictionary else None)
         yield Reading(thing, decode(thing, data))
 
 
@@ -90,7 +91,7 @@ def dcf_of_node(
     dictionary: Dictionary,
     baudrate_kbit: int,
     stem: str,
-    things: Iterable[NamedObject] | None = None,
+    things: Iterable[ODVariable] | None = None,
 ) -> tuple[Dcf, list[Reading]]:
     """Return the DCF of a node as it is, and the objects that are not in it, and why.
 
@@ -104,8 +105,8 @@ def dcf_of_node(
         except NodeRefused as error:
             left_out.append(Reading(thing, refusal=error.reason))
             continue
-        if thing.type and len(data) < thing.type.size:
-            left_out.append(Reading(thing, refusal=f"{amount(len(data), 'byte')}, which is no {thing.type.name}"))
+        if len(data) < data_type(thing).size:
+            left_out.append(Reading(thing, refusal=f"{amount(len(data), 'byte')}, which is no {data_type(thing).name}"))
         else:
-            contents[thing.address] = data
+            contents[address_of(thing)] = data
     return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

@@ -14,7 +14,8 @@ from eurobot_od.client.description import Identity, device_name
 from eurobot_od.client.master import Master
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.errors import RemoteError
-from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address
+from eurobot_od.od.standard import DEVICE_TYPE
+from eurobot_od.od.values import NODE_IDS, SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.sdo.wire import LENGTH, ClientCommand, Initiate, ServerCommand, initiate
 
 PACE = 0.005
@@ -22,9 +23,6 @@ PACE = 0.005
 
 LISTEN = 1.5
 """Seconds for which heartbeats are awaited; most nodes send one a second."""
-
-DEVICE_TYPE: Address = (0x1000, 0)
-"""What every CANopen node has (CiA 301, 7.5.2.1)."""
 
 
 class Found(NamedTuple):

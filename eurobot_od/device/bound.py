@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from eurobot_od.device.objects import NO_VALUES, TELL_NOBODY, Objects, OnRead, OnTold, OnWrite
 from eurobot_od.errors import FieldError, MappingError
-from eurobot_od.od.outline import SLICES
+from eurobot_od.od.pdos import SLICES, carries_nothing
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue, field_name
@@ -130,13 +130,18 @@ class BoundObjects:
         """Keep a value; the last one of an object is the command. A refused one leaves all as it was."""
         before = dict(self._objects.values)
         self._objects.put(address, value)
-        if address[1] == max(self._dictionary.members[address[0]]):
+        if address[1] == self._last(address[0]):
             try:
                 binding = self._binding(message_type)
                 self._command(binding, self._message(index, binding))
             except Abort:
                 self._objects.values = before
                 raise
+
+    def _last(self, index: int) -> int:
+        """Return the last sub-index that carries something."""
+        members = self._dictionary.members[index].items()
+        return max(subindex for subindex, variable in members if not carries_nothing(variable.name))
 
     def _message(self, index: int, binding: Binding) -> Message:
         """Return the message with the values kept; raises Abort if one of them is none of its field's."""

@@ -14,19 +14,21 @@ from typing import NamedTuple
 from eurobot_od.device.bound import NO_APPLICATION, Application, BoundObjects
 from eurobot_od.device.deadlines import Deadlines
 from eurobot_od.device.emergency import Emergencies, ErrorCode
-from eurobot_od.device.guarding import GUARD_TIME, LIFE_TIME_FACTOR, NodeGuarding
+from eurobot_od.device.guarding import NodeGuarding
 from eurobot_od.device.heartbeat import HeartbeatConsumer, split
 from eurobot_od.device.nmt import SERVICES, TARGET, NmtCommand, NmtState, boot_state, command_in, error_control
-from eurobot_od.device.objects import COMMUNICATION_PROFILE, EMCY_COB_ID, REFUSAL, Objects, OnRead, OnWrite
+from eurobot_od.device.objects import COMMUNICATION_PROFILE, REFUSAL, Objects, OnRead, OnWrite
 from eurobot_od.device.pdo import Changes, Pacing, Pdos, ProcessData
 from eurobot_od.device.plan import Plan
-from eurobot_od.device.predefined import BASES, SDO_RECEIVE, SDO_TRANSMIT, predefined
+from eurobot_od.device.predefined import BASES, predefined
 from eurobot_od.device.storage import Store, refused
-from eurobot_od.device.sync import SYNC, Arrival, Synchronous, SyncProducer
-from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, TIME, Clock
+from eurobot_od.device.sync import Arrival, Synchronous, SyncProducer
+from eurobot_od.device.time_of_day import CONSUMER, PRODUCER, Clock
 from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import DamagedFile, DictionaryError, FrameLengthError, Refused, StateError
 from eurobot_od.frame import Frame
+from eurobot_od.gatekeeper import Stay
+from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
@@ -41,22 +43,6 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import Abort, AbortCode
-
-ERROR_REGISTER = 0x1001
-ERROR_FIELD = 0x1003
-STORE = 0x1010
-RESTORE = 0x1011
-STORED_EDS = 0x1021
-EMCY_INHIBIT: Address = (0x1015, 0)
-CONSUMED_HEARTBEATS = 0x1016
-HEARTBEAT_TIME: Address = (0x1017, 0)
-COMMUNICATION_ERROR: Address = (0x1029, 1)
-SDO_CLIENTS = range(0x1280, 0x1300)
-NMT_STARTUP: Address = (0x1F80, 0)
-
-SAVE = int.from_bytes(b"save", "little")
-LOAD = int.from_bytes(b"load", "little")
-"""Signatures that 0x1010 and 0x1011 want to see (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
 ON_COMMUNICATION_ERROR: Mapping[int, NmtCommand | None] = {
     0: NmtCommand.ENTER_PRE_OPERATIONAL,
@@ -142,7 +128,7 @@ class Device:
         self.node_id = number if isinstance(number, int) else self._file.node_id
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
         self.emergencies = Emergencies(
-            lambda: self.objects.cob_id(EMCY_COB_ID), lambda: self.objects.raw(EMCY_INHIBIT) / 10_000
+            lambda: self.objects.cob_id(standard.EMCY), lambda: self.objects.raw(standard.EMCY_INHIBIT_TIME) / 10_000
         )
         readers: dict[int, OnRead] = {}
         writers: dict[int, OnWrite] = {}
@@ -168,18 +154,21 @@ class Device:
         """Enter who answers for the objects that are more than a value."""
         readers |= {
             **bound.readers(),
-            ERROR_REGISTER: lambda _: self.emergencies.register,
-            ERROR_FIELD: self.emergencies.read_field,
-            STORED_EDS: self._read_eds,
+            standard.ERROR_REGISTER[0]: lambda _: self.emergencies.register,
+            standard.ERROR_FIELD: self.emergencies.read_field,
+            standard.STORED_EDS[0]: self._read_eds,
         }
         writers |= {
             **bound.writers(),
-            ERROR_FIELD: self.emergencies.clear_field,
-            STORE: self._save,
-            RESTORE: self._restore,
-            CONSUMED_HEARTBEATS: self._consume,
-            HEARTBEAT_TIME[0]: self._produce,
-            **dict.fromkeys((GUARD_TIME[0], LIFE_TIME_FACTOR[0], TIME[0]), self._followed(self.objects.put)),
+            standard.ERROR_FIELD: self.emergencies.clear_field,
+            standard.STORE: self._save,
+            standard.RESTORE: self._restore,
+            standard.CONSUMED_HEARTBEATS: self._consume,
+            standard.HEARTBEAT_TIME[0]: self._produce,
+            **dict.fromkeys(
+                (standard.GUARD_TIME[0], standard.LIFE_TIME_FACTOR[0], standard.TIME[0]),
+                self._followed(self.objects.put),
+            ),
             **{index: self._followed(write) for index, write in self._pdos.writers().items()},
         }
 
@@ -187,10 +176,12 @@ class Device:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
         self._guarding.configure(self._life_time())
-        self.sdo_requests = self._sdo_cob_id(SDO_RECEIVE)
-        self.sdo_answers = self._sdo_cob_id(SDO_TRANSMIT)
-        time = self.objects.raw(TIME)
-        answers = {self.objects.cob_id((index, 2)) for index in SDO_CLIENTS}
+        self.sdo_requests = self._sdo_cob_id(standard.SDO_REQUESTS)
+        self.sdo_answers = self._sdo_cob_id(standard.SDO_ANSWERS)
+        time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
+        produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
+        self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
+        answers = {self.objects.cob_id((index, 2)) for index in standard.SDO_CLIENTS}
         # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
         ears: dict[int | None, Ear] = {
             **dict.fromkeys(self._consumer.identifiers, self._receive_heartbeat),
@@ -203,7 +194,7 @@ class Device:
         }
         self._ears = {cob_id: ear for cob_id, ear in ears.items() if cob_id is not None}
         self._remote_ears: dict[int, Ear] = dict.fromkeys(self._pdos.requestable, self._send_requested)
-        if GUARD_TIME[0] in self.dictionary.members:
+        if standard.GUARD_TIME[0] in self.dictionary.members:
             self._remote_ears[ERROR_CONTROL_BASE + self.node_id] = self._answer_guard
         self.identifiers = sorted({*self._ears, *self._remote_ears})
         self._restart_pdos()
@@ -220,7 +211,7 @@ class Device:
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
         self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
-        if self._reports and self.objects.raw(TIME) & PRODUCER:
+        if self._reports and self.objects.raw(standard.TIME) & PRODUCER:
             self.time_of_day.produce(self._now)
         else:
             self.time_of_day.rest()
@@ -234,6 +225,14 @@ class Device:
     def always_sent(self) -> set[int]:
         """The COB-IDs of the messages that this device sends in every NMT state: its stops."""
         return self._pdos.always_sent
+
+    def stay(self, frame: Frame) -> Stay:
+        """Return how long a frame of this device waits for a mailbox; a boot-up message is sent but once."""
+        if frame.cob_id == self.sdo_answers:
+            return Stay.TRANSFER
+        if frame.cob_id in self.always_sent or frame == error_control(self.node_id, NmtState.INITIALISING):
+            return Stay.LASTING
+        return Stay.PERIODIC if frame.cob_id in self._periodic else Stay.SHORT
 
     # Values
 
@@ -279,15 +278,13 @@ class Device:
         except DictionaryError as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
 
-    def _save(self, _: Address, signature: Value) -> None:
-        if signature != SAVE:
-            raise Abort(AbortCode.NOT_TRANSFERRED)
+    def _save(self, address: Address, signature: Value) -> None:
+        _check_signature(address, signature)
         self._keep(self.objects.configuration())
 
-    def _restore(self, _: Address, signature: Value) -> None:
+    def _restore(self, address: Address, signature: Value) -> None:
         """Have the file's values back with the next reset (CiA 301, 7.5.2.14)."""
-        if signature != LOAD:
-            raise Abort(AbortCode.NOT_TRANSFERRED)
+        _check_signature(address, signature)
         self._keep({})
         if self._file.node_id_address:
             self.objects.values.pop(self._file.node_id_address, None)
@@ -303,8 +300,8 @@ class Device:
         self.emergencies.cleared(Store)
 
     def _consumed(self) -> list[int]:
-        count = self.objects.raw((CONSUMED_HEARTBEATS, 0))
-        return [self.objects.raw((CONSUMED_HEARTBEATS, subindex)) for subindex in range(1, count + 1)]
+        count = self.objects.raw((standard.CONSUMED_HEARTBEATS, 0))
+        return [self.objects.raw((standard.CONSUMED_HEARTBEATS, subindex)) for subindex in range(1, count + 1)]
 
     def _consume(self, address: Address, value: Value) -> None:
         """Watch other nodes' heartbeats, each but once (CiA 301, 7.5.2.19)."""
@@ -322,8 +319,8 @@ class Device:
 
     def _life_time(self) -> float:
         """Return how long a master that guards may be silent; 0.0 for ever, or if heartbeats take guarding's place."""
-        factor = 0 if self.objects.raw(HEARTBEAT_TIME) else self.objects.raw(LIFE_TIME_FACTOR)
-        return self.objects.raw(GUARD_TIME) / 1000 * factor
+        factor = 0 if self.objects.raw(standard.HEARTBEAT_TIME) else self.objects.raw(standard.LIFE_TIME_FACTOR)
+        return self.objects.raw(standard.GUARD_TIME) / 1000 * factor
 
     # NMT
 
@@ -334,7 +331,7 @@ class Device:
         self._plan_heartbeat(now)
         if self.refused:
             self.emergencies.raised(ErrorCode.DATA_SET, Store)
-        self._enter(boot_state(self.objects.value(NMT_STARTUP)))
+        self._enter(boot_state(self.objects.value(standard.NMT_STARTUP)))
         return [error_control(self.node_id, NmtState.INITIALISING)]
 
     def _enter(self, state: NmtState) -> None:
@@ -347,7 +344,7 @@ class Device:
             self._server.forget()
 
     def _plan_heartbeat(self, now: float) -> None:
-        period = self.objects.raw(HEARTBEAT_TIME)
+        period = self.objects.raw(standard.HEARTBEAT_TIME)
         self._next_heartbeat = now + period / 1000 if period else inf
 
     def first_heartbeat(self) -> list[Frame]:
@@ -381,10 +378,10 @@ class Device:
     @property
     def next_wakeup(self) -> float:
         """When to call `tick`, infinite if nothing is planned."""
-        pdo = min(self._pacing.next, self._deadlines.next) if self.operational else inf
-        broadcast = min(self._sync.next, self.time_of_day.next, self.emergencies.next) if self._reports else inf
-        watched = min(self._consumer.next, self._guarding.next)
-        return min(self._next_heartbeat, self._server.deadline, pdo, broadcast, watched)
+        watched = self._consumer.next, self._guarding.next
+        pdo = (self._pacing.next, self._deadlines.next) if self.operational else ()
+        broadcast = (self._sync.next, self.time_of_day.next, self.emergencies.next) if self._reports else ()
+        return min(self._next_heartbeat, self._server.deadline, *watched, *pdo, *broadcast)
 
     def tick(self, now: float) -> Reaction:
         """Do what is due: heartbeat and TPDOs at their times, and notice who has fallen silent."""
@@ -406,10 +403,10 @@ class Device:
 
     def _broadcast(self, now: float) -> Reaction:
         """Send SYNC and TIME at their times; what follows the device's own SYNC is as with another's."""
-        frames = [Frame(self.objects.raw(TIME) & BASE_IDENTIFIER, data) for data in self.time_of_day.due(now)]
+        frames = [Frame(self.objects.raw(standard.TIME) & BASE_IDENTIFIER, data) for data in self.time_of_day.due(now)]
         messages: tuple[Message, ...] = ()
         for data in self._sync.due(now):
-            sync = Frame(self.objects.raw(SYNC) & BASE_IDENTIFIER, data)
+            sync = Frame(self.objects.raw(standard.SYNC) & BASE_IDENTIFIER, data)
             followed = self._receive_sync(sync)
             frames += [sync, *followed.frames]
             messages += followed.synchronous
@@ -428,7 +425,7 @@ class Device:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, (HeartbeatConsumer, node_id), bytes([node_id]))
         if unguarded:
             self.emergencies.raised(ErrorCode.HEARTBEAT_LOST, NodeGuarding)
-        command = ON_COMMUNICATION_ERROR.get(self.objects.raw(COMMUNICATION_ERROR))
+        command = ON_COMMUNICATION_ERROR.get(self.objects.raw(standard.COMMUNICATION_ERROR))
         if (lost or unguarded) and command is not None and self.operational:
             self._enter(TARGET[command])
         return lost
@@ -485,7 +482,7 @@ class Device:
 
     def _answer_guard(self, _: Frame) -> Reaction:
         """Say that the device is there; one that sends heartbeats is not guarded (CiA 301, 7.2.8.2.2)."""
-        if self.objects.raw(HEARTBEAT_TIME):
+        if self.objects.raw(standard.HEARTBEAT_TIME):
             return Reaction([])
         if self._guarding.lost:
             self.emergencies.cleared(NodeGuarding)
@@ -558,10 +555,18 @@ class Device:
     def _sendable(self, message: Message) -> Binding:
         binding = self._pdos.sent.get(type(message))
         if binding is None:
-            raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}")
+            raise StateError(f"{self.dictionary.name} has no TPDO for {type(message).__name__}; {self._has('send')}")
         if not self.operational and not binding.always:
             raise StateError(f"{self.dictionary.name} is {self.state.name}: only stops may be sent")
         return binding
+
+    def check_received(self, message: type[Message]) -> None:
+        """Raise StateError if no RPDO brings a message."""
+        if message not in {each.type for each in self._pdos.received.values()}:
+            raise StateError(f"{self.dictionary.name} has no RPDO for {message.__name__}; {self._has('receive')}")
+
+    def _has(self, way: str) -> str:
+        return f"{self.dictionary.file} says what it can {way}"
 
     def send(self, message: Message, now: float) -> list[Frame]:
         """Return the frame of a message to send now, none if it has to wait for SYNC or for its inhibit time.
@@ -597,3 +602,9 @@ class Device:
                 frames += self._pacing.admit(binding, frame, now)
         self.plan.at(self._pacing.next)
         return frames
+
+
+def _check_signature(address: Address, signature: Value) -> None:
+    """Let nothing be stored or restored by chance; raises Abort."""
+    if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
+        raise Abort(AbortCode.NOT_TRANSFERRED)

@@ -81,10 +81,31 @@ Script: TypeAlias = Generator[Ask | Pause, Any, Result]
 
 
 class Call(Future[Result], Generic[Result]):
-    """The result of a flow, to come: `await` it in asyncio, or `result(timeout)` from another thread."""
+    """The result of a flow, to come: `await` it in asyncio, or `result(timeout)` from another thread.
+
+    `is_wanted` is whether anybody has awaited it, or asked for anything of it.
+    """
+
+    is_wanted = False
 
     def __await__(self) -> Generator[Any, None, Result]:
+        self.is_wanted = True
         return asyncio.wrap_future(self).__await__()
+
+    def result(self, timeout: float | None = None) -> Result:
+        """Return the result when it is there; raises what the flow raised, CancelledError, TimeoutError."""
+        self.is_wanted = True
+        return super().result(timeout)
+
+    def done(self) -> bool:
+        """Tell whether the call has ended."""
+        self.is_wanted = True
+        return super().done()
+
+    def cancel(self) -> bool:
+        """Give the call up; tell whether it was not too late."""
+        self.is_wanted = True
+        return super().cancel()
 
 
 def shielded(call: Call[Result]) -> Call[Result]:

@@ -9,13 +9,7 @@ from math import inf
 
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import ERROR_CONTROL_BASE, Address
-
-GUARD_TIME: Address = (0x100C, 0)
-"""Milliseconds from one question to the next; a device without this object is not guarded."""
-
-LIFE_TIME_FACTOR: Address = (0x100D, 0)
-"""How many guard times the master may miss; 0: any number."""
+from eurobot_od.od.values import ERROR_CONTROL_BASE
 
 TOGGLE = 1 << 7
 """Bit of an answer that changes each time, from 0 on: two answers in a row are told apart from one repeated."""

@@ -236,7 +236,14 @@ class Node:
         self._call()
 
     def send(self, message: Message) -> None:
-        """Put a message among the frames to send, and wake whoever runs the node."""
+        """Put a message among the frames to send, and wake whoever runs the node; from any thread.
+
+        Raises StateError if the node has no TPDO for it or if its NMT state does not allow it, FieldError for a value.
+        """
+        with self.guard:
+            self._send(message)
+
+    def _send(self, message: Message) -> None:
         self._out += self.device.send(message, self.now)
         self._call()
 
@@ -248,7 +255,7 @@ class Node:
     def offer(self, message: Message) -> None:
         """Send a message nobody waits for: if it may not be sent now, it is counted and dropped."""
         try:
-            self.send(message)
+            self._send(message)
         except StateError:
             self.withheld += 1
 

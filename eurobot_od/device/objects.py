@@ -11,11 +11,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
-from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.values import BASE_IDENTIFIER, EXTENDED, NOT_VALID, Address, Value
-from eurobot_od.sdo.server import SIZE_LIMIT
-from eurobot_od.sdo.wire import Abort, AbortCode
+from eurobot_od.od.standard import VERIFY_CONFIGURATION
+from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, EXTENDED, NOT_VALID, VISIBLE_STRING, Address, Value
+from eurobot_od.sdo.wire import LARGEST, Abort, AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -26,12 +27,6 @@ COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 
 SETTINGS = ("rw", "wo")
 """Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is none."""
-
-EMCY_COB_ID: Address = (0x1014, 0)
-"""Identifier of the device's own emergency messages (CiA 301, 7.5.2.17)."""
-
-VERIFY_CONFIGURATION: tuple[Address, ...] = ((0x1020, 1), (0x1020, 2))
-"""Date and time of the configuration (CiA 301, 7.5.2.23)."""
 
 OnRead = Callable[[int], Value]
 """Gives the value of an object at a sub-index, where that is not simply kept; may raise Abort."""
@@ -45,6 +40,9 @@ OnTold = Callable[[Any], object]
 REFUSAL: Mapping[Cause, AbortCode] = {Cause.STATE: AbortCode.STATE, Cause.VALUES: AbortCode.INCOMPATIBLE}
 """How what the application does not act on is refused over SDO, by why it does not."""
 
+LONGEST_TEXT = 1 << 16
+"""Most bytes of an object that has no length of its own; a DOMAIN, which is a file, may have more."""
+
 NO_VALUES: Mapping[Address, Value] = MappingProxyType({})
 TELL_NOBODY: Mapping[Address, OnTold] = MappingProxyType({})
 
@@ -57,10 +55,11 @@ def is_configuration(dictionary: Dictionary, address: Address) -> bool:
 
 def out_of_limits(variable: ODVariable, value: Value) -> AbortCode | None:
     """Return why a number is not within the limits of its object in the file; None if it is, and for no number."""
-    if isinstance(value, (int, float)):
-        if variable.max is not None and value > variable.max:
+    range_ = limits(variable)
+    if range_ is not None and isinstance(value, (int, float)):
+        if value > range_.high:
             return AbortCode.TOO_HIGH
-        if variable.min is not None and value < variable.min:
+        if value < range_.low:
             return AbortCode.TOO_LOW
     return None
 
@@ -162,6 +161,8 @@ class Objects:
         type_ = data_type(variable)
         try:
             value = self.value(address)
+            if type_ == VISIBLE_STRING and isinstance(value, str):
+                return value.encode(self.dictionary.encoding)
             # what a file gives no value has 0; a text or a file may be there or not
             return bytes(type_.size) if value is None and type_.size else type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
@@ -173,12 +174,13 @@ class Objects:
         variable = self._variable(address)
         if not variable.writable:
             raise Abort(AbortCode.READ_ONLY)
-        room = data_type(variable).size
-        if size is not None and size > (room or SIZE_LIMIT):
-            raise Abort(AbortCode.TOO_LONG if room else AbortCode.OUT_OF_MEMORY)
-        if size is not None and size < room:
+        type_ = data_type(variable)
+        room = type_.size or (LARGEST if type_ == DOMAIN else LONGEST_TEXT)
+        if size is not None and size > room:
+            raise Abort(AbortCode.TOO_LONG if type_.size else AbortCode.OUT_OF_MEMORY)
+        if size is not None and size < type_.size:
             raise Abort(AbortCode.TOO_SHORT)
-        return room or SIZE_LIMIT
+        return room
 
     def write(self, address: Address, data: bytes) -> None:
         """Give an object the value in its SDO form, with all that follows from it; raises Abort."""

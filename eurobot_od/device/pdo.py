@@ -11,13 +11,14 @@ from contextlib import suppress
 from itertools import accumulate
 from math import inf
 
-from eurobot_od.device.objects import EMCY_COB_ID, Objects, OnWrite
-from eurobot_od.device.sync import COUNTER_OVERFLOW, COUNTERS, PERIOD, PRODUCER, SYNC
+from eurobot_od.device.objects import Objects, OnWrite
+from eurobot_od.device.sync import COUNTERS
 from eurobot_od.device.timers import caught_up
 from eurobot_od.errors import MappingError, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
-from eurobot_od.od.pdos import MappedObject
+from eurobot_od.od.pdos import Mapped
+from eurobot_od.od.standard import EMCY, SYNC, SYNC_COUNTER, SYNC_PERIOD, SYNC_PRODUCER
 from eurobot_od.od.values import (
     COB_ID,
     DUMMIES,
@@ -126,28 +127,30 @@ class Pdos:
     @property
     def sync_period(self) -> float:
         """Seconds from one SYNC of the device to the next, 0.0 if it sends none."""
-        sends = self._objects.raw(SYNC) & PRODUCER and PERIOD[0] in self._objects.dictionary.members
-        return self._objects.raw(PERIOD) / 1_000_000 if sends else 0.0
+        sends = self._objects.raw(SYNC) & SYNC_PRODUCER and SYNC_PERIOD[0] in self._objects.dictionary.members
+        return self._objects.raw(SYNC_PERIOD) / 1_000_000 if sends else 0.0
 
     @property
     def sync_counter(self) -> int:
         """Up to which number SYNC is counted, 0 if it is not."""
-        overflow = self._objects.raw(COUNTER_OVERFLOW)
+        overflow = self._objects.raw(SYNC_COUNTER)
         return overflow if overflow in COUNTERS else 0
 
     def _write_sync(self, address: Address, value: Value) -> None:
         number = value if isinstance(value, int) else 0
-        if number & values.EXTENDED or (number & PRODUCER and PERIOD[0] not in self._objects.dictionary.members):
+        if number & values.EXTENDED or (
+            number & SYNC_PRODUCER and SYNC_PERIOD[0] not in self._objects.dictionary.members
+        ):
             raise Abort(AbortCode.VALUE, "a SYNC in base frames only, and sent only with a period")
         before = self._objects.raw(address)
-        if before & number & PRODUCER and before != number:
+        if before & number & SYNC_PRODUCER and before != number:
             raise Abort(AbortCode.STATE, "it sends SYNC")
         self._objects.put(address, number)
 
     def _write_counter(self, address: Address, value: Value) -> None:
         if value not in COUNTERS:
             raise Abort(AbortCode.VALUE, "0, or 2 to 240")
-        if self._objects.raw(PERIOD):
+        if self._objects.raw(SYNC_PERIOD):
             raise Abort(AbortCode.STATE, "SYNC has a period")
         self._objects.put(address, value)
 
@@ -160,8 +163,8 @@ class Pdos:
         mappings = [index + values.MAPPING_OFFSET for index in records]
         return {
             SYNC[0]: self._write_sync,
-            PERIOD[0]: self._objects.put,
-            COUNTER_OVERFLOW[0]: self._write_counter,
+            SYNC_PERIOD[0]: self._objects.put,
+            SYNC_COUNTER[0]: self._write_counter,
             **dict.fromkeys(records, self._write_communication),
             **dict.fromkeys(mappings, self._write_mapping),
         }
@@ -200,7 +203,7 @@ class Pdos:
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
             raise Abort(AbortCode.STATE, "the PDO is valid")
         cob_id = entry & values.BASE_IDENTIFIER
-        if valid and (cob_id in (self._objects.raw(EMCY_COB_ID), self.sync_cob_id) or owner(cob_id, REFUSED)):
+        if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or owner(cob_id, REFUSED)):
             raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
@@ -234,7 +237,7 @@ class Pdos:
             self._mapped(index, number)
         self._objects.put(address, number)
 
-    def _mapped(self, index: int, entry: int) -> MappedObject:
+    def _mapped(self, index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises Abort if that cannot be mapped there."""
         direction = PdoDirection(index - values.MAPPING_OFFSET & ~(values.PDO_COUNT - 1))
         dictionary = self._objects.dictionary
@@ -245,7 +248,7 @@ class Pdos:
         if not dummy and not (variable.pdo_mappable and variable.access_type in MAPPABLE[direction]):
             raise Abort(AbortCode.NOT_MAPPABLE)
         try:
-            return dictionary.mapped_object(index, entry)
+            return dictionary.mapped(index, entry)
         except MappingError as error:
             raise Abort(AbortCode.NOT_MAPPABLE, str(error)) from error
 
@@ -268,7 +271,7 @@ class ProcessData:
             word = int.from_bytes(binding.complete(data), "little")
             for entry, offset in _placed(binding):
                 with suppress(Refused):  # what the application does not take is as if it had not come
-                    self._objects.put((entry.index, entry.subindex), _meant(entry, word >> offset))
+                    self._objects.put(entry.address, _meant(entry, word >> offset))
         self.forget()
 
     def forget(self) -> None:
@@ -280,18 +283,18 @@ class ProcessData:
         self.settle()
         word = 0
         for entry, offset in _placed(binding):
-            word |= (self._objects.raw((entry.index, entry.subindex)) & (1 << entry.bits) - 1) << offset
+            word |= (self._objects.raw(entry.address) & (1 << entry.bits) - 1) << offset
         return Frame(binding.cob_id, word.to_bytes(binding.layout.length, "little"))
 
 
-def _placed(binding: Binding) -> Iterator[tuple[MappedObject, int]]:
+def _placed(binding: Binding) -> Iterator[tuple[Mapped, int]]:
     """Give the mapped objects that carry something, each with its lowest bit in the frame (CiA 301, 7.4.8.2)."""
     mapping = binding.pdo.mapping
     offsets = accumulate((entry.bits for entry in mapping), initial=0)
     return ((entry, offset) for entry, offset in zip(mapping, offsets) if not entry.is_padding)
 
 
-def _meant(entry: MappedObject, bits: int) -> Value:
+def _meant(entry: Mapped, bits: int) -> Value:
     """Return the value of an entry's bits, the lowest of `bits`; mapped in part, all but an integer is a number."""
     raw, type_ = bits & (1 << entry.bits) - 1, entry.type
     if type_.is_signed:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from eurobot_od.device.objects import EMCY_COB_ID
-from eurobot_od.device.sync import SYNC
-from eurobot_od.device.time_of_day import TIME
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import EMCY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME
 from eurobot_od.od.values import (
     COB_ID,
     DEFAULT_PDO_BASES,
@@ -19,15 +17,12 @@ from eurobot_od.od.values import (
     Address,
 )
 
-SDO_RECEIVE: Address = (0x1200, 1)
-SDO_TRANSMIT: Address = (0x1200, 2)
-
 BROADCASTS: Mapping[Address, int] = {SYNC: SYNC_COB_ID, TIME: TIME_COB_ID}
 
 BASES: Mapping[Address, int] = {
-    EMCY_COB_ID: EMCY_BASE,
-    SDO_RECEIVE: SDO_REQUEST_BASE,
-    SDO_TRANSMIT: SDO_RESPONSE_BASE,
+    EMCY: EMCY_BASE,
+    SDO_REQUESTS: SDO_REQUEST_BASE,
+    SDO_ANSWERS: SDO_RESPONSE_BASE,
     **{
         (direction.value + number, COB_ID): base
         for direction, bases in DEFAULT_PDO_BASES.items()

@@ -20,13 +20,14 @@ from eurobot_od.device.storage import Store
 from eurobot_od.device.waveforms import Waveform, fitted
 from eurobot_od.errors import DictionaryError
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import Address, Value
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-NamedObject: TypeAlias = "str | Address"
+ObjectName: TypeAlias = "str | Address"
 """An object by its ParameterNames, `Motor.Speed`, or by index and sub-index."""
 
 
@@ -39,8 +40,8 @@ class SimulatedDevice(Node):
     file's, `waveforms` are asked for theirs. Raises DictionaryError for an object that the file does not have.
     """
 
-    READERS: ClassVar[Mapping[NamedObject, Callable[[Any], Value]]] = {}
-    WRITERS: ClassVar[Mapping[NamedObject, Callable[[Any, Any], object]]] = {}
+    READERS: ClassVar[Mapping[ObjectName, Callable[[Any], Value]]] = {}
+    WRITERS: ClassVar[Mapping[ObjectName, Callable[[Any, Any], object]]] = {}
     SAMPLING: ClassVar[float] = 0.01
 
     def __init__(
@@ -48,8 +49,8 @@ class SimulatedDevice(Node):
         dictionary: Dictionary,
         *,
         store: Store | None = None,
-        given: Mapping[NamedObject, Value] | None = None,
-        waveforms: Mapping[NamedObject, Waveform] | None = None,
+        given: Mapping[ObjectName, Value] | None = None,
+        waveforms: Mapping[ObjectName, Waveform] | None = None,
     ) -> None:
         self._dictionary, self._given, self._waveforms = dictionary, given or {}, waveforms or {}
         self._switched_on = 0.0
@@ -62,12 +63,12 @@ class SimulatedDevice(Node):
 
     # Values
 
-    def value(self, name: NamedObject) -> Value:
+    def value(self, name: ObjectName) -> Value:
         """Return an object's present value; raises DictionaryError for one that the file does not have."""
         with self.guard:
             return self.device.objects.value(self._address(name))
 
-    def set_value(self, name: NamedObject, value: Value) -> None:
+    def set_value(self, name: ObjectName, value: Value) -> None:
         """Give an object a value, from any thread: what it changes is sent. Raises as `value`."""
         with self.guard:
             self.device.objects.put(self._address(name), value)
@@ -85,7 +86,7 @@ class SimulatedDevice(Node):
         )
 
     def _measured(
-        self, sources: Mapping[NamedObject, Any], measure: Callable[[Address, Any], Value]
+        self, sources: Mapping[ObjectName, Any], measure: Callable[[Address, Any], Value]
     ) -> dict[Address, Callable[[], Value]]:
         addresses = {self._address(name): source for name, source in sources.items()}
         return {address: partial(measure, address, source) for address, source in addresses.items()}
@@ -99,7 +100,7 @@ class SimulatedDevice(Node):
     def _fitted(self, address: Address, value: Value) -> Value:
         return fitted(value, data_type(self._variable(address))) if isinstance(value, (int, float)) else value
 
-    def _address(self, name: NamedObject) -> Address:
+    def _address(self, name: ObjectName) -> Address:
         address = self._dictionary.address(name) if isinstance(name, str) else name
         self._variable(address)
         return address

@@ -17,7 +17,7 @@ from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.errors import DictionaryError, NodeFailed
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Event, Gatekeeper, Report
+from eurobot_od.gatekeeper import Event, Gatekeeper, Report, Stay
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
 """Seconds until a node that has failed is restarted, doubled each time."""
@@ -156,10 +156,10 @@ class Station:
             # asks for block after block would have answers wait without end.
             mailboxes.withdraw(device.sdo_answers)
         for frame in frames:
-            stop = frame.cob_id in device.always_sent
-            # A stop waits as long as it takes. It is repeated, too: one of a kind that waits is enough.
-            if not (stop and mailboxes.holds(frame)):
-                mailboxes.submit(frame, now, lasting=stop or frame.cob_id == device.sdo_answers)
+            stay = device.stay(frame)
+            # A stop is repeated: one of a kind that waits is enough.
+            if not (stay is Stay.LASTING and frame.cob_id in device.always_sent and mailboxes.holds(frame)):
+                mailboxes.submit(frame, now, stay)
 
 
 def _sizes(node: Node) -> dict[str, Any]:

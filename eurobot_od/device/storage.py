@@ -16,14 +16,16 @@ from eurobot_od.device.objects import is_configuration, out_of_limits
 from eurobot_od.errors import DamagedFile, DictionaryError, FieldError, UnknownName
 from eurobot_od.files import write_whole
 from eurobot_od.od import dcf
-from eurobot_od.od.dictionary import Dictionary, data_type
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
+from eurobot_od.od.objects import data_type, limits
+from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Value, label
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
-IDENTITY: tuple[Address, ...] = ((0x1018, 1), (0x1018, 2), (0x1018, 3))
+KIND: tuple[Address, ...] = tuple((IDENTITY, sub) for sub in (1, 2, 3))
 """Vendor-ID, product code and revision number: what a configuration has to have in common with its device."""
 
 ANY_BYTES = "latin-1"
@@ -83,7 +85,7 @@ class FileStore:
         for section in dcf.missing(stored.content.decode(ANY_BYTES)):
             if section not in never_there:
                 raise DictionaryError(self.file, None, f"incomplete: [{section}] is missing")
-        for index, sub in IDENTITY:
+        for index, sub in KIND:
             ours, theirs = self._dictionary.default((index, sub)), stored.default((index, sub))
             if ours != theirs:
                 what = f"sub {sub} is {theirs!r}, not {ours!r}: the configuration of another device"
@@ -103,10 +105,9 @@ class FileStore:
 
         Raises OSError, or DictionaryError if the EDS is gone or has no place for a value, and leaves the old one then.
         """
-        eds = self._dictionary.content.decode(ANY_BYTES)
+        device = self._dictionary.device
         try:
-            text = dcf.with_values(eds, values, node_id, self._dictionary.name, self._baudrate)
-            content = text.encode(ANY_BYTES)
+            content = dcf.with_values(device, values, node_id, self._dictionary.name, self._baudrate).encode()
         except (UnknownName, FieldError, UnicodeEncodeError) as error:
             raise DictionaryError(self._dictionary.file, None, f"no place in its DCF: {error}") from error
         write_whole(self.file, b"; CRC-32 of all that follows: 0x%08X\n" % zlib.crc32(content) + content)
@@ -124,11 +125,8 @@ def refused(dictionary: Dictionary, values: Mapping[Address, Value]) -> Iterator
 
 
 def _allowed(variable: ODVariable) -> str:
-    type_ = data_type(variable)
-    if not type_.is_integer:
-        return type_.name
-    low, high = variable.min, variable.max
-    return f"{type_.low if low is None else low}..{type_.high if high is None else high}"
+    range_ = limits(variable)
+    return data_type(variable).name if range_ is None else f"{range_.low}..{range_.high}"
 
 
 def _fits(variable: ODVariable, value: Value) -> bool:

@@ -10,21 +10,8 @@ from math import inf
 from typing import NamedTuple
 
 from eurobot_od.device.timers import caught_up
-from eurobot_od.od.values import Address
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
-
-SYNC: Address = (0x1005, 0)
-"""COB-ID of SYNC (CiA 301, 7.5.2.5); a device without this object knows none."""
-
-PRODUCER = 1 << 30
-"""Bit of 0x1005: the device itself sends SYNC."""
-
-PERIOD: Address = (0x1006, 0)
-"""Microseconds from one SYNC to the next (CiA 301, 7.5.2.6)."""
-
-COUNTER_OVERFLOW: Address = (0x1019, 0)
-"""Up to which number SYNC is counted in its data; 0: it has no data (CiA 301, 7.5.2.22)."""
 
 COUNTERS = (0, *range(2, 241))
 """What 0x1019 may be."""

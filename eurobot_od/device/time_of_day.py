@@ -10,10 +10,6 @@ from math import inf
 
 from eurobot_od.device.timers import caught_up
 from eurobot_od.od.time_of_day import DAY, EPOCH, TimeOfDay
-from eurobot_od.od.values import Address
-
-TIME: Address = (0x1012, 0)
-"""COB-ID of TIME; a device without this object knows none."""
 
 CONSUMER, PRODUCER = 1 << 31, 1 << 30
 """Bits of 0x1012: the device sets its clock by TIME, or sends it."""

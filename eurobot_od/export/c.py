@@ -38,6 +38,9 @@ WORDS = """auto break case char const continue default do double else enum exter
 PARTS = 4
 """Names of which a macro is put together: network, message, field, value."""
 
+LONGEST_TEXT = 32
+"""Most characters of a unit."""
+
 STRUCT_REALS = {32: "float", 64: "double"}
 
 
@@ -124,7 +127,10 @@ def _head(prefix: str, blocks: Iterable[Block]) -> Iterator[str]:
     yield " *"
     yield " * pack: puts a message into `data`, which holds `size` bytes; returns the frame's length, 0 if it does not"
     yield " * fit or if a value is too wide for its field. unpack: takes a message out of a frame's data; returns false"
-    yield " * and leaves the message as it was if the frame is too short, as CiA 301 wants it; a longer one is read. */"
+    yield " * and leaves the message as it was if the frame is too short, as CiA 301 wants it; a longer one is read."
+    yield " *"
+    yield " * A value counts in its UNIT: one step of it is one of that. MIN and MAX are what may be sent, other macros"
+    yield " * the values that have a name. is_unknown: all fields that have an UNKNOWN say so, and only together. */"
     yield f"#ifndef {prefix.upper()}_H"
     yield f"#define {prefix.upper()}_H"
     yield ""
@@ -146,6 +152,11 @@ def _comment(text: str) -> str:
     return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
+def _text(text: str) -> str:
+    """Make a text fit for a string of C, and short."""
+    return _comment(text).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
+
+
 # A message
 
 
@@ -165,6 +176,7 @@ def _block(block: Block, macros: Identifiers) -> Iterator[str]:
         yield from _struct(block)
         yield from _pack(block)
         yield from _unpack(block)
+        yield from _is_unknown(block)
 
 
 def _macro(macros: Identifiers, *parts: str) -> str:
@@ -177,6 +189,10 @@ def _macros(block: Block, member: Member, macros: Identifiers) -> Iterator[str]:
     if field.numeral is not Numeral.REAL:
         for word, value in zip(("min", "max"), field.limits):
             yield f"#define {_macro(macros, block.name, member.name, word)} {_number(value, member)}"
+    if field.unit:
+        yield f'#define {_macro(macros, block.name, member.name, "unit")} "{_text(field.unit)}"'
+    if field.unknown is not None and field.unknown not in field.named:
+        yield f"#define {_macro(macros, block.name, member.name, 'unknown')} {_number(field.unknown, member)}"
     for value, text in field.named.items():
         yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {_number(value, member)}"
 
@@ -270,6 +286,17 @@ def _unpack(block: Block) -> Iterator[str]:
         yield from _from_raw(member, source, length)
     yield "    return true;"
     yield "}"
+
+
+def _is_unknown(block: Block) -> Iterator[str]:
+    together = [each for each in block.members if each.field.unknown is not None]
+    if len(together) > 1:
+        tests = (f"message->{each.name} == {_number(each.field.unknown or 0, each)}" for each in together)
+        yield ""
+        yield f"static inline bool {block.name}_is_unknown(const {block.name}_t *message)"
+        yield "{"
+        yield f"    return {' && '.join(tests)};"
+        yield "}"
 
 
 def _from_raw(member: Member, source: str, length: int) -> Iterator[str]:

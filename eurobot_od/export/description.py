@@ -44,7 +44,8 @@ class DescribedField(NamedTuple):
     """A field: `width` in bits, its `limits` as its numeral counts, what is `allowed`, and its `named` raw values.
 
     `places` are the frame bits (8 times the byte plus the bit in it) of its bits 0, 1, 2, ... `default` is the raw
-    value that a shorter frame means, None if no frame leaves the field out.
+    value that a shorter frame means, None if no frame leaves the field out. `unknown` is the raw value that means
+    "unknown" together with those of the message's other fields that have one, None if there is none.
     """
 
     name: str
@@ -56,6 +57,7 @@ class DescribedField(NamedTuple):
     named: Mapping[int, str]
     places: Sequence[int]
     default: int | None = None
+    unknown: int | None = None
 
     @property
     def chunks(self) -> list[Chunk]:
@@ -137,6 +139,7 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
             named=dict(sorted(kind.named_values().items())),
             places=binding.layout.places(name),
             default=binding.raw(name, binding.defaults[name]) if name in binding.optional else None,
+            unknown=kind.unknown_as_a_whole,
         )
 
 

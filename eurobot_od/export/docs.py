@@ -13,8 +13,8 @@ from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import UnknownName
 from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.od.description import DescribedVariable
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.description import COMPOSED, DescribedVariable
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 
 
@@ -54,7 +54,7 @@ class Table(NamedTuple):
 Block: TypeAlias = "Heading | Paragraph | Table"
 
 
-def docs_text(protocol: Protocol, outlines: Iterable[Outline], form: str) -> str:
+def docs_text(protocol: Protocol, outlines: Iterable[Dictionary], form: str) -> str:
     """Return the document of a network in a form of FORMS; raises UnknownName."""
     if form not in FORMS:
         raise UnknownName("format", form, FORMS)
@@ -72,7 +72,7 @@ def form_of(file: Path) -> str:
 # What it says
 
 
-def blocks(protocol: Protocol, outlines: Sequence[Outline]) -> Iterator[Block]:
+def blocks(protocol: Protocol, outlines: Sequence[Dictionary]) -> Iterator[Block]:
     """Give the document: all messages as a table, each message with data, each device."""
     yield Heading(1, f"CANopen network: {', '.join(each.name for each in outlines)}")
     messages = described(protocol) if protocol.bindings else []
@@ -139,7 +139,7 @@ INFORMATION = (
 OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low limit", "High limit")
 
 
-def _device(outline: Outline) -> Iterator[Block]:
+def _device(outline: Dictionary) -> Iterator[Block]:
     yield Heading(2, f"{outline.name}, node-ID {outline.node_id}", f"device-{outline.node_id}")
     said = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
     facts = ", ".join(f"{what} {text}" for what, text in said if text)
@@ -148,19 +148,20 @@ def _device(outline: Outline) -> Iterator[Block]:
     yield Table(OBJECT_HEAD, rows, words=("Index", "Type"))
 
 
-def _object(outline: Outline, index: int) -> Iterator[tuple[str, ...]]:
+def _object(outline: Dictionary, index: int) -> Iterator[tuple[str, ...]]:
     number, described_object = f"0x{index:04X}", outline.device.objects[index]
-    if outline.is_composed(index):
+    if described_object.code in COMPOSED:
         code = described_object.code
         yield number, "", described_object.name, code.name if code else "", "", "", "", "", ""
-    for sub, variable in outline.members[index].items():
-        yield number, str(sub), variable.name, *_variable(outline, variable)
+    for sub, variable in described_object.subs.items():
+        yield number, str(sub), variable.name, *_variable(variable)
 
 
-def _variable(outline: Outline, variable: DescribedVariable) -> tuple[str, ...]:
+def _variable(variable: DescribedVariable) -> tuple[str, ...]:
     value = variable.value_entry.value if variable.value_entry else ""
     limits = (variable.section.text(key) for key in ("lowlimit", "highlimit"))
-    return outline.type(variable).name, variable.access, "yes" if variable.is_mappable else "", value, *limits
+    type_ = variable.type.name if variable.type else ""
+    return type_, variable.access, "yes" if variable.is_mappable else "", value, *limits
 
 
 # The forms

@@ -19,6 +19,9 @@ from eurobot_od.pdo.kinds import ColumnForm, Kind
 from eurobot_od.pdo.message import Message, kinds
 
 NANOSECONDS = 1_000_000_000
+END_OF_TIME = float(1 << 64) // NANOSECONDS
+"""Times of MCAP are below, in seconds: nanoseconds in 64 bits."""
+
 JSON = "json"
 SCHEMA = "jsonschema"
 DAMAGE = "damage"
@@ -63,16 +66,20 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     writer = Writer(file)
     writer.start(library="eurobot-od")
     channels = _Channels(writer, decoder, drawings)
-    written = Written()
+    written, latest = Written(), 0.0
     for line, time, channel, raw in entries:
         meaning = decoder(raw)
         place = {"line": line, "channel": channel}
-        made = channels.of(meaning, place, time)
+        if 0 <= time < END_OF_TIME:
+            latest, made = time, channels.of(meaning, place, time)
+        else:
+            text = f"the time {time:g} s is not in 0..{END_OF_TIME:g}"
+            time, made = latest, [(DAMAGE, {"text": text, "_": place})]
         for name, content in made:
             channels.add(name, content, time)
         names = [name for name, _ in made]
         written = Written(
-            written.messages + (meaning.message is not None),
+            written.messages + (meaning.name in names and meaning.message is not None),
             written.drawings + sum(name.endswith(DRAWN) for name in names),
             written.damage + (DAMAGE in names),
         )

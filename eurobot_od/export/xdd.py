@@ -16,9 +16,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from eurobot_od.od.description import DescribedVariable, ObjectCode
-from eurobot_od.od.outline import Outline
-from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NODE_ID, NODE_IDS, PdoDirection
+from eurobot_od.od.description import SIMPLE, DescribedVariable, ObjectCode
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DOMAIN, DUMMIES, NODE_IDS, PdoDirection
 
 SCHEMA = "http://www.canopen.org/xml/1.1"
 INSTANCE = "http://www.w3.org/2001/XMLSchema-instance"
@@ -54,12 +54,12 @@ NO_DAY = "1970-01-01"
 """Stands for the day of a file that names none, as the schema wants one."""
 
 
-def load(file: str | Path) -> Outline:
+def load(file: str | Path) -> Dictionary:
     """Read an EDS or DCF; raises DictionaryError. As what is written keeps `$NODEID`, any node-ID does."""
-    return Outline.load(file, NODE_IDS[0])
+    return Dictionary.load(file, NODE_IDS[0])
 
 
-def xdd_text(outline: Outline) -> str:
+def xdd_text(outline: Dictionary) -> str:
     """Return the device description of a device; raises DictionaryError for a value that cannot be read."""
     return _Writer(outline).text()
 
@@ -78,7 +78,7 @@ def _said(flag: bool) -> str:
 class _Writer:
     """Makes the elements of one file."""
 
-    def __init__(self, outline: Outline) -> None:
+    def __init__(self, outline: Dictionary) -> None:
         self._outline, self._device = outline, outline.device
 
     def text(self) -> str:
@@ -202,24 +202,24 @@ class _Writer:
     # Objects
 
     def _object(self, index: int) -> Element:
-        described, members = self._device.objects[index], self._outline.members[index]
+        described = self._device.objects[index]
         code = (described.code or ObjectCode.VAR).value
         said: dict[str, str | None] = {"index": f"{index:04X}", "name": described.name, "objectType": str(code)}
-        if not self._outline.is_composed(index):
-            (only,) = members.values()
+        if described.code in SIMPLE:
+            (only,) = described.subs.values()
             return _element("CANopenObject", {**said, **self._variable(only)})
         subs = (
             {"subIndex": f"{sub:02X}", "name": each.name, "objectType": _object_type(each), **self._variable(each)}
-            for sub, each in members.items()
+            for sub, each in described.subs.items()
         )
         listed = (_element("CANopenSubObject", each) for each in subs)
-        return _element("CANopenObject", {**said, "subNumber": str(len(members))}, *listed)
+        return _element("CANopenObject", {**said, "subNumber": str(len(described.subs))}, *listed)
 
     def _variable(self, variable: DescribedVariable) -> dict[str, str | None]:
         access, mapping = MAPPED_ACCESS.get(variable.access, (variable.access, "optional"))
         flags = variable.number("objflags")
         return {
-            "dataType": f"{self._outline.type(variable).code:02X}",
+            "dataType": f"{(variable.type or DOMAIN).code:02X}",
             "accessType": access if access in SAME_ACCESS else None,
             "PDOmapping": mapping if variable.is_mappable else "no",
             **{name: self._value(variable, key) for name, key in LIMITS_AND_VALUES.items()},
@@ -229,12 +229,11 @@ class _Writer:
 
     def _value(self, variable: DescribedVariable, key: str) -> str | None:
         """Write what an entry says: a whole number in the form of CiA 306, anything else as it stands."""
-        text, value = variable.section.text(key), self._outline.typed(variable, key)
-        if not text or not isinstance(value, int):
+        text = variable.section.text(key)
+        number = variable.number(key) if variable.type and variable.type.is_integer else None
+        if number is None or number.relative:
             return text or None
-        if NODE_ID in text.upper():
-            return f"{NODE_ID}+0x{value - self._outline.node_id:X}"
-        return f"0x{value:X}" if value >= 0 else str(value)
+        return f"0x{number.value:X}" if number.value >= 0 else str(number.value)
 
 
 def _object_type(variable: DescribedVariable) -> str:

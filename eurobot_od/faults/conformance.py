@@ -6,7 +6,7 @@ Rule of this file: a step is named by the beginning that it has in every such su
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.device.nmt import ALL_NODES, NmtCommand, NmtState
 from eurobot_od.device.node import Node
@@ -14,20 +14,34 @@ from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught, Fault
 from eurobot_od.faults.hooks import FrameChange, Mixin
 from eurobot_od.frame import Frame
+from eurobot_od.od.objects import address_of, all_objects, at, data_type, in_limits, is_described
+from eurobot_od.od.standard import (
+    ALL_PARAMETERS,
+    ERROR_FIELD,
+    ERROR_REGISTER,
+    HEARTBEAT_TIME,
+    IDENTITY,
+    RESTORE,
+    STORE,
+    SYNC,
+)
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     COB_ID,
     COMMUNICATION_RECORDS,
-    DATA_TYPES,
     INHIBIT_TIME,
+    MANUFACTURER,
+    MAPPING_OFFSET,
     MAPPING_RECORDS,
     NMT_COB_ID,
+    STRUCTURE,
     Address,
-    DataType,
-    PdoDirection,
 )
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 SUITE = "conformance"
 """The suite that finds these faults; it is made from the file of the device."""
@@ -35,12 +49,6 @@ SUITE = "conformance"
 UNKNOWN = 7
 """A command specifier that no SDO request has."""
 
-ERROR_REGISTER: Address = (0x1001, 0)
-HISTORY: Address = (0x1003, 0)
-SYNC: Address = (0x1005, 0)
-STORE: Address = (0x1010, 1)
-RESTORE: Address = (0x1011, 1)
-HEARTBEAT_TIME: Address = (0x1017, 0)
 
 COMMUNICATIONS = {index for records in COMMUNICATION_RECORDS.values() for index in records}
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
@@ -79,20 +87,20 @@ def _written(node: Node, frame: Frame) -> bytes | None:
     return request.rest[: request.size]
 
 
+def _object(node: Node, address: Address) -> ODVariable:
+    return at(address, node.device.dictionary.objects)
+
+
 def _keep(node: Node, address: Address, content: bytes) -> None:
-    type_ = _type(node, address)
-    if type_ is not None and type_.is_integer:
+    variable = _object(node, address)
+    type_ = data_type(variable)
+    if type_.is_integer:
         node.device.objects.values[address] = type_.read(content[: type_.size].ljust(type_.size, b"\0"))
 
 
-def _type(node: Node, address: Address) -> DataType | None:
-    variable = node.device.dictionary.variable(address)
-    return None if variable is None else DATA_TYPES.get(variable.data_type or 0)
-
-
 def _read_only(node: Node, address: Address, _: bytes) -> bool:
-    variable = node.device.dictionary.variable(address)
-    return variable is not None and not variable.writable
+    variable = _object(node, address)
+    return is_described(variable) and not variable.writable
 
 
 def _too_long(node: Node, address: Address, content: bytes) -> bool:
@@ -104,45 +112,37 @@ def _too_short(node: Node, address: Address, content: bytes) -> bool:
 
 
 def _odd(node: Node, address: Address, wrong: Callable[[int], bool]) -> bool:
-    variable, type_ = node.device.dictionary.variable(address), _type(node, address)
-    return variable is not None and variable.writable and type_ is not None and wrong(type_.size)
+    variable = _object(node, address)
+    return is_described(variable) and variable.writable and wrong(data_type(variable).size)
 
 
 def _outside(node: Node, address: Address, content: bytes) -> bool:
-    variable, type_ = node.device.dictionary.variable(address), _type(node, address)
-    if variable is None or type_ is None or not type_.is_integer or len(content) != type_.size:
-        return False
-    value = type_.read(content)
-    above = variable.max is not None and isinstance(value, int) and value > variable.max
-    return above or (variable.min is not None and isinstance(value, int) and value < variable.min)
+    variable = _object(node, address)
+    type_ = data_type(variable)
+    return len(content) == type_.size and not in_limits(variable, type_.read(content))
 
 
 def _is_valid(node: Node, communication: int) -> bool:
     return node.device.objects.cob_id((communication, COB_ID)) is not None
 
 
-def _communication(mapping: int) -> int:
-    """Return the communication record of a mapping record."""
-    return mapping - (MAPPING_RECORDS[PdoDirection.TPDO][0] - COMMUNICATION_RECORDS[PdoDirection.TPDO][0])
-
-
 def _mapping_of_a_valid_one(node: Node, address: Address, _: bytes) -> bool:
-    return address[0] in MAPPINGS and _is_valid(node, _communication(address[0]))
+    return address[0] in MAPPINGS and _is_valid(node, address[0] - MAPPING_OFFSET)
 
 
 def _entry_in_use(node: Node, address: Address, _: bytes) -> bool:
     in_use = address[0] in MAPPINGS and address[1] > 0 and bool(node.device.objects.raw((address[0], 0)))
-    return in_use and not _is_valid(node, _communication(address[0]))
+    return in_use and not _is_valid(node, address[0] - MAPPING_OFFSET)
 
 
 def _any_entry(node: Node, address: Address, _: bytes) -> bool:
     free = address[0] in MAPPINGS and address[1] > 0 and not node.device.objects.raw((address[0], 0))
-    return free and not _is_valid(node, _communication(address[0]))
+    return free and not _is_valid(node, address[0] - MAPPING_OFFSET)
 
 
 def _any_count(node: Node, address: Address, content: bytes) -> bool:
     counted = address[0] in MAPPINGS and address[1] == 0 and content != b"\0"
-    return counted and not _is_valid(node, _communication(address[0]))
+    return counted and not _is_valid(node, address[0] - MAPPING_OFFSET)
 
 
 def _parameter_of_a_valid_one(subindex: int) -> Taken:
@@ -318,15 +318,10 @@ def _other_value(choose: Callable[[Node], Address | None]) -> Mixin:
 
 def _a_setting(node: Node) -> Address | None:
     """Return the first whole number of the manufacturer that a PDO cannot carry."""
-    found = (address for address in node.device.dictionary.addresses() if address[0] >= 0x2000 and address[1] != 0xFF)
-    return next((address for address in found if _is_setting(node, address)), None)
-
-
-def _is_setting(node: Node, address: Address) -> bool:
-    variable, type_ = node.device.dictionary.variable(address), _type(node, address)
-    if variable is None or type_ is None or address == node.device.dictionary.node_id_address:
-        return False
-    return bool(variable.access_type == "rw" and type_.is_integer)
+    own = (each for each in all_objects(node.device.dictionary.objects) if each.index >= MANUFACTURER[0])
+    numbers = (each for each in own if each.access_type == "rw" and data_type(each).is_integer)
+    addresses = (address_of(each) for each in numbers if each.subindex != STRUCTURE)
+    return next((each for each in addresses if each != node.device.dictionary.node_id_address), None)
 
 
 def _sync(node: Node) -> int:
@@ -375,7 +370,7 @@ FAULTS: Mapping[str, Fault] = {
     ),
     # Objects
     "identity-wrong": _fault(
-        "7.5.2.21 Identity", "has another product code than its file", _other_value(lambda _: (0x1018, 2))
+        "7.5.2.21 Identity", "has another product code than its file", _other_value(lambda _: (IDENTITY, 2))
     ),
     "default-wrong": _fault(
         "7.3.2.2.3 Default after a reset", "has another default than its file", _other_value(_a_setting)
@@ -492,7 +487,7 @@ FAULTS: Mapping[str, Fault] = {
     "history-cleared-by-anything": _fault(
         "7.5.2.4 Error history: only 0 may be written",
         "takes any value for the number of errors",
-        taking(_of(HISTORY), keeps=False),
+        taking(_of((ERROR_FIELD, 0)), keeps=False),
     ),
     "error-register-empty": _fault(
         "7.2.7 EMCY: RPDO",
@@ -501,10 +496,12 @@ FAULTS: Mapping[str, Fault] = {
     ),
     # Store and restore
     "stores-without-signature": _fault(
-        "7.5.2.13 Store", "stores without the signature", taking(_of(STORE), keeps=False)
+        "7.5.2.13 Store", "stores without the signature", taking(_of((STORE, ALL_PARAMETERS)), keeps=False)
     ),
     "restores-without-signature": _fault(
-        "7.5.2.14 Restore", "restores the defaults without the signature", taking(_of(RESTORE), keeps=False)
+        "7.5.2.14 Restore",
+        "restores the defaults without the signature",
+        taking(_of((RESTORE, ALL_PARAMETERS)), keeps=False),
     ),
 }
 

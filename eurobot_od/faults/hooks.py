@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterable
 from typing import Any, TypeAlias
 
 from eurobot_od.device.node import Node
-from eurobot_od.device.objects import EMCY_COB_ID
 from eurobot_od.errors import FieldError, FrameLengthError
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.pdo.message import Message
 
@@ -43,7 +43,7 @@ def heartbeat(node: Node) -> int:
 
 def emcy(node: Node) -> int | None:
     """Emergency messages."""
-    return node.device.objects.cob_id(EMCY_COB_ID)
+    return node.device.objects.cob_id(EMCY)
 
 
 def sdo_answer(node: Node) -> int:

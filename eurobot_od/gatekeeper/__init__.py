@@ -21,6 +21,7 @@ from eurobot_od.gatekeeper.listeners import ListenerStatistics as ListenerStatis
 from eurobot_od.gatekeeper.listeners import MessageQueue as MessageQueue
 from eurobot_od.gatekeeper.listeners import Received as Received
 from eurobot_od.gatekeeper.mailboxes import Mailboxes as Mailboxes
+from eurobot_od.gatekeeper.mailboxes import Stay as Stay
 from eurobot_od.gatekeeper.mailboxes import TransmitStatistics as TransmitStatistics
 from eurobot_od.gatekeeper.reports import Event as Event
 from eurobot_od.gatekeeper.reports import Report as Report

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 from eurobot_od.errors import FrameLengthError, ListenerError, StateError
 from eurobot_od.frame import Data, Frame
 from eurobot_od.gatekeeper.listeners import Function, FunctionListener, ListenerStatistics, MessageQueue
-from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, TransmitStatistics
+from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, Stay, TransmitStatistics
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
 from eurobot_od.gatekeeper.routes import Delivery, ListenerKind, Registration, deliveries_to
 from eurobot_od.pdo.message import Message, MessageT
@@ -235,7 +235,7 @@ class Gatekeeper:
     def send(self, message: Message, now: float) -> None:
         """Encode a message and leave it to the mailboxes; never waits. Raises FieldError for values out of range."""
         stop = self._protocol.binding(type(message)).always
-        self.mailboxes.submit(self._protocol.encode(message), now, lasting=stop)
+        self.mailboxes.submit(self._protocol.encode(message), now, Stay.LASTING if stop else Stay.SHORT)
 
     # Counts
 

@@ -4,9 +4,9 @@ A frame is submitted, loaded when a mailbox is free, and done when the controlle
 and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
 
 A frame that finds a mailbox free never expires, however late the driver takes it; only one that has to wait for a
-mailbox may be dropped. While the bus is away nothing is kept but what is `lasting`: nobody wants a goto or a heartbeat
-of before. `load` is ordered so that an exception between two lines (Ctrl-C) leaves a frame in both places rather
-than in none: a stop is better sent twice than never.
+mailbox may be dropped, and how long it waits says its `Stay`. While the bus is away nothing is kept but what is
+LASTING: nobody wants a goto or a heartbeat of before. `load` is ordered so that an exception between two lines (Ctrl-C)
+leaves a frame in both places rather than in none: a stop is better sent twice than never.
 
 Not thread-safe: one owner calls it, or callers share a lock.
 """
@@ -14,6 +14,8 @@ Not thread-safe: one owner calls it, or callers share a lock.
 from __future__ import annotations
 
 from bisect import insort
+from collections.abc import Callable
+from enum import Enum, auto
 from math import inf
 from typing import NamedTuple
 
@@ -27,6 +29,19 @@ MAILBOX_WAIT = 0.050
 """Seconds that a frame may wait for a mailbox (document section 6)."""
 
 
+class Stay(Enum):
+    """How long a frame waits for a mailbox."""
+
+    SHORT = auto()
+    """As long as the document says (section 6)."""
+    PERIODIC = auto()
+    """Until the next of its identifier takes its place: a heartbeat, of which only the newest counts."""
+    TRANSFER = auto()
+    """As long as it takes: a part of an SDO transfer, which would fail without it. It lets a heartbeat go first."""
+    LASTING = auto()
+    """As long as it takes, even while the bus is away: a stop."""
+
+
 class Waiting(NamedTuple):
     """A frame on its way; tuples compare from the left, so they sort as they leave.
 
@@ -37,11 +52,14 @@ class Waiting(NamedTuple):
     sequence: int
     deadline: float
     frame: Frame
-    lasting: bool
+    stay: Stay
 
 
 class TransmitStatistics(NamedTuple):
-    """Frames submitted, and what became of them: submitted = completed + dropped + waiting + loaded."""
+    """Frames submitted, and what became of them: submitted = completed + dropped + waiting + loaded.
+
+    Among those dropped are periodic ones whose next one was there before a mailbox was free.
+    """
 
     submitted: int
     completed: int
@@ -62,51 +80,63 @@ class Mailboxes:
         self._away: int | None = None
         """How many frames had been dropped when the bus was lost, None while it is there."""
 
-    def submit(self, frame: Frame, now: float, lasting: bool = False) -> None:
+    def submit(self, frame: Frame, now: float, stay: Stay = Stay.SHORT) -> None:
         """Put a frame in its place among those that wait for a mailbox.
 
-        One for which a mailbox is free now cannot be too late, however late the bus is served. A `lasting` one waits
-        as long as it takes: a stop, or a part of an SDO transfer, which would fail without it.
+        One for which a mailbox is free now cannot be too late, however late the bus is served.
         """
-        if self._away is not None and not lasting:
+        if self._away is not None and stay is not Stay.LASTING:
             self._submitted += 1
             self._dropped += 1
             return
+        if stay is Stay.PERIODIC:
+            self._withdraw(lambda each: each.stay is Stay.PERIODIC and each.cob_id == frame.cob_id)
         full = len(self._loaded) + len(self._waiting) >= self.count
-        deadline = now + self.wait if full and not lasting else inf
-        insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, lasting))
+        deadline = now + self.wait if full and stay is Stay.SHORT else inf
+        insort(self._waiting, Waiting(frame.cob_id, self._submitted, deadline, frame, stay))
         self._submitted += 1
 
     def load(self, now: float) -> list[Frame]:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
         loaded: list[Frame] = []
-        while self._waiting and len(self._loaded) < self.count:
-            first = self._waiting[0]
+        while self._waiting and len(self._loaded) < self.count and not self._lets_go_first():
+            place = -1 if self._waiting[0].stay is Stay.TRANSFER and self._waiting[-1].stay is Stay.PERIODIC else 0
+            first = self._waiting[place]
             if first.deadline <= now:
                 self._drop(first.frame, now)
             else:
                 insort(self._loaded, first)
                 loaded.append(first.frame)
-            del self._waiting[0]
+            del self._waiting[place]
         if self._waiting:
             self.expire(now)
             # Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place, so that
             # they may wait as long as any other from now on.
             late = now + self.wait
-            self._waiting = [w if w.lasting or w.deadline <= late else w._replace(deadline=late) for w in self._waiting]
+            self._waiting = [
+                w._replace(deadline=late) if w.stay is Stay.SHORT and w.deadline > late else w for w in self._waiting
+            ]
         return loaded
 
+    def _lets_go_first(self) -> bool:
+        """Tell whether a transfer has to wait, as a heartbeat is in a mailbox.
+
+        Its identifier is the greatest that a device sends: it would lose the arbitration to a block's segments, one
+        after the other, until its consumers take the device for dead.
+        """
+        return self._waiting[0].stay is Stay.TRANSFER and any(each.stay is Stay.PERIODIC for each in self._loaded)
+
     def leave(self) -> None:
-        """Note that the bus is away: what waits and is not lasting is dropped, and so is what is submitted from now on.
+        """Note that the bus is away: what waits and is not LASTING is dropped, and so is what is submitted from now on.
 
         It is counted and not reported: `come_back` tells how much it was.
         """
         if self._away is None:
             self._away = self._dropped
-        before = len(self._waiting) + len(self._loaded)
-        self._waiting = [each for each in self._waiting if each.lasting]
-        self._loaded = [each for each in self._loaded if each.lasting]
-        self._dropped += before - len(self._waiting) - len(self._loaded)
+        self._withdraw(lambda each: each.stay is not Stay.LASTING)
+        before = len(self._loaded)
+        self._loaded = [each for each in self._loaded if each.stay is Stay.LASTING]
+        self._dropped += before - len(self._loaded)
 
     def come_back(self) -> int:
         """Note that the bus is back; return how many frames were dropped meanwhile."""
@@ -115,8 +145,12 @@ class Mailboxes:
 
     def withdraw(self, cob_id: int) -> None:
         """Drop the frames of an identifier that wait for a mailbox: what they answer is over."""
+        if self._waiting:
+            self._withdraw(lambda each: each.cob_id == cob_id)
+
+    def _withdraw(self, over: Callable[[Waiting], bool]) -> None:
         before = len(self._waiting)
-        self._waiting = [each for each in self._waiting if each.cob_id != cob_id]
+        self._waiting = [each for each in self._waiting if not over(each)]
         self._dropped += before - len(self._waiting)
 
     def holds(self, frame: Frame) -> bool:

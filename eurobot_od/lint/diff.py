@@ -18,11 +18,12 @@ from eurobot_od.lint.model import LintedDevice, LintedPdo, load
 from eurobot_od.od import values
 from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
+from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, DataType, Number
 from eurobot_od.sdo.wire import AbortCode, code_and_reason
 
 ABSENT = "-"
-STATE = (0x1001, 0x1002, 0x1003, 0x1010, 0x1011)
+STATE = (ERROR_REGISTER[0], 0x1002, ERROR_FIELD, STORE, RESTORE)
 """Objects whose value in a running node says how it is, not how it is configured."""
 
 WHOLE_DEVICE = (-1, -1)
@@ -261,12 +262,20 @@ def readable(device: LintedDevice) -> list[Address]:
 def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[Difference]:
     """Compare a file with what a node answered to SDO reads of it; process data and states are only looked for.
 
-    An answer is the object's bytes, or the abort code.
+    An answer is the object's bytes, or the abort code. A DCF tells what one device has: what it gives no value need not
+    be there, and what cannot be written need not have the value that it has by default.
     """
     known = variables(device)
+    if device.node_id is not None:
+        answers = {address: answer for address, answer in answers.items() if _is_told(known[address], answer)}
     said = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     found = compare(device, _overlaid(device, answers), node_id)
     return sorted([*_named(said, device), *found])
+
+
+def _is_told(variable: DescribedVariable, answer: bytes | int) -> bool:
+    """Tell whether a DCF says something of an object that a node's answer can differ from."""
+    return bool(variable.section.text("parametervalue")) or (isinstance(answer, bytes) and variable.is_writable)
 
 
 def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[Difference]:
@@ -285,7 +294,7 @@ def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> L
     """Return the device with the values that were read, where the file has some to compare them with."""
     sections = dict(device.document.sections)
     for (index, sub), variable in variables(device).items():
-        text = _read_text(variable, answers.get((index, sub)))
+        text = _read_text(variable, answers.get((index, sub)), device.document.text_encoding)
         is_configured = not variable.is_mappable and index not in STATE and variable.value_entry is not None
         if text is not None and is_configured:
             whole, section = device.objects[index], variable.section
@@ -296,8 +305,8 @@ def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> L
     return LintedDevice(Document(sections), device.name)
 
 
-def _read_text(variable: DescribedVariable, answer: bytes | int | None) -> str | None:
-    """Write what was read as a file would; None if nothing was."""
+def _read_text(variable: DescribedVariable, answer: bytes | int | None, encoding: str) -> str | None:
+    """Write what was read as a file in this encoding would; None if nothing was."""
     if not isinstance(answer, bytes) or variable.type is None:
         return None
     if variable.type.is_integer:
@@ -306,4 +315,5 @@ def _read_text(variable: DescribedVariable, answer: bytes | int | None) -> str |
         return repr(variable.type.read(answer))
     if variable.type is values.OCTET_STRING:
         return answer.hex()
-    return answer.rstrip(b"\0").decode("latin-1")
+    kind = "utf-16-le" if variable.type is values.UNICODE_STRING else encoding
+    return answer.decode(kind, "backslashreplace").rstrip("\0")

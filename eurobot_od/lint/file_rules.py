@@ -13,11 +13,11 @@ from itertools import pairwise
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
 from eurobot_od.od import values
-from eurobot_od.od.description import COMMISSIONING
 from eurobot_od.od.document import Entry, Odd, Section
 from eurobot_od.od.keys import (
     BIT_RATE_KEYS,
     BIT_RATES,
+    COMMISSIONING,
     DATES,
     DEVICE_INFO,
     FILE_INFO,
@@ -31,7 +31,8 @@ from eurobot_od.od.keys import (
 from eurobot_od.od.keys import (
     OBJECT_KEYS as ALL_OBJECT_KEYS,
 )
-from eurobot_od.od.repairs import renamed
+from eurobot_od.od.normal import misspelled
+from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import Number, PdoDirection, parse_number
 
 RULES = Rules()
@@ -161,7 +162,7 @@ def _entries(device: LintedDevice, name: str) -> Mapping[str, Entry]:
 @RULES.rule("W121", "public: canopen, dcf-tools and others look sections and keys up letter by letter")
 def other_spelling(device: LintedDevice) -> Violations:
     """Sections and keys are spelled as CiA 306 spells them."""
-    found = [each for each in renamed(device) if "comissioning" not in each.what.lower()]
+    found = [each for each in misspelled(device) if "comissioning" not in each.what.lower()]
     if found:
         more = f", and {len(found) - 1} more" if len(found) > 1 else ""
         yield Entry("", "", found[0].line, 1), f"{found[0].what} is how CiA 306 has it{more}"
@@ -444,10 +445,6 @@ def _numbers(device: LintedDevice, name: str) -> dict[int, Entry]:
 
 # Lists of objects
 
-MANDATORY = (0x1000, 0x1001, 0x1018)
-FIRST_OBJECT = 0x1000
-"""Objects before this index are data types."""
-
 
 def _lists(device: LintedDevice) -> Iterator[tuple[Section, dict[int, Entry]]]:
     """Give the lists that are there, with their entries by number."""
@@ -501,7 +498,7 @@ def listed_twice(device: LintedDevice) -> Violations:
 def listed_only(device: LintedDevice) -> Violations:
     """A listed object has a section."""
     for index, entry in listed(device, *LISTS):
-        if FIRST_OBJECT <= index <= 0xFFFF and (index not in device.objects or device.objects[index].section is None):
+        if values.FIRST <= index <= 0xFFFF and (index not in device.objects or device.objects[index].section is None):
             yield entry, f"0x{index:04X} is listed, but there is no section [{index:04X}]"
 
 
@@ -547,7 +544,7 @@ RULES += (
     Rule("E309", "0x1000, 0x1001 and 0x1018 are in [MandatoryObjects].", "CiA 306, object lists",
          misplaced_of(LISTS[1:], lambda index: index in MANDATORY, "belongs in [MandatoryObjects]")),
     Rule("E310", "Only 0x1000, 0x1001 and 0x1018 are in [MandatoryObjects].", "CiA 306, object lists",
-         misplaced_of(LISTS[:1], lambda index: index not in MANDATORY and index >= FIRST_OBJECT,
+         misplaced_of(LISTS[:1], lambda index: index not in MANDATORY and index >= values.FIRST,
                       "is not mandatory; it belongs in another list")),
     Rule("E311", "0x2000..0x5FFF are not in [OptionalObjects].", "CiA 306, object lists",
          misplaced_of(LISTS[1:2], lambda index: index in values.MANUFACTURER,
@@ -556,5 +553,5 @@ RULES += (
          misplaced_of(LISTS[2:], lambda index: index not in values.MANUFACTURER and index not in MANDATORY,
                       "is outside 0x2000..0x5FFF; it belongs in [OptionalObjects]")),
     Rule("W313", "Data types are not listed as objects.", "CiA 306, object lists",
-         misplaced_of(LISTS, lambda index: 0 <= index < FIRST_OBJECT, "is a data type, not an object")),
+         misplaced_of(LISTS, lambda index: 0 <= index < values.FIRST, "is a data type, not an object")),
 )  # fmt: skip

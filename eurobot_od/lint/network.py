@@ -18,6 +18,7 @@ from eurobot_od.lint.object_rules import heartbeats
 from eurobot_od.lint.pdo_rules import SYNCHRONOUS
 from eurobot_od.od import values
 from eurobot_od.od.keys import BIT_RATES
+from eurobot_od.od.standard import SYNC, SYNC_PRODUCER
 from eurobot_od.od.values import Number, PdoDirection, owner
 
 RULES = Rules()
@@ -503,17 +504,17 @@ def one_of(index: int, bit: int, what: str) -> Callable[[LintedNetwork], Conflic
 def nobody_sends_sync(network: LintedNetwork) -> Conflicts:
     """Synchronous PDOs have a node that sends SYNC."""
     ports = [each for identifier in network.identifiers for each in network.ports(identifier)]
-    for each in ports if not _with_bit(network, 0x1005, SYNC_PRODUCER) else ():
+    for each in ports if not _with_bit(network, SYNC[0], SYNC_PRODUCER) else ():
         type_ = each.pdo.value(2)
         if type_ and type_.value in SYNCHRONOUS:
             yield _spot(each.node, each.pdo, 2), f"{each.name} is synchronous, but no node sends SYNC"
 
 
-SYNC_PRODUCER, NMT_MASTER = 1 << 30, 1
+NMT_MASTER = 1
 
 RULES += (
     Rule("E824", "One node sends SYNC.", "CiA 301, object 0x1005, bit 30",
-         one_of(0x1005, SYNC_PRODUCER, "SYNC producer")),
+         one_of(SYNC[0], SYNC_PRODUCER, "SYNC producer")),
     Rule("E825", "One node is NMT master.", "CiA 302-2, object 0x1F80, bit 0",
          one_of(0x1F80, NMT_MASTER, "NMT master")),
 )  # fmt: skip

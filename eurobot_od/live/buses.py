@@ -37,6 +37,13 @@ FILTERING = (SOCKETCAN, "etas")
 PROMPT = (SOCKETCAN, "virtual")
 """Interfaces with a `send` that does not wait when told so."""
 
+SERIAL = ("slcan",)
+"""Interfaces that write to a serial port: it has room for hundreds of frames, but a write that took longer than it may
+counts as failed even when all is written."""
+
+SERIAL_WAIT = 0.2
+"""Seconds that a write to a serial port may take: on a busy machine a thread may have to wait for its turn."""
+
 FULL = (errno.ENOBUFS, errno.EAGAIN, errno.EWOULDBLOCK, errno.ETIMEDOUT)
 """What an operating system says when there is no room for a frame; any other error of it means that the bus is lost."""
 
@@ -153,7 +160,8 @@ class Driver:
         self.bus = bus
         self.filters = any(_is_of(bus, interface) for interface in FILTERING)
         self.prompt = any(_is_of(bus, interface) for interface in PROMPT)
-        self._wait = 0.0 if self.prompt else RETRY
+        serial = any(_is_of(bus, interface) for interface in SERIAL)
+        self._wait = 0.0 if self.prompt else SERIAL_WAIT if serial else RETRY
         self._socket = getattr(bus, "socket", None) if _is_of(bus, SOCKETCAN) else None
 
     def replace(self, opener: Callable[[], can.BusABC]) -> None:

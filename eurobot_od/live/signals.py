@@ -10,11 +10,15 @@ TOLD_TO_END = 128 + signal.SIGTERM
 """Exit status of a program that SIGTERM has ended, as shells write it."""
 
 
+class ToldToEnd(SystemExit):
+    """Raised when SIGTERM has come, by which it differs from a program that calls `sys.exit`."""
+
+
 class EndedBySigterm:
-    """A context manager: SIGTERM raises SystemExit in the block, unless the program has a handler of its own.
+    """A context manager: SIGTERM raises ToldToEnd in the block, unless the program has a handler of its own.
 
     It does so once, and not any more after `hold`: what the program does at its end is not to be cut short. One that
-    comes then raises SystemExit at the end of the block. Outside the main thread, where Python takes no signals, it
+    comes then raises it at the end of the block. Outside the main thread, where Python takes no signals, it
     does nothing.
     """
 
@@ -37,10 +41,10 @@ class EndedBySigterm:
             self._missed = True
         else:
             self._held = True
-            raise SystemExit(TOLD_TO_END)
+            raise ToldToEnd(TOLD_TO_END)
 
     def __exit__(self, cause: object, *_: object) -> None:
         if self._installed:
             signal.signal(signal.SIGTERM, signal.SIG_DFL)
         if self._missed and cause is None:
-            raise SystemExit(TOLD_TO_END)
+            raise ToldToEnd(TOLD_TO_END)

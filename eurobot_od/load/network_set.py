@@ -14,22 +14,12 @@ from typing import NamedTuple
 from eurobot_od import durations
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.load.message_set import MessageSet, SentMessage, by_urgency
-from eurobot_od.od import values
+from eurobot_od.od import standard, values
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, TrafficEntry
-from eurobot_od.od.outline import Outline
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import PdoDirection
 
-SYNC_ENTRY, SYNC_PERIOD, EMCY_ENTRY, EMCY_INHIBIT, HEARTBEAT = (
-    (0x1005, 0),
-    (0x1006, 0),
-    (0x1014, 0),
-    (0x1015, 0),
-    (0x1017, 0),
-)
-SYNC_PRODUCER = 1 << 30
-"""Bit of 0x1005 (CiA 301, 7.5.2.5)."""
-SDO_CLIENTS = range(0x1280, 0x1300)
 SERVER_NODE_ID = 3
 """Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""
 MAILBOXES = "Transmit.Mailboxes"
@@ -61,7 +51,9 @@ class Sender(NamedTuple):
         )
 
 
-def network_set(outlines: Iterable[Outline], names: Mapping[int, str], network: NetworkFile, file: str) -> MessageSet:
+def network_set(
+    outlines: Iterable[Dictionary], names: Mapping[int, str], network: NetworkFile, file: str
+) -> MessageSet:
     """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
 
     Raises DictionaryError for a row of the network file that does not hold, LocalError for messages without a period.
@@ -91,7 +83,7 @@ def _named_apart(messages: list[SentMessage]) -> Iterator[SentMessage]:
         yield each._replace(name=f"{each.name} {each.node}") if names.count(each.name) > 1 else each
 
 
-def _mailboxes(device: Outline) -> int | None:
+def _mailboxes(device: Dictionary) -> int | None:
     try:
         return device.number(device.address(MAILBOXES))
     except DictionaryError:  # no device has to have such a setting
@@ -101,23 +93,23 @@ def _mailboxes(device: Outline) -> int | None:
 # What the EDS files say
 
 
-def _sent_pdos(device: Outline) -> Iterator[Pdo]:
+def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
     return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
 
 
-def _pdo_sender(device: Outline, pdo: Pdo, names: Mapping[int, str]) -> Sender:
+def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> Sender:
     length = -(-sum(each.bits for each in pdo.mapping) // 8)
     name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
     return Sender(name, name, pdo.cob_id, length, device.name)
 
 
-def _pdos(device: Outline, names: Mapping[int, str]) -> Iterator[Sender]:
+def _pdos(device: Dictionary, names: Mapping[int, str]) -> Iterator[Sender]:
     return (_pdo_sender(device, each, names) for each in _sent_pdos(device))
 
 
-def _timed_pdos(device: Outline, devices: Iterable[Outline], names: Mapping[int, str]) -> Iterator[SentMessage]:
+def _timed_pdos(device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]) -> Iterator[SentMessage]:
     """Give the PDOs that are sent by timer or SYNC, or whenever their inhibit time lets them."""
-    cycle = next((number for each in devices if (number := each.number(SYNC_PERIOD))), 0)
+    cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
         sender, inhibit = _pdo_sender(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
         if pdo.is_synchronous and cycle:
@@ -128,28 +120,27 @@ def _timed_pdos(device: Outline, devices: Iterable[Outline], names: Mapping[int,
             yield sender.sent(pdo.event_timer * MS, "event timer")
 
 
-def _timed_services(device: Outline) -> Iterator[SentMessage]:
-    if heartbeat := device.number(HEARTBEAT):
+def _timed_services(device: Dictionary) -> Iterator[SentMessage]:
+    if heartbeat := device.number(standard.HEARTBEAT_TIME):
         name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
         yield Sender(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
-    if (device.number(SYNC_ENTRY) or 0) & SYNC_PRODUCER and (cycle := device.number(SYNC_PERIOD)):
+    if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (cycle := device.number(standard.SYNC_PERIOD)):
         yield Sender(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
-    if inhibit := device.number(EMCY_INHIBIT):
+    if inhibit := device.number(standard.EMCY_INHIBIT_TIME):
         yield _emcy(device).sent(inhibit * INHIBIT_UNIT, "0x1015")
 
 
-def _emcy(device: Outline) -> Sender:
-    said = device.number(EMCY_ENTRY)
-    identifier = values.EMCY_BASE + device.node_id if said is None else said & values.BASE_IDENTIFIER
+def _emcy(device: Dictionary) -> Sender:
+    identifier = device.cob_id(standard.EMCY, values.EMCY_BASE)
     return Sender(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
 
 
-def _services(device: Outline, devices: Iterable[Outline]) -> Iterator[Sender]:
+def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[Sender]:
     """Give the services that a row may be about: EMCY without an inhibit time, and SDO if a client is there."""
-    if not device.number(EMCY_INHIBIT):
+    if not device.number(standard.EMCY_INHIBIT_TIME):
         yield _emcy(device)
     for client in devices:
-        if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in SDO_CLIENTS):
+        if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
             request = f"{SDO} request {device.name}"
             yield Sender(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
             answer = f"{SDO} answer {device.name}"
@@ -162,7 +153,7 @@ def _services(device: Outline, devices: Iterable[Outline]) -> Iterator[Sender]:
 class _Rows:
     """The rows of a network file's traffic, with the settings of the devices."""
 
-    def __init__(self, devices: tuple[Outline, ...], rows: Mapping[str, TrafficEntry], file: str) -> None:
+    def __init__(self, devices: tuple[Dictionary, ...], rows: Mapping[str, TrafficEntry], file: str) -> None:
         self._devices, self._rows, self._file = devices, rows, file
 
     def refuse_unknown(self, known: set[str]) -> None:

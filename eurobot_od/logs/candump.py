@@ -1,4 +1,4 @@
-"""candump's log format, `(1396.123456) can0 008#D27423592C0D9702`, with or without ` R` or ` T` at the end.
+"""candump's log format, `(1396.123456) can0 008#D27423592C01C3A5`, with or without ` R` or ` T` at the end.
 
 Rule of this file: the format as can-utils' `candump -l` and python-can write it, and nothing more lenient.
 """

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from eurobot_od.errors import FrameLengthError
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import REMEMBERED, Damage, Foreign, Raw
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
@@ -59,7 +59,9 @@ def with_defects(meaning: Meaning) -> str:
 class Decoder:
     """Tells what frames mean, by the EDS files of the nodes on the bus and the catalogue of their messages."""
 
-    def __init__(self, outlines: Iterable[Outline], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal) -> None:
+    def __init__(
+        self, outlines: Iterable[Dictionary], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
+    ) -> None:
         self.outlines = tuple(outlines)
         self.protocol = Protocol.of_devices(self.outlines, catalogue, refused)
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}

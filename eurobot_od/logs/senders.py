@@ -10,32 +10,32 @@ from collections.abc import Callable, Collection, Iterable
 from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
 from eurobot_od.od import values
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import EMCY, SDO_ANSWERS
 from eurobot_od.pdo.catalogue import plain_name
 from eurobot_od.pdo.protocol import Protocol
 
 OWN_SERVICES = (
-    ((0x1014, 0), values.EMCY_BASE),
-    ((0x1200, 2), values.SDO_RESPONSE_BASE),
+    (EMCY, values.EMCY_BASE),
+    (SDO_ANSWERS, values.SDO_RESPONSE_BASE),
     (None, values.ERROR_CONTROL_BASE),
 )
 """What a device sends besides messages: where its identifier stands, and what that is in the predefined set."""
 
 
-def senders(outlines: Iterable[Outline], protocol: Protocol) -> dict[int, frozenset[str]]:
+def senders(outlines: Iterable[Dictionary], protocol: Protocol) -> dict[int, frozenset[str]]:
     """Return the names of the devices that send each identifier; one that nobody is known to send is left out."""
     found: dict[int, set[str]] = {}
     for outline in outlines:
         for address, base in OWN_SERVICES:
-            said = outline.number(address) if address else None
-            cob_id = said if said is not None and not said & values.NOT_VALID else base + outline.node_id
-            found.setdefault(cob_id & values.BASE_IDENTIFIER, set()).add(outline.name)
+            cob_id = outline.cob_id(address, base) if address else base + outline.node_id
+            found.setdefault(cob_id, set()).add(outline.name)
     messages = {each.cob_id: frozenset(each.senders) for each in protocol.bindings if each.senders}
     return {cob_id: frozenset(names) for cob_id, names in found.items()} | messages
 
 
 def by_sender(
-    outlines: Collection[Outline], protocol: Protocol, only: Iterable[str], without: Iterable[str]
+    outlines: Collection[Dictionary], protocol: Protocol, only: Iterable[str], without: Iterable[str]
 ) -> Callable[[Frame], bool]:
     """Want what devices send: `only` these, or all but what none but those `without` sends; raises UnknownName.
 

@@ -14,12 +14,10 @@ from typing import NamedTuple, TypeAlias
 from eurobot_od.device.emergency import error_words
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES
 from eurobot_od.od import values
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
+from eurobot_od.od.standard import EMCY, SDO_ANSWERS, SDO_REQUESTS
 from eurobot_od.sdo.wire import EXPEDITED, LAST, ClientCommand, Initiate, ServerCommand, code_and_reason, part_in
-
-EMCY_ENTRY: values.Address = (0x1014, 0)
-SDO_REQUEST_ENTRY: values.Address = (0x1200, 1)
-SDO_ANSWER_ENTRY: values.Address = (0x1200, 2)
 
 
 class CanopenService(NamedTuple):
@@ -35,11 +33,11 @@ class KnownNode(NamedTuple):
     """What is known of the node that a frame is from or for: its name, and the outline of its EDS if there is one."""
 
     name: str
-    outline: Outline | None = None
+    outline: Dictionary | None = None
 
 
 def services(
-    outlines: Iterable[Outline], errors: Mapping[int, str] = MappingProxyType({})
+    outlines: Iterable[Dictionary], errors: Mapping[int, str] = MappingProxyType({})
 ) -> dict[int, CanopenService]:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
@@ -53,7 +51,7 @@ def services(
         found |= {base + node_id: service for base, service in zip(bases, _of_node(node, errors))}
         found[values.ERROR_CONTROL_BASE + node_id] = CanopenService("Heartbeat", node.name, 1, heartbeat_text)
     for node in known.values():
-        for address, service in zip((EMCY_ENTRY, SDO_REQUEST_ENTRY, SDO_ANSWER_ENTRY), _of_node(node, errors)):
+        for address, service in zip((EMCY, SDO_REQUESTS, SDO_ANSWERS), _of_node(node, errors)):
             cob_id = node.outline.number(address) if node.outline else None
             if cob_id is not None and not cob_id & values.NOT_VALID:
                 found[cob_id] = service
@@ -90,48 +88,48 @@ def emcy_text(errors: Mapping[int, str], data: bytes) -> str:
 
 # SDO (CiA 301, 7.2.4.3)
 
-SdoText: TypeAlias = Callable[["Outline | None", bytes], str]
+SdoText: TypeAlias = Callable[["Dictionary | None", bytes], str]
 Commands: TypeAlias = Mapping[int, SdoText]
 
 
-def sdo_text(commands: Commands, outline: Outline | None, data: bytes) -> str:
+def sdo_text(commands: Commands, outline: Dictionary | None, data: bytes) -> str:
     """Say what an SDO frame asks or answers; `commands` are those of its direction."""
     text = commands.get(data[0] >> 5)
     return text(outline, data) if text else f"command {data[0] >> 5}"
 
 
-def _object(outline: Outline | None, address: values.Address) -> str:
+def _object(outline: Dictionary | None, address: values.Address) -> str:
     index, subindex = address
     where = f"0x{index:04X}:{subindex:02X}"
-    described = outline.described(address) if outline else None
-    return where if described is None else f"{where} {described.name.replace('.', ', ')}"
+    variable = outline.variable(address) if outline else None
+    return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
 
 
-def _content(outline: Outline | None, initiate: Initiate) -> str:
+def _content(outline: Dictionary | None, initiate: Initiate) -> str:
     if initiate.command & EXPEDITED:
         return f" = {_value(outline, initiate.address, initiate.rest[: initiate.size])}"
     return "" if initiate.size is None else f", {initiate.size} bytes"
 
 
-def _value(outline: Outline | None, address: values.Address, value: bytes) -> str:
-    described = outline.described(address) if outline else None
+def _value(outline: Dictionary | None, address: values.Address, value: bytes) -> str:
+    variable = outline.variable(address) if outline else None
     try:
-        return str(described.type.read(value)) if described else value.hex(" ")
+        return str(data_type(variable).read(value)) if variable else value.hex(" ")
     except ValueError:  # a length that the type does not have
         return value.hex(" ")
 
 
-def _segment(_: Outline | None, data: bytes) -> str:
+def _segment(_: Dictionary | None, data: bytes) -> str:
     return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
 
 
-def _abort(outline: Outline | None, data: bytes) -> str:
+def _abort(outline: Dictionary | None, data: bytes) -> str:
     _, address, _ = abort = Initiate.of(data)
     return f"abort {_object(outline, address)}: {code_and_reason(abort.number)}"
 
 
 def _of_object(what: str, value: bool = False) -> SdoText:
-    def text(outline: Outline | None, data: bytes) -> str:
+    def text(outline: Dictionary | None, data: bytes) -> str:
         initiate = Initiate.of(data)
         return f"{what} {_object(outline, initiate.address)}{_content(outline, initiate) if value else ''}"
 

@@ -22,7 +22,7 @@ from eurobot_od.load.seen import NOTHING, SeenTraffic
 from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.logs.statistics import DamageCounts
-from eurobot_od.od.values import Address
+from eurobot_od.od.standard import HEARTBEAT_TIME
 from eurobot_od.simulation.bits import frame_bits
 
 REMEMBERED_TIMES = 33
@@ -30,8 +30,6 @@ REMEMBERED_TIMES = 33
 
 LOAD_SPAN = 1.0
 """The bus load is that of the last second."""
-
-HEARTBEAT_PERIOD: Address = (0x1017, 0)
 
 
 class MeanPeriod(NamedTuple):
@@ -91,7 +89,7 @@ class Traffic:
         self.seen = SeenTraffic(bitrate, promised)
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | Damage, TrafficRow] = {}
-        periods = {each.name: (each.number(HEARTBEAT_PERIOD) or 0) / 1000 for each in decoder.outlines}
+        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.outlines}
         self.nodes = {name: NodeHealth(Pulse(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
         self.frames = 0

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError, FieldError, UnknownName
-from eurobot_od.od.completion import completed
-from eurobot_od.od.description import COMMISSIONING as COMMISSIONING
-from eurobot_od.od.description import DescribedDevice, DescribedObject, DescribedVariable
-from eurobot_od.od.document import Document, Odd, Section, parse, read_bytes
-from eurobot_od.od.keys import OBJECT_LISTS
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.description import DescribedDevice, DescribedVariable
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.document import Document, Odd, parse, read_bytes
+from eurobot_od.od.keys import COMMISSIONING, OBJECT_LISTS
+from eurobot_od.od.objects import data_type, value_text
 from eurobot_od.od.values import (
     DOMAIN,
+    TIMES,
     UNICODE_STRING,
     VISIBLE_STRING,
     Address,
@@ -59,14 +59,14 @@ class Dcf(NamedTuple):
 
 
 def with_contents(
-    eds: Outline, contents: Mapping[Address, bytes], node_id: int, node_name: str, baudrate_kbit: int, stem: str
+    eds: Dictionary, contents: Mapping[Address, bytes], node_id: int, node_name: str, baudrate_kbit: int, stem: str
 ) -> Dcf:
     """Return the DCF of a device whose objects have these bytes, in the encoding of its EDS.
 
     `stem` begins the names of the files beside it. Raises UnknownName for an object that the EDS does not describe,
     FieldError for bytes that its type cannot have.
     """
-    document, values, files = eds.device.document, dict[Address, DcfValue](), dict[str, bytes]()
+    values, files = dict[Address, DcfValue](), dict[str, bytes]()
     for (index, sub), data in contents.items():
         value = _value(eds, (index, sub), data)
         if value is None:
@@ -74,31 +74,31 @@ def with_contents(
             values[index, sub], files[beside.name] = beside, data
         else:
             values[index, sub] = value
-    name = node_name if is_text(node_name, _encoding(document)) else ""
-    text = with_values("\n".join(document.lines), values, node_id, name, baudrate_kbit)
-    return Dcf(text.encode(document.encoding), files)
+    name = node_name if is_text(node_name, eds.encoding) else ""
+    text = with_values(eds.device, values, node_id, name, baudrate_kbit)
+    return Dcf(text.encode(eds.encoding), files)
 
 
-def content(dcf: Outline, address: Address) -> bytes | None:
+def content(dcf: Dictionary, address: Address) -> bytes | None:
     """Return the bytes that a DCF gives an object of no fixed length; None if it gives it none.
 
     Raises DictionaryError for a file beside it that cannot be read, and for a value that is none of the object's.
     """
     variable = dcf.members[address[0]][address[1]]
-    type_, section = dcf.type(variable), variable.section
-    file, text = section.text("downloadfile"), section.text("parametervalue")
+    type_ = data_type(variable)
+    file: str = getattr(variable, "download_file", "")
     where = f"sub {address[1]} ({variable.name})"
     if file:
         try:
             return read_bytes(dcf.file.parent / file)
         except DictionaryError as error:
             raise DictionaryError(dcf.file, address[0], f"{where}: DownloadFile {error}") from error
-    if not text:
-        return None
-    try:
-        return _bytes_of_text(type_, text, _encoding(dcf.device.document))
-    except ValueError:
-        raise DictionaryError(dcf.file, address[0], f"{where}: {text!r} is not {type_.name}") from None
+    if variable.value is None and value_text(variable):
+        raise DictionaryError(dcf.file, address[0], f"{where}: {value_text(variable)!r} is not {type_.name}")
+    value = variable.value or None
+    if not isinstance(value, str):
+        return None if value is None else type_.write(value)
+    return value.encode(dcf.encoding if type_ == VISIBLE_STRING else UNICODE_BYTES)
 
 
 def is_text(text: str, encoding: str = "ascii") -> bool:
@@ -111,17 +111,12 @@ def is_text(text: str, encoding: str = "ascii") -> bool:
         return False
 
 
-def _encoding(document: Document) -> str:
-    """Return the encoding in which the texts of a file are the bytes of a VISIBLE_STRING."""
-    return "latin-1" if document.encoding == "latin-1" else "utf-8"
-
-
-def _value(eds: Outline, address: Address, data: bytes) -> Value:
+def _value(eds: Dictionary, address: Address, data: bytes) -> Value:
     """Return the value that a DCF has for an object's bytes, None if only a file can hold them."""
-    variable = eds.members.get(address[0], {}).get(address[1])
+    variable = eds.variable(address)
     if variable is None:
         raise UnknownName("object", label(address))
-    type_, encoding = eds.type(variable), _encoding(eds.device.document)
+    type_, encoding = data_type(variable), eds.encoding
     if type_.size:
         try:
             return type_.read(data)
@@ -147,43 +142,26 @@ def _text_of_bytes(type_: DataType, data: bytes, encoding: str) -> str | None:
     return data.hex().upper()
 
 
-def _bytes_of_text(type_: DataType, text: str, encoding: str) -> bytes:
-    if type_ == VISIBLE_STRING:
-        return text.encode(encoding)
-    return text.encode(UNICODE_BYTES) if type_ == UNICODE_STRING else bytes.fromhex(text)
-
-
 # The file
 
 
 def with_values(
-    eds_text: str, values: Mapping[Address, DcfValue], node_id: int, node_name: str, baudrate_kbit: int
+    device: DescribedDevice, values: Mapping[Address, DcfValue], node_id: int, node_name: str, baudrate_kbit: int
 ) -> str:
     """Return the DCF of a device: its EDS (or DCF), the ParameterValue of each address in `values`, and who it is.
 
-    Numbers are written in the form of the object's DefaultValue, bytes in hexadecimal digits; None changes nothing.
-    The commissioning stands last, so that a file that was cut off has none. Lines end in LF.
+    `device` is what the normal form of its file describes. Numbers are written in the form of the object's
+    DefaultValue, bytes in hexadecimal digits; None changes nothing. The commissioning stands last, so that a file that
+    was cut off has none. Lines end in LF.
     Raises UnknownName for an address that the EDS does not describe, FieldError for what no line can hold.
     """
-    device = DescribedDevice(completed(parse(eds_text)))
     rewriting = Rewriting(device.document)
-    compact: dict[int, dict[str, str]] = {}
-    announced: dict[str, str] = {}
     for (index, subindex), value in values.items():
         if value is not None:
             variable = device.variable(index, subindex) if subindex >= 0 else None
             if variable is None:
                 raise UnknownName("object", label((index, subindex)))
-            if _is_announced(device, variable.section):
-                announced[variable.section.name] = _written(variable, value)
-            elif subindex in device.objects[index].subs:
-                _set(rewriting, variable, value)
-            elif subindex:  # sub-index 0 of a compact object is its CompactSubObj
-                compact.setdefault(index, {})[str(subindex)] = _written(variable, value)
-    for index, texts in compact.items():
-        _set_compact(rewriting, device.objects[index], texts)
-    if announced:
-        _write_out_pdos(rewriting, device, announced)
+            _set(rewriting, variable, value)
     _become_dcf(rewriting, device)
     own = {"NodeID": node_id, "NodeName": node_name if is_text(node_name, "utf-8") else "", "Baudrate": baudrate_kbit}
     rewriting.append(COMMISSIONING, own | NOT_SAID)
@@ -237,31 +215,9 @@ def _set(rewriting: Rewriting, variable: DescribedVariable, value: Value | FileB
             rewriting.unset(variable.section, key)
 
 
-def _set_compact(rewriting: Rewriting, whole: DescribedObject, texts: dict[str, str]) -> None:
-    """Give sub-indices of a compact object their values, in its list [xxxxValue] (CiA 306-1, 4.6.3.2)."""
-    former = whole.lists.get("value")
-    if former:
-        texts = {key: each.value for key, each in former.entries.items() if key.isdecimal()} | texts
-        rewriting.drop(former)
-    rewriting.append(f"{whole.index:04X}Value", {"NrOfEntries": len(texts), **texts})
-
-
-def _is_announced(device: DescribedDevice, section: Section) -> bool:
-    """Whether a section is not in the file: CompactPDO in [DeviceInfo] stands for it."""
-    info = device.section("deviceinfo")
-    return info is not None and section is not info and section.line == info.line
-
-
-def _write_out_pdos(rewriting: Rewriting, device: DescribedDevice, texts: Mapping[str, str]) -> None:
-    """Give parameters of PDOs that CompactPDO stands for their values: all those PDOs are written out."""
-    for section in device.document.sections.values():
-        if _is_announced(device, section):
-            entries: dict[str, object] = {each.key: each.value for each in section.entries.values()}
-            own = {"ParameterValue": texts[section.name]} if section.name in texts else {}
-            rewriting.append(section.name, entries | own)
-
-
 def _written(variable: DescribedVariable, value: DcfValue) -> str:
+    if variable.type and variable.type.code in TIMES:  # a file has all the bits as one number
+        value = int.from_bytes(variable.type.write(value if isinstance(value, (str, int, bytes)) else ""), "little")
     if isinstance(value, bytes) and variable.type not in (VISIBLE_STRING, UNICODE_STRING):
         return value.hex().upper()
     if isinstance(value, int):

@@ -13,10 +13,8 @@ from typing import NamedTuple
 
 from eurobot_od.od import values
 from eurobot_od.od.document import Document, Entry, Section
+from eurobot_od.od.keys import COMMISSIONING
 from eurobot_od.od.values import Number, parse_number
-
-COMMISSIONING = "DeviceComissioning"
-"""The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
 
 
 class ObjectCode(Enum):
@@ -86,9 +84,10 @@ class DescribedVariable:
 
     @cached_property
     def value_entry(self) -> Entry | None:
-        """Return the entry with its value."""
+        """Return the entry with its value; an empty ParameterValue is none."""
         entries = self.section.entries
-        return entries.get("parametervalue") or entries.get("defaultvalue")
+        parameter = entries.get("parametervalue")
+        return parameter if parameter and parameter.value else entries.get("defaultvalue") or parameter
 
     @cached_property
     def value(self) -> Number | None:

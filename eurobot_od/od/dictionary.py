@@ -1,107 +1,225 @@
-"""A device's object dictionary as its EDS or DCF describes it, with canopen's objects.
+"""A device's object dictionary: canopen's, read from the normal form of an EDS or DCF.
 
-Rule of this file: canopen reads no file here. Its own reader refuses what is common practice (a byte order mark, a
-section twice, a dummy left out) and misreads what it does not know (octal numbers, limits of INTEGER24, all but the
-first of a compact array), so its objects are made from the one reading that `outline` has of a file.
+canopen's own reader refuses or misreads much that is common practice; of the normal form (`normal`) it reads all but a
+few attributes, which are set here. Beside canopen's `objects` stands the `device` that the text of the normal form
+describes, for those who write files.
+
+Rule of this file: what would be read wrongly by guessing is refused, with file and index.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from functools import cache, cached_property
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from eurobot_od.od.description import DescribedDevice, DescribedVariable, ObjectCode
-from eurobot_od.od.document import read_bytes
-from eurobot_od.od.outline import Outline
-from eurobot_od.od.values import DATA_TYPES, DOMAIN, DUMMIES, NODE_ID, Address, DataType, parse_number
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od import objects as od
+from eurobot_od.od import values
+from eurobot_od.od.description import DescribedDevice
+from eurobot_od.od.document import parse, read_bytes
+from eurobot_od.od.normal import Change, Normal, normal
+from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
+from eurobot_od.od.values import Address, Number, Value
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
-    from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
-
-
-ENTRIES = {"lowlimit": "min", "highlimit": "max", "defaultvalue": "default", "parametervalue": "value"}
-"""Where canopen keeps what the keys of a variable say; its raw text stands next to it, as `default_raw`."""
+    from canopen.objectdictionary import ObjectDictionary, ODVariable
+    from typing_extensions import Self
 
 
-class Dictionary(Outline):
-    """A loaded EDS or DCF: an outline, and canopen's `objects`."""
+class Dictionary:
+    """A loaded EDS or DCF: its `file` with the `content`, its `name` (the file's stem or another) and `node_id`.
 
-    def __init__(self, file: Path, device: DescribedDevice, node_id: int | None = None, name: str = "") -> None:
-        super().__init__(file, device, node_id, name)
-        self.objects = self._objects()
+    `objects` are canopen's.
+    """
 
-    def renumbered(self, node_id: int) -> Dictionary:
-        """Return the same file's dictionary for another node-ID."""
-        return Dictionary(self.file, self.device, node_id, self.name)
+    def __init__(self, file: Path, content: bytes, normal: Normal, node_id: int | None = None, name: str = "") -> None:
+        self.file, self.content, self.name = file, content, name or file.stem
+        self._normal = normal
+        for index, line, what in normal.refusals:
+            raise DictionaryError(file, index, f"line {line}: {what}")
+        self.node_id = self._checked_node_id(self._said_node_id() if node_id is None else node_id)
+        self.objects = _imported(file, normal, self.node_id)
+        if not self.members:
+            raise DictionaryError(file, None, "not an EDS: it describes no object")
+        self._present: Mapping[Address, Value] = {}
+
+    @classmethod
+    def load(cls, file: str | Path, node_id: int | None = None, name: str = "") -> Self:
+        """Read an EDS or DCF for a node-ID.
+
+        Without one it is the NodeID of a DCF's commissioning, or else the value of the object that holds the device's
+        own node-ID. Raises DictionaryError if there is none, or if the file cannot be read as an EDS.
+        """
+        return cls.read(read_bytes(file), Path(file), node_id, name)
+
+    @classmethod
+    def read(cls, data: bytes, file: Path, node_id: int | None = None, name: str = "") -> Self:
+        """Read the bytes of an EDS or DCF; `file` is what errors call it. Raises as `load`."""
+        return cls(file, data, normal(data, file), node_id, name)
+
+    def renumbered(self, node_id: int) -> Self:
+        """Return the same file's dictionary for another node-ID; raises DictionaryError."""
+        return type(self)(self.file, self.content, self._normal, node_id, self.name)
+
+    @property
+    def changes(self) -> list[Change]:
+        """What the file writes otherwise than CiA 306 asks for, and was read as it is meant."""
+        return [each for each in self._normal.changes if not each.standard]
+
+    @property
+    def encoding(self) -> str:
+        """The encoding of the file's texts."""
+        return self._normal.encoding
 
     @cached_property
-    def content(self) -> bytes:
-        """The file as it is, for a device to serve; raises DictionaryError if it is gone."""
-        return read_bytes(self.file)
+    def device(self) -> DescribedDevice:
+        """The device as the text of the normal form describes it: every variable has a section and a basic type."""
+        return DescribedDevice(parse(self._normal.text))
+
+    # Which node it is
+
+    def _said_node_id(self) -> int | None:
+        """Return the node-ID that is commissioned, or else the value of the device's own setting.
+
+        `$NODEID` as that value says that the setting is the node-ID, but not which one.
+        """
+        own = self.device.own_node_id
+        settings = [own.number(key) for key in ("parametervalue", "defaultvalue")] if own else []
+        commissioned = self.device.commissioned("nodeid")
+        said = [commissioned] if commissioned else settings
+        return next((each.value for each in said if each and not each.relative), None)
+
+    def _checked_node_id(self, node_id: int | None) -> int:
+        if node_id is None:
+            if not any(index >= values.FIRST for index in self.device.objects):
+                raise DictionaryError(self.file, None, "not an EDS: it describes no object")
+            raise DictionaryError(self.file, None, f"the file names no node-ID; give one, as in 5={self.file.name}")
+        if node_id not in values.NODE_IDS:
+            what = f"node-ID {node_id!r} is not in {values.NODE_IDS[0]}..{values.NODE_IDS[-1]}"
+            raise DictionaryError(self.file, None, what)
+        return node_id
+
+    @property
+    def commissioned_node_id(self) -> int | None:
+        """The NodeID of the commissioning; None in an EDS."""
+        number = self.device.commissioned("nodeid")
+        return number.value if number else None
+
+    @cached_property
+    def node_id_address(self) -> Address | None:
+        """Where the device keeps its own node-ID among its settings; None if it does not."""
+        own = self.device.own_node_id
+        return (own.index, own.sub) if own else None
+
+    # Objects
+
+    @cached_property
+    def members(self) -> dict[int, dict[int, ODVariable]]:
+        """The variables by index and sub-index; a VAR is its own member 0."""
+        entries = self.objects.indices.items()
+        return {index: od.members_of(entry) for index, entry in entries if index not in values.DUMMIES}
 
     def variable(self, address: Address) -> ODVariable | None:
         """Return canopen's variable at an index and sub-index, None if there is none."""
-        index, subindex = address
-        entry: Any = self.objects.indices.get(index)
-        members: Mapping[int, ODVariable] = getattr(entry, "subindices", {} if entry is None else {0: entry})
-        return members.get(subindex)
+        return od.variable_at(self.objects, address)
 
-    # canopen's objects
+    def addresses(self) -> Iterator[Address]:
+        """Give the addresses of all variables, in the file's order."""
+        return ((index, sub) for index, subs in self.members.items() for sub in subs)
 
-    def _objects(self) -> ObjectDictionary:
-        objects: ObjectDictionary = _canopen().ObjectDictionary()
-        node_id, rate = self.device.commissioned("nodeid"), self.device.commissioned("baudrate")
-        objects.node_id = node_id.value if node_id else None
-        objects.bitrate = rate.value * 1000 if rate else None
-        for entry in [*self._dummies(), *map(self._entry, self.members)]:
-            objects.add_object(entry)
-        return objects
+    def default(self, address: Address) -> Value:
+        """Return a variable's ParameterValue (DCF) or DefaultValue; None if it has neither."""
+        if address in self._present:
+            return self._present[address]
+        variable = self.variable(address)
+        return None if variable is None else od.default_of(variable)
 
-    def _dummies(self) -> Iterator[ODVariable]:
-        """Give the data types that RPDOs may map to skip bits, as [DummyUsage] allows them."""
-        for code in DUMMIES:
-            key = f"Dummy{code:04X}"
-            if parse_number(self.device.document.text("dummyusage", key.lower())) == (1, False):
-                dummy = _canopen().ODVariable(key, code, 0)
-                dummy.data_type, dummy.access_type = code, "const"
-                yield dummy
+    def number(self, address: Address) -> int | None:
+        """Return the number that a variable has by default; None if it has none."""
+        value = self.default(address)
+        return value if isinstance(value, int) else None
 
-    def _entry(self, index: int) -> ODVariable | ODArray | ODRecord:
-        members = map(self._variable, self.members[index].values())
-        if not self.is_composed(index):
-            return next(members)
-        each, od = self.device.objects[index], _canopen()
-        entry: ODArray | ODRecord = (od.ODArray if each.code is ObjectCode.ARRAY else od.ODRecord)(each.name, index)
-        for member in members:
-            entry.add_member(member)
-        return entry
+    def cob_id(self, address: Address, base: int) -> int:
+        """Return the identifier that an object has for a service of the device.
 
-    def _variable(self, each: DescribedVariable) -> ODVariable:
-        made: ODVariable = _canopen().ODVariable(each.name, each.index, each.sub)
-        made.data_type, made.access_type, made.pdo_mappable = self.type(each).code, each.access, each.is_mappable
-        for key, attribute in ENTRIES.items():
-            if key in each.section.entries:
-                setattr(made, attribute, self.typed(each, key))
-                setattr(made, f"{attribute}_raw", each.section.text(key))
-        made.relative = NODE_ID in each.section.text("defaultvalue").upper()
-        return made
+        It is `base` plus the node-ID if the file says none, or one that is not valid (CiA 301, 7.3.3).
+        """
+        said = self.number(address)
+        return base + self.node_id if said is None or said & values.NOT_VALID else said & values.BASE_IDENTIFIER
+
+    def configured(self, present: Mapping[Address, Value]) -> Self:
+        """Return the same device with values that it has at `present` in place of the file's."""
+        from copy import copy  # only where somebody asks
+
+        other = copy(self)
+        other._present = {**self._present, **present}
+        other.__dict__.pop("pdos", None)  # made of the values, and kept
+        return other
+
+    @cached_property
+    def _by_name(self) -> dict[str, Address]:
+        names = {self.objects.indices[index].name: (index, 0) for index in self.members}
+        return names | {each.qualname: od.address_of(each) for subs in self.members.values() for each in subs.values()}
+
+    def address(self, name: str) -> Address:
+        """Return index and sub-index of `record.member` or `object` by ParameterName, as a program names it.
+
+        Raises DictionaryError if there is none of that name.
+        """
+        if name not in self._by_name:
+            raise DictionaryError(self.file, None, f"no object is named {name!r}")
+        return self._by_name[name]
+
+    def data_index(self, name: str) -> int | None:
+        """Return the index of the manufacturer-specific object with a ParameterName, None if there is none.
+
+        A PDO's record may have the same name as the data it carries.
+        """
+        named = (index for index in self.members if self.objects.indices[index].name == name)
+        return next((index for index in named if index in values.MANUFACTURER), None)
+
+    # PDOs
+
+    @cached_property
+    def pdos(self) -> tuple[Pdo, ...]:
+        """All PDOs with their default communication and mapping parameters; see `read_pdos`."""
+        return self.read_pdos(self.default)
+
+    def read_pdos(self, value: Callable[[Address], Value], refused: OnRefused = fatal) -> tuple[Pdo, ...]:
+        """Read RPDOs, then TPDOs, from the parameter values that `value` gives; see `PdoReader`."""
+        return self._reader(value).pdos(refused)
+
+    def mapped(self, mapping_index: int, entry: int) -> Mapped:
+        """Return what a mapping entry stands for; raises MappingError."""
+        return self._reader(self.default).mapped(mapping_index, entry)
+
+    def _reader(self, value: Callable[[Address], Value]) -> PdoReader:
+        return PdoReader(self.file, self.objects, self.node_id, value)
+
+    def part(self, address: Address) -> Part | None:
+        """Return what a slice is a part of; None for what is not a slice."""
+        variable = self.variable(address)
+        return None if variable is None else part_of(self.objects, variable)
 
 
-def data_type(variable: ODVariable) -> DataType:
-    """Return the data type of one of canopen's variables."""
-    return DATA_TYPES.get(variable.data_type or 0, DOMAIN)
-
-
-@cache
-def _canopen() -> ModuleType:
-    """Return canopen's object dictionary; its log is silent, as an error is told once: by what is raised."""
+def _imported(file: Path, normal: Normal, node_id: int) -> ObjectDictionary:
+    """Have canopen read a normal form, and set what it does not read."""
+    import configparser
     import logging
 
-    from canopen import objectdictionary
+    from canopen.objectdictionary import ObjectDictionaryError, eds
 
-    logging.getLogger("canopen").addHandler(logging.NullHandler())
-    return objectdictionary
+    logging.getLogger("canopen").addHandler(logging.NullHandler())  # an error is told once: by what is raised
+    try:
+        objects: ObjectDictionary = eds.import_eds(StringIO(normal.text), node_id)  # type: ignore[no-untyped-call]
+    except (ValueError, KeyError, configparser.Error, ObjectDictionaryError) as error:
+        raise DictionaryError(file, None, f"canopen cannot read it: {error}") from error
+    objects.node_id = node_id
+    for index, sub, attribute, value in normal.dropped:
+        entry = objects.indices[index]
+        target = entry if sub is None else od.members_of(entry)[sub]
+        setattr(target, attribute, value.at(node_id) if isinstance(value, Number) else value)
+    return objects

@@ -97,6 +97,11 @@ class Document(NamedTuple):
     headers: Sequence[int] = ()
     encoding: str = "utf-8"
 
+    @property
+    def text_encoding(self) -> str:
+        """The encoding in which the file's texts are the bytes of a VISIBLE_STRING: as they stand in the file."""
+        return "latin-1" if self.encoding == "latin-1" else "utf-8"
+
     def text(self, section: str, key: str) -> str:
         """Return the value of a key in a section (both in lower case), the empty text if either is missing."""
         found = self.sections.get(section)

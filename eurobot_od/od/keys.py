@@ -20,8 +20,8 @@ TIMES, DATES = ("CreationTime", "ModificationTime"), ("CreationDate", "Modificat
 ORIGIN = ("Description", *TIMES, *DATES, "CreatedBy", "ModifiedBy")
 DEVICE_INFO = ("ProductNumber", "RevisionNumber", "OrderCode", *BIT_RATE_KEYS, *FLAGS, "DynamicChannelsSupported",
                "NrOfRXPDO", "NrOfTXPDO", "Granularity")  # fmt: skip
-COMMISSIONING = ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
-                 "CANopenManager", "LSS_SerialNumber")  # fmt: skip
+COMMISSIONING_KEYS = ("NodeID", "NodeName", "NodeRefd", "Baudrate", "NetNumber", "NetworkName", "NetRefd",
+                      "CANopenManager", "LSS_SerialNumber")  # fmt: skip
 OBJECT_KEYS = ("SubNumber", "ParameterName", "ObjectType", "DataType", "AccessType", "LowLimit", "HighLimit",
                "DefaultValue", "PDOMapping", "ObjFlags", "CompactSubObj", "ParameterValue", "UploadFile",
                "DownloadFile", "Denotation", "ParamRefd")  # fmt: skip
@@ -31,10 +31,26 @@ SECTION_KEYS: Mapping[str, tuple[str, ...]] = {
     "FileInfo": (*FILE_INFO, *ORIGIN, "EDSVersion", "LastEDS"),
     "DeviceInfo": (*dict.fromkeys((*DEVICE_INFO, *IDENTITY)), "VendorName", "ProductName", "CompactPDO",
                    "ExtendedBootUpMaster", "ExtendedBootUpSlave"),
-    "DeviceComissioning": COMMISSIONING,
+    "DeviceComissioning": COMMISSIONING_KEYS,
     "DummyUsage": tuple(f"Dummy{code:04X}" for code in range(1, 0x20)),
 }  # fmt: skip
 """The keys of each section with a fixed set of them."""
 
 OBJECT_LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
 """The sections that list the objects of a file (CiA 306-1, 4.6.1)."""
+
+COMMISSIONING = "DeviceComissioning"
+"""The section of node-ID and bit rate in a DCF, in the spelling of the standard."""
+
+SECTION_NAMES: Mapping[str, str] = {each.lower(): each for each in (*SECTION_KEYS, "Comments", *OBJECT_LISTS)} | {
+    "devicecommissioning": COMMISSIONING
+}
+"""How the sections that are no object's are spelled, by their names in lower case."""
+
+SPELLED_OBJECT_KEYS: Mapping[str, str] = {each.lower(): each for each in OBJECT_KEYS}
+SPELLED_KEYS: Mapping[str, Mapping[str, str]] = {
+    **{name.lower(): {each.lower(): each for each in keys} for name, keys in SECTION_KEYS.items()},
+    "comments": {"lines": "Lines", **{f"line{number}": f"Line{number}" for number in range(1, 1000)}},
+    **{name.lower(): {"supportedobjects": "SupportedObjects"} for name in OBJECT_LISTS},
+}
+"""How keys are spelled, by their section and themselves in lower case."""

@@ -10,21 +10,16 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
 
 from eurobot_od.errors import DictionaryError
+from eurobot_od.od import DEFAULT as DEFAULT
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.network_file import NetworkFile, NodeFile, read_nodelist
-from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import NODE_IDS, parse_number
-
-OutlineT = TypeVar("OutlineT", bound=Outline)
 
 SUFFIXES = (".eds", ".dcf")
 """Files of devices in a folder; of two with one name the later counts: a DCF is the EDS as it is configured."""
-
-DEFAULT = "eurobot-od.yaml"
-"""The network file of a working folder."""
 
 
 def node_file(text: str) -> NodeFile:
@@ -69,12 +64,12 @@ READERS: Mapping[str, Callable[[str, str], NetworkFile]] = {
 """Readers of a network file's text by its suffix."""
 
 
-def load(nodes: Iterable[NodeFile], kind: type[OutlineT]) -> tuple[OutlineT, ...]:
+def load(nodes: Iterable[NodeFile]) -> tuple[Dictionary, ...]:
     """Load the devices' files, ordered by node-ID; two of one name get their node-IDs after it.
 
-    Raises DictionaryError as `Outline.load`, and if two have one node-ID.
+    Raises DictionaryError as `Dictionary.load`, and if two have one node-ID.
     """
-    loaded = sorted((kind.load(*each) for each in nodes), key=lambda each: each.node_id)
+    loaded = sorted((Dictionary.load(*each) for each in nodes), key=lambda each: each.node_id)
     for one, other in pairwise(loaded):
         if one.node_id == other.node_id:
             raise DictionaryError(other.file, None, f"node-ID {other.node_id} is taken by {one.file.name}")

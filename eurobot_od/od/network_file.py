@@ -42,13 +42,17 @@ class TrafficEntry(NamedTuple):
 
 
 class NetworkFile(NamedTuple):
-    """What a network file says: its nodes, shared messages, messages by urgency, kbit/s, what is sent how often."""
+    """What a network file says: its nodes, shared messages, messages by urgency, kbit/s, what is sent how often.
 
-    nodes: Sequence[NodeFile]
+    `robot` is what `plugin.find` finds, a folder relative to the file; such a file need not name nodes.
+    """
+
+    nodes: Sequence[NodeFile] = ()
     shared: Sequence[str] = ()
     order: Sequence[str] = ()
     bit_rate: int | None = None
     traffic: Mapping[str, TrafficEntry] = MappingProxyType({})
+    robot: str = ""
 
 
 NODE_KEY = re.compile(r"node(\d{1,3})(?:present|name|dcfname)")

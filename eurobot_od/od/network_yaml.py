@@ -12,6 +12,7 @@ a node may be called `off`, and what YAML 1.1 makes of it does not count.
     traffic:                                  # how often what is sent, for `load`: a duration, or a setting in ms
       Goto XY: {every: Goto handshake.Confirm wait, deadline: 50 ms, reason: sent again until it is confirmed}
       Goto Confirm: {answers: Goto XY, jitter: 1 ms}
+    robot: .                                  # whose messages and nodes these are, for `--robot` where it is left out
 """
 
 from __future__ import annotations
@@ -51,8 +52,10 @@ TRAFFIC = mapping(record(TrafficEntry, {}, dict.fromkeys(TrafficEntry._fields, s
 
 NETWORK = record(
     NetworkFile,
-    {"nodes": _nodes},
+    {},
     {
+        "nodes": _nodes,
+        "robot": scalar,
         "shared": listing(scalar),
         "order": listing(scalar),
         "bit_rate": number_of(range(1, 1001)),
@@ -69,7 +72,7 @@ def read_network_file(text: str, file: str) -> NetworkFile:
     except ReadError as error:
         place, what = problems[0]
         raise DictionaryError(file, None, f"line {place.line}: {what}") from error
-    if not network.nodes:
+    if not network.nodes and not network.robot:
         raise DictionaryError(file, None, "line 1: it names no nodes")
     folder = PurePath(file).parent
     return network._replace(nodes=[each._replace(file=str(folder / each.file)) for each in network.nodes])

@@ -1,43 +1,73 @@
-"""PDOs as an object dictionary describes them: communication parameters and what is mapped (CiA 301, 7.5.2.35)."""
+"""PDOs as an object dictionary describes them: communication parameters and what is mapped (CiA 301, 7.5.2.35).
+
+They are read from canopen's records 0x1400 to 0x1BFF, with the values that a file or a running device has there.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple, NoReturn, TypeAlias
+import re
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
 
 from eurobot_od.errors import MappingError
-from eurobot_od.od.values import (
-    DUMMIES,
-    MAPPING_OFFSET,
-    SYNCHRONOUS,
-    UNSIGNED64,
-    Address,
-    DataType,
-    Limits,
-    PdoDirection,
-)
+from eurobot_od.od import objects as od
+from eurobot_od.od import values
+from eurobot_od.od.values import Address, DataType, Limits, PdoDirection, Value
 
-PADDING = "Padding"
-"""ParameterName, with or without a number after it, of a mapped object that fills bits nobody uses."""
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from canopen.objectdictionary import ObjectDictionary, ODVariable
+
+PADDING, RESERVED = "Padding", "Reserved"
+"""ParameterNames, with or without a number after them, of mapped objects whose bits carry nothing."""
 
 
-class MappedObject(NamedTuple):
-    """One entry of a mapping: the object, its mapped length in bits, its ParameterName, limits and data type.
+def carries_nothing(name: str) -> bool:
+    """Whether a ParameterName is that of bits without a value: `Padding`, `Reserved 2`, `Reserved (5:2)`."""
+    return re.fullmatch(rf"({PADDING}|{RESERVED})[\W\d_]*", name) is not None
 
-    A slice has the limits and the type of the value that it is a part of.
+
+SLICES = " slices"
+"""End of the ParameterName of a record that holds another record's values in parts."""
+
+MOST_BITS = 64
+"""Bits of a PDO, and so of anything mapped into one (CiA 301, 7.4.8.2)."""
+
+
+class Mapped(NamedTuple):
+    """One entry of a mapping: canopen's variable, and how many of its bits the PDO carries.
+
+    `type` and `limits` are the variable's; a slice has those of the value that it is a part of. What is no integer has
+    the limits of its bits. `is_padding` tells that these bits carry nothing.
     """
 
-    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
-    subindex: int
+    variable: ODVariable
     bits: int
-    name: str
+    type: DataType
     limits: Limits
-    type: DataType = UNSIGNED64
+    is_padding: bool
+
+    @classmethod
+    def of(cls, variable: ODVariable, bits: int, whole: ODVariable) -> Mapped:
+        """Return the entry of a variable, which may be a slice of a `whole`."""
+        type_ = od.data_type(whole)
+        range_ = type_ if type_.is_integer else values.UNSIGNED64
+        limits = (whole.min, whole.max) if type_.is_integer else (None, None)
+        low, high = (most if limit is None else limit for limit, most in zip(limits, (range_.low, range_.high)))
+        padding = variable.index in values.DUMMIES or carries_nothing(variable.name)
+        return cls(variable, bits, type_, Limits(0, 0) if padding else Limits(low, high), padding)
 
     @property
-    def is_padding(self) -> bool:
-        """Whether these bits carry nothing."""
-        return self.index in DUMMIES or self.name.startswith(PADDING)
+    def name(self) -> str:
+        """The variable's ParameterName."""
+        name: str = self.variable.name
+        return name
+
+    @property
+    def address(self) -> Address:
+        """The variable's index and sub-index."""
+        return od.address_of(self.variable)
 
 
 class Pdo(NamedTuple):
@@ -48,24 +78,24 @@ class Pdo(NamedTuple):
     """
 
     direction: PdoDirection
-    index: int  # type: ignore[assignment]  # as above
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
     name: str
     cob_id: int
     valid: bool
     transmission_type: int
-    mapping: tuple[MappedObject, ...]
+    mapping: tuple[Mapped, ...]
     inhibit_time: int = 0
     event_timer: int = 0
 
     @property
     def is_synchronous(self) -> bool:
         """Whether it is sent, or takes effect, with a SYNC."""
-        return self.transmission_type in SYNCHRONOUS
+        return self.transmission_type in values.SYNCHRONOUS
 
     @property
     def mapping_index(self) -> int:
         """Index of the mapping record."""
-        return self.index + MAPPING_OFFSET
+        return self.index + values.MAPPING_OFFSET
 
     @property
     def number(self) -> int:
@@ -93,6 +123,27 @@ class Part(NamedTuple):
         return whole & ~(self._mask << self.low) | (value & self._mask) << self.low
 
 
+def part_of(objects: ObjectDictionary, variable: ODVariable) -> Part | None:
+    """Return what a slice is a part of: the member so named of the record without ` slices`.
+
+    None for a variable that is not a slice, and for a slice without a whole.
+    """
+    match = values.SLICE.match(variable.name)
+    if match is None:
+        return None
+    record = objects.indices[variable.index].name.removesuffix(SLICES)
+    whole = next((each for each in _wholes(objects, record, match["name"])), None)
+    high, low = int(match["high"]), int(match["low"])
+    return None if whole is None else Part(od.address_of(whole), low, high - low + 1)
+
+
+def _wholes(objects: ObjectDictionary, record: str, name: str) -> Iterator[ODVariable]:
+    """Give the members of records, by both names, of which slices may be parts."""
+    for index, entry in objects.indices.items():
+        if entry.name == record and index >= values.MANUFACTURER[0]:
+            yield from (each for each in od.members(objects, index) if each.name == name)
+
+
 OnRefused: TypeAlias = Callable[[MappingError], object]
 """What is done about a PDO that does not hold, which is then left out."""
 
@@ -100,3 +151,83 @@ OnRefused: TypeAlias = Callable[[MappingError], object]
 def fatal(error: MappingError) -> NoReturn:
     """Let no PDO be left out: raise the error."""
     raise error
+
+
+class PdoReader:
+    """Reads the PDOs of a device from the parameters that `value` gives; errors name its `file`."""
+
+    def __init__(self, file: Path, objects: ObjectDictionary, node_id: int, value: Callable[[Address], Value]) -> None:
+        self._file, self._objects, self._node_id, self._value = file, objects, node_id, value
+
+    def pdos(self, refused: OnRefused = fatal) -> tuple[Pdo, ...]:
+        """Return RPDOs, then TPDOs.
+
+        `refused` gets the MappingError, with file and index, of each that does not hold; by default it is raised.
+        """
+        pdos = []
+        for direction, records in values.COMMUNICATION_RECORDS.items():
+            for index in sorted(each for each in self._objects.indices if each in records):
+                try:
+                    pdos.append(self._pdo(direction, index))
+                except MappingError as error:
+                    refused(error)
+        return tuple(pdos)
+
+    def _pdo(self, direction: PdoDirection, index: int) -> Pdo:
+        entry, record = self._cob_id(direction, index), index + values.MAPPING_OFFSET
+        inhibit_time, event_timer = (
+            self._setting((index, sub), 0) for sub in (values.INHIBIT_TIME, values.EVENT_TIMER)
+        )
+        if entry & values.EXTENDED:
+            raise MappingError(self._file, index, f"COB-ID 0x{entry:08X} asks for a 29-bit identifier")
+        return Pdo(
+            direction=direction,
+            index=index,
+            name=self._objects.indices[index].name,
+            cob_id=entry & values.BASE_IDENTIFIER,
+            valid=not entry & values.NOT_VALID,
+            transmission_type=self._setting((index, values.TRANSMISSION_TYPE), values.EVENT_DRIVEN),
+            mapping=tuple(
+                self.mapped(record, self._parameter((record, sub)))
+                for sub in range(1, self._parameter((record, 0)) + 1)
+            ),
+            inhibit_time=inhibit_time,
+            event_timer=event_timer,
+        )
+
+    def _cob_id(self, direction: PdoDirection, index: int) -> int:
+        """Return a COB-ID entry; the first four PDOs have one also where the file leaves it out (CiA 301, 7.3.3)."""
+        number = index - direction.value
+        base = values.DEFAULT_PDO_BASES[direction][number : number + 1]
+        address = index, values.COB_ID
+        return self._setting(address, base[0] + self._node_id) if base else self._parameter(address)
+
+    def _setting(self, address: Address, default: int) -> int:
+        """Return a communication parameter that a file may leave out."""
+        number = self._value(address)
+        return number if isinstance(number, int) else default
+
+    def _parameter(self, address: Address) -> int:
+        number = self._value(address)
+        if not isinstance(number, int):
+            raise MappingError(self._file, address[0], f"sub {address[1]} is missing or has no number as its value")
+        return number
+
+    def mapped(self, mapping_index: int, entry: int) -> Mapped:
+        """Return what a mapping entry (index, sub-index, length in one UNSIGNED32) stands for.
+
+        Raises MappingError if the object is missing or longer than its type.
+        """
+        index, subindex, bits = entry >> 16, entry >> 8 & 0xFF, entry & 0xFF
+        if index in values.DUMMIES:
+            dummy = self._objects.indices.get(index) or od.undescribed((index, subindex))
+            return Mapped.of(dummy, bits, dummy)
+        variable = od.variable_at(self._objects, (index, subindex))
+        where = f"maps 0x{index:04X} sub {subindex}"
+        if variable is None:
+            raise MappingError(self._file, mapping_index, f"{where}, which is missing")
+        most = od.data_type(variable).size * 8 or MOST_BITS
+        if not 1 <= bits <= most:
+            raise MappingError(self._file, mapping_index, f"{where} with {bits} bits, its type has {most}")
+        part = part_of(self._objects, variable)
+        return Mapped.of(variable, bits, od.at(part.whole, self._objects) if part else variable)

@@ -1,16 +1,108 @@
-"""What CiA 301 and 302 say of the type and access of the communication profile's objects.
+"""The objects of the communication profile: where they are, what they are for, their types and access (CiA 301, 302).
 
-Rule of this file: data. Who checks a file compares it with this table; who reads a file that leaves a type out takes it
-from here.
+Rule of this file: data, and the only copy in the package. Who serves, asks or checks such an object imports it; who
+checks a file compares it with the table, and who reads one that leaves a type out takes it from there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from typing import NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, UNSIGNED32, VISIBLE_STRING, DataType
+from eurobot_od.od.values import UNSIGNED8, UNSIGNED16, UNSIGNED32, VISIBLE_STRING, Address, DataType
+
+# Where they are: an object by index and sub-index, a record or array by its index
+
+DEVICE_TYPE: Address = (0x1000, 0)
+"""Device profile and its functions."""
+
+ERROR_REGISTER: Address = (0x1001, 0)
+"""Which classes of errors the device has now, a bit for each."""
+
+ERROR_FIELD = 0x1003
+"""The errors that the device remembers, newest first; sub-index 0 is their number, and 0 written there clears them."""
+
+SYNC: Address = (0x1005, 0)
+"""COB-ID of SYNC; a device without this object knows none."""
+
+SYNC_PRODUCER = 1 << 30
+"""Bit of 0x1005: the device itself sends SYNC."""
+
+SYNC_PERIOD: Address = (0x1006, 0)
+"""Microseconds from one SYNC to the next."""
+
+DEVICE_NAME: Address = (0x1008, 0)
+"""The manufacturer's name of the device."""
+
+GUARD_TIME: Address = (0x100C, 0)
+"""Milliseconds from one question of a guarding master to the next; a device without this object is not guarded."""
+
+LIFE_TIME_FACTOR: Address = (0x100D, 0)
+"""How many guard times the master may miss; 0: any number."""
+
+STORE, RESTORE = 0x1010, 0x1011
+"""What stores parameters, or restores their defaults, if it is written its signature; sub-index 1 stands for all."""
+
+ALL_PARAMETERS = 1
+"""Sub-index of 0x1010 and 0x1011."""
+
+SIGNATURES: Mapping[int, bytes] = {STORE: b"save", RESTORE: b"load"}
+"""What each wants to be written (CiA 301, 7.5.2.13 and 7.5.2.14)."""
+
+TIME: Address = (0x1012, 0)
+"""COB-ID of TIME; a device without this object knows none."""
+
+EMCY: Address = (0x1014, 0)
+"""COB-ID of the device's own emergency messages."""
+
+EMCY_INHIBIT_TIME: Address = (0x1015, 0)
+"""The shortest time between two of them, in 100 us."""
+
+CONSUMED_HEARTBEATS = 0x1016
+"""The nodes whose heartbeats the device watches, and for how long each may be silent."""
+
+HEARTBEAT_TIME: Address = (0x1017, 0)
+"""Milliseconds from one heartbeat of the device to the next; 0: none."""
+
+IDENTITY = 0x1018
+"""Who the device is: vendor-ID, product code, revision number and serial number, from sub-index 1 on."""
+
+REVISION: Address = (IDENTITY, 3)
+"""The revision number of the device."""
+
+SYNC_COUNTER: Address = (0x1019, 0)
+"""Up to which number SYNC is counted in its data; 0: it has no data."""
+
+VERIFY_CONFIGURATION: tuple[Address, Address] = ((0x1020, 1), (0x1020, 2))
+"""Date and time of the configuration, by which a master knows its own."""
+
+STORED_EDS: Address = (0x1021, 0)
+"""The device's own EDS."""
+
+STORE_FORMAT: Address = (0x1022, 0)
+"""How that is compressed; 0: not at all."""
+
+COMMUNICATION_ERROR: Address = (0x1029, 1)
+"""The state that the device enters if its communication fails."""
+
+SDO_REQUESTS: Address = (0x1200, 1)
+SDO_ANSWERS: Address = (0x1200, 2)
+"""COB-IDs of the SDO server that every device has."""
+
+SDO_CLIENTS = range(0x1280, 0x1300)
+"""Records of the SDO servers of others that the device uses: COB-IDs of requests and answers, and the node-ID."""
+
+PROGRAM_DATA, PROGRAM_CONTROL, PROGRAM_IDENTIFICATION, FLASH_STATUS = 0x1F50, 0x1F51, 0x1F56, 0x1F57
+"""Program download (CiA 302-3): a program is a sub-index of each."""
+
+NMT_STARTUP: Address = (0x1F80, 0)
+"""What a device does after its boot-up, as a master or by itself (CiA 302-2)."""
+
+MANDATORY = (DEVICE_TYPE[0], ERROR_REGISTER[0], IDENTITY)
+"""The objects of every device (CiA 301, 7.5.1)."""
+
+# What they are
 
 READ_ONLY = ("ro", "const")
 DATA_SUBS = range(1, 255)

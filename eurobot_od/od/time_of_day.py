@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime, timedelta
 from typing import NamedTuple
 
@@ -27,3 +28,48 @@ class TimeOfDay(NamedTuple):
     def data(self) -> bytes:
         """The data of a time stamp message (CiA 301, 7.2.6)."""
         return self.milliseconds.to_bytes(4, "little") + self.days.to_bytes(2, "little")
+
+
+# Objects of the types TIME_OF_DAY and TIME_DIFFERENCE (CiA 301, 7.1.6.6 and 7.1.6.7)
+
+SPAN = re.compile(
+    r"(?:(?P<days>[0-9]{1,5})d )?(?P<h>[01]?[0-9]|2[0-3]):(?P<m>[0-5][0-9]):(?P<s>[0-5][0-9])(?:\.(?P<ms>[0-9]{1,3}))?"
+)
+"""A time span, `1d 02:03:04.567`."""
+
+MOST_DAYS = 0xFFFF
+
+
+def text(data: bytes, is_moment: bool) -> str | bytes:
+    """Write a time for a person, a moment or a time span; bytes that are none stay bytes."""
+    days, milliseconds = int.from_bytes(data[4:], "little"), int.from_bytes(data[:4], "little")
+    if milliseconds >= DAY:
+        return data
+    span = timedelta(milliseconds=milliseconds)
+    if is_moment:
+        return (EPOCH + timedelta(days) + span).isoformat(" ", "milliseconds")
+    return f"{days}d {(EPOCH + span).time().isoformat('milliseconds')}"
+
+
+def data(text: str, is_moment: bool) -> bytes:
+    """Return the bytes of a time as `text` writes it; raises ValueError, OverflowError for what it cannot have."""
+    return _moment(text) if is_moment else _span(text)
+
+
+def _moment(text: str) -> bytes:
+    try:
+        moment = datetime.fromisoformat(text.strip())
+    except ValueError:
+        raise ValueError(f"{text!r} is not a time such as 2014-05-28 12:00:00.000") from None
+    time = TimeOfDay.of(moment.replace(tzinfo=None))
+    if time.days not in range(MOST_DAYS + 1):
+        raise ValueError(f"{text!r} is not within 179 years from {EPOCH:%Y} on")
+    return time.data
+
+
+def _span(text: str) -> bytes:
+    found = SPAN.fullmatch(text.strip())
+    if found is None or int(found["days"] or 0) > MOST_DAYS:
+        raise ValueError(f"{text!r} is not a time span such as 1d 02:03:04.567")
+    seconds = int(found["h"]) * 3600 + int(found["m"]) * 60 + int(found["s"])
+    return TimeOfDay(int(found["days"] or 0), seconds * 1000 + int((found["ms"] or "0").ljust(3, "0"))).data

@@ -158,6 +158,10 @@ class DataType(NamedTuple):
         if self.code in _REAL_FORMATS:
             number: float = struct.unpack(_REAL_FORMATS[self.code], data)[0]
             return number
+        if self.code in TIMES:
+            from eurobot_od.od import time_of_day  # its datetime costs a start more than all the rest of this file
+
+            return time_of_day.text(data, self.code == TIME_OF_DAY.code)
         encoding = _TEXT_ENCODINGS.get(self.code)
         try:
             return data.decode(encoding) if encoding else data
@@ -177,6 +181,12 @@ class DataType(NamedTuple):
             return struct.pack(_REAL_FORMATS[self.code], value)
         if isinstance(value, str) and self.code in _TEXT_ENCODINGS:
             return value.encode(_TEXT_ENCODINGS[self.code])
+        if self.code in TIMES and isinstance(value, str):
+            from eurobot_od.od import time_of_day
+
+            return time_of_day.data(value, self.code == TIME_OF_DAY.code)
+        if self.code in TIMES and isinstance(value, int):  # a file has all the bits as one number
+            return value.to_bytes(self.size, "little")
         raise ValueError(f"{value!r} is not {self.name}")
 
 
@@ -196,18 +206,20 @@ BOOLEAN = DataType(0x01, "BOOLEAN", 1, 0, 1)
 REAL32, REAL64 = DataType(0x08, "REAL32", 32), DataType(0x11, "REAL64", 64)
 VISIBLE_STRING, OCTET_STRING = DataType(0x09, "VISIBLE_STRING", 0), DataType(0x0A, "OCTET_STRING", 0)
 UNICODE_STRING, DOMAIN = DataType(0x0B, "UNICODE_STRING", 0), DataType(0x0F, "DOMAIN", 0)
+TIME_OF_DAY, TIME_DIFFERENCE = DataType(0x0C, "TIME_OF_DAY", 48), DataType(0x0D, "TIME_DIFFERENCE", 48)
 
 DATA_TYPES: dict[int, DataType] = {
     each.code: each
     for each in (
         *(BOOLEAN, REAL32, REAL64, VISIBLE_STRING, OCTET_STRING, UNICODE_STRING, DOMAIN),
-        *(DataType(0x0C, "TIME_OF_DAY", 48), DataType(0x0D, "TIME_DIFFERENCE", 48)),
+        *(TIME_OF_DAY, TIME_DIFFERENCE),
         *_integers({0x02: 8, 0x03: 16, 0x04: 32, 0x10: 24, 0x12: 40, 0x13: 48, 0x14: 56, 0x15: 64}, "INTEGER"),
         *_integers({0x05: 8, 0x06: 16, 0x07: 32, 0x16: 24, 0x18: 40, 0x19: 48, 0x1A: 56, 0x1B: 64}, "UNSIGNED"),
     )
 }
 """The basic data types by code (CiA 301, Table 44)."""
 
+TIMES = (TIME_OF_DAY.code, TIME_DIFFERENCE.code)
 UNSIGNED8, UNSIGNED16, UNSIGNED32, UNSIGNED64 = (DATA_TYPES[code] for code in (0x05, 0x06, 0x07, 0x1B))
 REALS = (REAL32, REAL64)
 
@@ -220,8 +232,14 @@ WRITABLE = ("rw", "wo", "rwr", "rww")
 DUMMIES = range(0x0001, 0x0008)
 """Data types 1 to 7 stand for bits to be skipped when they are mapped (CiA 301, 7.4.8.2; RPDO only)."""
 
+STRUCTURE = 0xFF
+"""The sub-index that says what an object is, and holds no data of it (CiA 301, 7.4.9)."""
+
 MOST_SUBS = 254
 """Highest sub-index of data (CiA 301: 0xFF is the object's structure)."""
+
+FIRST = 0x1000
+"""The first index of an object; what is below describes data types (CiA 301, 7.4.1)."""
 
 MANUFACTURER = range(0x2000, 0x6000)
 """Indices of manufacturer-specific objects (CiA 301, 7.4.1)."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from eurobot_od.errors import FieldError, FrameLengthError, MappingError, UnknownName
 from eurobot_od.frame import Data, Frame
-from eurobot_od.od.pdos import MappedObject, Pdo
+from eurobot_od.od.pdos import Mapped, Pdo
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo import codec
 from eurobot_od.pdo.catalogue import CatalogueEntry, field_name, first_free, made_type
@@ -94,7 +94,7 @@ class Binding:
         try:
             raw = self.kinds[field].write(value, self.limits[field])
         except (ValueError, TypeError):
-            raise FieldError(self.name, field, value, self.kinds[field].allowed(self.limits[field])) from None
+            raise FieldError(self.name, field, value, self.kinds[field].wanted(value, self.limits[field])) from None
         if raw not in self.layout.raws[field]:
             width = self.layout.widths[field]
             raise FieldError(self.name, field, value, f"what fits into the {width} bits that the loaded EDS maps")
@@ -208,7 +208,7 @@ class Binding:
         return Frame(self.cob_id, self._to_bytes(word))
 
 
-def _slots(mapping: Iterable[MappedObject]) -> list[Slot]:
+def _slots(mapping: Iterable[Mapped]) -> list[Slot]:
     """Return the mapping's slots; objects of one name are told apart, while the slices of one value keep theirs."""
     slots: list[Slot] = []
     taken: set[str | None] = {None}

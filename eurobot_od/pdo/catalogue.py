@@ -48,6 +48,12 @@ class Catalogue:
 
         return enter
 
+    def copy(self) -> Catalogue:
+        """Return a catalogue with the same types, for others to be entered beside them."""
+        made = Catalogue(self.errors)
+        made._entries = dict(self._entries)
+        return made
+
     def find(self, name: str) -> CatalogueEntry | None:
         """Return the entry for a PDO's name, None if nobody has entered one."""
         return self._entries.get(plain_name(name))

@@ -44,6 +44,10 @@ class KeyedForm(NamedTuple):
     words: tuple[str, ...]
 
 
+WHOLE = {"mm": "millimetres", "deg": "degrees"}
+"""What a unit is called where only whole ones are allowed."""
+
+
 class Kind:
     """A plain number in `unit`; raw value and meaning are the same, the EDS limits are the range."""
 
@@ -111,6 +115,11 @@ class Kind:
     def allowed(self, limits: Limits) -> str:
         """Say what may be sent."""
         return f"{limits.low}..{limits.high}" + (f" {self.unit}" if self.unit else "")
+
+    def wanted(self, value: Any, limits: Limits) -> str:
+        """Say what may be sent to somebody who wanted to send a value that may not."""
+        is_fraction = type(self).write is Kind.write and isinstance(value, float) and value % 1 != 0
+        return f"whole {WHOLE.get(self.unit, 'numbers')}, " * is_fraction + self.allowed(limits)
 
 
 class Choice(Kind):

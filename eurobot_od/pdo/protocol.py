@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from eurobot_od.errors import MappingError, UnknownIdentifier, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import OnRefused, Pdo, fatal
 from eurobot_od.od.values import PdoDirection
 from eurobot_od.pdo.binding import Binding
@@ -26,7 +26,7 @@ NAMES_NOTHING = re.compile(r"PDO|parameter|^\W*$", re.IGNORECASE)
 """Names of communication records that any PDO could have."""
 
 
-PdoSource: TypeAlias = tuple[Outline, Iterable[Pdo]]
+PdoSource: TypeAlias = tuple[Dictionary, Iterable[Pdo]]
 """What a file says, often a whole `Dictionary`, and those of its PDOs that are looked at."""
 
 
@@ -58,11 +58,11 @@ class Protocol:
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
 
     @classmethod
-    def of_devices(cls, outlines: Iterable[Outline], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
+    def of_devices(cls, outlines: Iterable[Dictionary], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
         """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks."""
         return cls(((each, each.read_pdos(each.default, refused)) for each in outlines), catalogue, refused)
 
-    def _bind(self, dictionary: Outline, pdo: Pdo) -> None:
+    def _bind(self, dictionary: Dictionary, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)
         binding = self._bindings.get(name)
         if binding is None:
@@ -78,7 +78,7 @@ class Protocol:
         if dictionary.name not in nodes:
             nodes.append(dictionary.name)
 
-    def _identify(self, dictionary: Outline, pdo: Pdo) -> tuple[str, CatalogueEntry | None]:
+    def _identify(self, dictionary: Dictionary, pdo: Pdo) -> tuple[str, CatalogueEntry | None]:
         """Return the name of a PDO's message, and its entry in the catalogue.
 
         Outside the catalogue a record's name need not say which PDO it is: half of the EDS files in the world repeat
@@ -166,7 +166,7 @@ class Protocol:
         return self.binding(message_type).name
 
 
-def _refuse_difference(known: Binding, dictionary: Outline, other: Binding, renamed: bool) -> None:
+def _refuse_difference(known: Binding, dictionary: Dictionary, other: Binding, renamed: bool) -> None:
     """Two dictionaries that speak of one message must mean the same frame; with `renamed` its fields by any names.
 
     Outside the catalogue only the COB-ID says that it is one message.

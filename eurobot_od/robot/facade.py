@@ -12,12 +12,14 @@ from contextlib import ExitStack
 from functools import partial, wraps
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Concatenate, ParamSpec
+from typing import Any, Concatenate, ParamSpec, cast
 
 from eurobot_od import live as runtime
+from eurobot_od import plugin
 from eurobot_od.device.flow import Call, Result
+from eurobot_od.live.event_loop import apart, run
 from eurobot_od.live.signals import EndedBySigterm
-from eurobot_od.robot import dialects
+from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.equipment import Actuators, DistanceSensor
 
@@ -52,11 +54,12 @@ class Robot:
         robot.configure_start(TeamColour.RED, enemies=1, enemy_1_diameter=30)
         print(robot.goto(1500, 1000, 90, speed=50).outcome)
     ```
-    `sensor` is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with.
-    What else is left out comes from python-can's configuration; without one, it is the in-process bus. However the
-    block is left, by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the
-    bus is closed; NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError,
-    DictionaryError, UnknownName.
+    `robot` is a team's own, by name or folder (see `plugin.find`); its messages go by `send`, `ask` and `on`. `sensor`
+    is the robot's distance sensor, which the core reads while it drives, `actuators` what it does tasks with. What else
+    is left out comes from python-can's configuration; without one, it is the in-process bus. However the block is left,
+    by its end, an exception, Ctrl-C or SIGTERM, the robot is stopped and seen to stand before the bus is closed;
+    NotStanding if it was not. A bus that is lost meanwhile is opened again. Raises BusError, DictionaryError,
+    UnknownName.
     """
 
     def __init__(
@@ -67,8 +70,11 @@ class Robot:
         dialect: str | Path | None = None,
         sensor: DistanceSensor | None = None,
         actuators: Actuators | None = None,
+        robot: str | None = None,
     ) -> None:
-        self.core = Core(dialects.load("core", dialect), sensor, actuators)
+        found = plugin.find(robot)
+        core = cast(type[Core], found.kind("core") if "core" in found.nodes else Core)
+        self.core = core(found.dialects.load("core", dialect), sensor, actuators)
         opener = partial(runtime.open_bus, interface, channel, bitrate)
         self.live = runtime.Live.node(opener(), self.core, opener=opener)
 
@@ -85,11 +91,28 @@ class Robot:
         self._leaving.__exit__(kind, error, trace)
 
     def play(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
-        """Run a team's strategy, a coroutine that awaits the core's calls, and return its result."""
-        return asyncio.run(strategy(self.core))
+        """Run a team's strategy, a coroutine that awaits the core's calls, and return its result.
 
+        Raises what it raises, and ProgramFailed if it hangs. It works in a notebook as well.
+        """
+        return apart(lambda: run(strategy(self.core)))
+
+    async def play_async(self, strategy: Callable[[Core], Coroutine[Any, Any, Result]]) -> Result:
+        """Do as `play` does, for a program that has an event loop of its own, which goes on meanwhile."""
+        return await asyncio.to_thread(self.play, strategy)
+
+    def send(self, message: Message) -> None:
+        """Send a message; see `Core.send`."""
+        self.core.send(message)
+
+    def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
+        """Have a function called with each message of a type, on the bus's thread; see `Core.on`."""
+        return self.core.on(message, function)
+
+    ask = _waited_for(Core.ask)
     check_nodes = _waited_for(Core.check_nodes)
     configure_start = _waited_for(Core.configure_start)
+    recover = _waited_for(Core.recover)
     goto = _waited_for(Core.goto)
     position = _waited_for(Core.position)
     stop = _waited_for(Core.stop)

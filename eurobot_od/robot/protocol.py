@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.model.messages import CATALOGUE
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
@@ -20,7 +20,7 @@ class EurobotProtocol(Protocol):
     @classmethod
     def load(cls, dialect: str | Path | None = None) -> EurobotProtocol:
         """Load all EDS files of a dialect by its name or folder; raises UnknownName, DictionaryError."""
-        return cls.of_devices(dialects.outlines(dialect), CATALOGUE)
+        return cls.of_devices(dialects.load_all(dialect), CATALOGUE)
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> EurobotProtocol:
@@ -32,4 +32,4 @@ def decoder(dialect: str | Path | None = None) -> Decoder:
     """Return what tells the meaning of frames by the EDS files of a dialect; raises UnknownName, DictionaryError."""
     from eurobot_od.logs.meaning import Decoder  # `show` does without
 
-    return Decoder(dialects.outlines(dialect), CATALOGUE)
+    return Decoder(dialects.load_all(dialect), CATALOGUE)

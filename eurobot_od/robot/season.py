@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.reports import Chart, ChartKind, Report, spread
 
 LATENCIES = """

@@ -30,6 +30,9 @@ from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, Serve
 UNANNOUNCED = 1 << 20
 """Bytes, or segments, that are taken of an object whose size the server does not say; more never ends."""
 
+NO_OBJECT: Address = (0, 0)
+"""What a server's abort names that knows of no transfer."""
+
 FRUITLESS_BLOCKS = 2
 """So many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
 
@@ -106,12 +109,18 @@ class Transfer:
         return self._step(lambda: next(self._steps), now)
 
     def receive(self, data: bytes, now: float) -> list[bytes]:
-        """Return the requests that follow an answer; a frame that is not 8 bytes long is not heard."""
+        """Return the requests that follow an answer.
+
+        Not heard are a frame that is not 8 bytes long, and an abort for another object: it is about a transfer before
+        this one, or about another client's.
+        """
         if self.done or len(data) != wire.LENGTH:
             return []
         if data[0] == wire.ABORT:
-            refused = Refused(Initiate.of(data).number)
-            return self._step(lambda: self._steps.throw(refused), now)
+            abort = Initiate.of(data)
+            if abort.address not in (self._address, NO_OBJECT):
+                return []
+            return self._step(lambda: self._steps.throw(Refused(abort.number)), now)
         return self._step(lambda: self._steps.send(data), now)
 
     def tick(self, now: float) -> list[bytes]:
@@ -138,12 +147,28 @@ class Transfer:
         return requests
 
 
-def upload(address: Address, wait: float, progress: Progress = unwatched, unannounced: int = UNANNOUNCED) -> Transfer:
-    """Read an object; the server has `wait` seconds for each answer.
+class Room(NamedTuple):
+    """How many bytes an object may have: `announced` ones, and those of one whose size the server does not say.
 
-    An object whose size it does not say may have `unannounced` bytes; one of which more comes is an odd answer.
+    One that is said to have more, or of which more comes, is an odd answer.
     """
-    return Transfer(address, _upload(address, progress, unannounced), wait)
+
+    announced: int = wire.LARGEST
+    unannounced: int = UNANNOUNCED
+
+    def of(self, answer: bytes, size: int | None) -> int:
+        """Return how many bytes may come after the server's first answer; raises OddAnswer."""
+        if size is not None and size > self.announced:
+            raise OddAnswer(answer, f"about an object of at most {self.announced} bytes", AbortCode.TOO_LONG)
+        return self.unannounced if size is None else size
+
+
+ANY_OBJECT = Room()
+
+
+def upload(address: Address, wait: float, progress: Progress = unwatched, room: Room = ANY_OBJECT) -> Transfer:
+    """Read an object; the server has `wait` seconds for each answer."""
+    return Transfer(address, _upload(address, progress, room), wait)
 
 
 def download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
@@ -156,10 +181,10 @@ def block_upload(
     wait: float,
     segments: int = wire.BLOCK_SEGMENTS,
     progress: Progress = unwatched,
-    unannounced: int = UNANNOUNCED,
+    room: Room = ANY_OBJECT,
 ) -> Transfer:
     """Read an object in blocks of up to 127 segments. A server without block transfer aborts."""
-    return Transfer(address, _block_upload(address, segments, progress, unannounced), wait)
+    return Transfer(address, _block_upload(address, segments, progress, room), wait)
 
 
 def block_download(address: Address, content: bytes, wait: float, progress: Progress = unwatched) -> Transfer:
@@ -170,13 +195,13 @@ def block_download(address: Address, content: bytes, wait: float, progress: Prog
 # Expedited and segmented
 
 
-def _upload(address: Address, progress: Progress, unannounced: int) -> ClientSteps:
+def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
     initiated = _initiated(answer, ServerCommand.UPLOAD, address)
     if initiated.command & wire.EXPEDITED:
         return Ended(initiated.rest[: initiated.size], [])
     content, toggle, last, count = bytearray(), 0, 0, 0
-    most = unannounced if initiated.size is None else initiated.size
+    most = room.of(answer, initiated.size)
     while not last:
         answer = yield [wire.plain(ClientCommand.UPLOAD_SEGMENT << 5 | toggle)]
         _check_segment(answer, ServerCommand.UPLOAD_SEGMENT, toggle)
@@ -191,29 +216,28 @@ def _upload(address: Address, progress: Progress, unannounced: int) -> ClientSte
 def _download(address: Address, content: bytes, progress: Progress) -> ClientSteps:
     request = wire.carrying(ClientCommand.DOWNLOAD, address, content)
     _initiated((yield [request]), ServerCommand.DOWNLOAD, address)
-    left = [] if request[0] & wire.EXPEDITED else wire.parts(content)
-    for number, part in enumerate(left, 1):
-        toggle = 0 if number % 2 else wire.TOGGLE
-        answer = yield [wire.segment(ClientCommand.DOWNLOAD_SEGMENT, toggle, part, last=number == len(left))]
-        _check_segment(answer, ServerCommand.DOWNLOAD_SEGMENT, toggle)
-        progress(min(number * wire.SEGMENT_SIZE, len(content)), len(content))
+    for place in () if request[0] & wire.EXPEDITED else wire.segments_of(content):
+        request = wire.next_segment(ClientCommand.DOWNLOAD_SEGMENT, content, place)
+        _check_segment((yield [request]), ServerCommand.DOWNLOAD_SEGMENT, request[0] & wire.TOGGLE)
+        progress(min(place + wire.SEGMENT_SIZE, len(content)), len(content))
     return Ended(b"", [])
 
 
 # Blocks
 
 
-def _block_upload(address: Address, segments: int, progress: Progress, unannounced: int) -> ClientSteps:
+def _block_upload(address: Address, segments: int, progress: Progress, room: Room) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC, address, bytes([segments]))]
     initiated = _initiated(answer, ServerCommand.BLOCK_UPLOAD, address)
     size = initiated.number if initiated.command & wire.BLOCK_SIZE_GIVEN else None
+    most = room.of(answer, size)
     content, complete, fruitless = bytearray(), False, 0
     request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.START)
     while not complete:
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
         progress(len(content) if size is None else min(len(content), size), size)
-        _check_end(latest, len(content) - wire.SEGMENT_SIZE, unannounced if size is None else size)
+        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
@@ -254,19 +278,18 @@ def _block_download(address: Address, content: bytes, progress: Progress) -> Cli
     command = ClientCommand.BLOCK_DOWNLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
     answer = yield [wire.initiate(command, address, len(content).to_bytes(4, "little"))]
     initiated = _initiated(answer, ServerCommand.BLOCK_DOWNLOAD, address)
-    left, segments, fruitless = wire.parts(content), _block_size(answer, initiated.rest[0]), 0
-    count, last_part = len(left), left[-1]
-    while left:
-        sent = left[:segments]
-        answer = yield wire.block(sent, last=len(sent) == len(left))
+    place, segments, fruitless = 0, _block_size(answer, initiated.rest[0]), 0
+    while place in wire.segments_of(content):
+        sent = wire.block(content, place, segments)
+        answer = yield sent
         _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.ACKNOWLEDGE)
         arrived, segments = answer[1], _block_size(answer, answer[2])
         fruitless = 0 if arrived else fruitless + 1
         if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
-        del left[:arrived]
-        progress(min((count - len(left)) * wire.SEGMENT_SIZE, len(content)), len(content))
-    answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, last_part, crc_hqx(content, 0))]
+        place += arrived * wire.SEGMENT_SIZE
+        progress(min(place, len(content)), len(content))
+    answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0))]
     _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.END)
     return Ended(b"", [])
 

@@ -21,9 +21,6 @@ from eurobot_od.sdo.wire import Abort, AbortCode, Block, ClientCommand, Initiate
 TIMEOUT = 1.0
 """Seconds without a request after which the server gives up a transfer."""
 
-SIZE_LIMIT = 1 << 16
-"""Most bytes the server takes for an object without a length of its own."""
-
 NO_ADDRESS: Address = (0, 0)
 """What an abort names that is about no transfer."""
 
@@ -75,13 +72,13 @@ class SdoServer:
             return []
         steps = self._steps
         if steps is not None and self._takes is not None and self._takes(data[0]):
-            return self._answered(lambda: steps.send(data), now)
+            return self._answered(steps, data, now)
         specifier = data[0] >> 5
         if specifier in INITIATE and not data[0] & wire.REQUEST_SUB_COMMAND.get(specifier, 0):
             request = Initiate.of(data)
-            begun = self._steps = INITIATE[specifier](self._access, request)
+            self._steps = INITIATE[specifier](self._access, request)
             self._address = request.address
-            return self._answered(lambda: next(begun), now)
+            return self._answered(self._steps, None, now)
         # Neither a step of the transfer nor the first request of another: its client has lost its way.
         return self._aborted(AbortCode.UNKNOWN_COMMAND)
 
@@ -89,10 +86,10 @@ class SdoServer:
         """Return the abort of a transfer whose client fell silent."""
         return self._aborted(AbortCode.TIMEOUT) if now >= self.deadline else []
 
-    def _answered(self, step: Callable[[], Answer], now: float) -> list[bytes]:
-        """Return the answers, or the abort that takes their place and ends the transfer."""
+    def _answered(self, steps: ServerSteps, data: bytes | None, now: float) -> list[bytes]:
+        """Return the answers to a request, None for the first; or the abort that ends the transfer."""
         try:
-            frames, self._takes = step()
+            frames, self._takes = steps.send(data)  # type: ignore[arg-type]  # None begins a generator
         except Abort as abort:
             return self._aborted(abort.code)
         self.deadline = now + TIMEOUT
@@ -112,12 +109,11 @@ class SdoServer:
 def _upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
     """Send up to 4 bytes at once, or segments of 7 bytes, one for each request (CiA 301, 7.2.4.3.6)."""
     content = access.read(request.address)
-    answer, toggle = wire.carrying(ServerCommand.UPLOAD, request.address, content), 0
-    left = [] if answer[0] & wire.EXPEDITED else wire.parts(content)
-    for number, part in enumerate(left, 1):
-        _check_toggle((yield Answer([answer], lambda c: c >> 5 == ClientCommand.UPLOAD_SEGMENT)), toggle)
-        answer = wire.segment(ServerCommand.UPLOAD_SEGMENT, toggle, part, last=number == len(left))
-        toggle ^= wire.TOGGLE
+    answer = wire.carrying(ServerCommand.UPLOAD, request.address, content)
+    for place in () if answer[0] & wire.EXPEDITED else wire.segments_of(content):
+        data = yield Answer([answer], _is_upload_segment)
+        answer = wire.next_segment(ServerCommand.UPLOAD_SEGMENT, content, place)
+        _check_toggle(data, answer[0] & wire.TOGGLE)
     yield Answer([answer])
 
 
@@ -128,23 +124,31 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
         return command >> 5 == ClientCommand.BLOCK_UPLOAD and command & 3 != Block.INITIATE
 
     content = access.read(request.address)
-    left, segments = wire.parts(content), _checked_block_size(request.rest[0])
+    place, segments = 0, _checked_block_size(request.rest[0])
     command = ServerCommand.BLOCK_UPLOAD << 5 | wire.BLOCK_CRC | wire.BLOCK_SIZE_GIVEN
     end = wire.block_end(
-        ServerCommand.BLOCK_UPLOAD, left[-1], crc_hqx(content, 0) if request.command & wire.BLOCK_CRC else 0
+        ServerCommand.BLOCK_UPLOAD, content, crc_hqx(content, 0) if request.command & wire.BLOCK_CRC else 0
     )
     first = wire.initiate(command, request.address, len(content).to_bytes(4, "little"))
     _check_block((yield Answer([first], takes)), Block.START)
-    while left:
-        sent = left[:segments]
-        data = yield Answer(wire.block(sent, last=len(sent) == len(left)), takes)
+    while place in wire.segments_of(content):
+        sent = wire.block(content, place, segments)
+        data = yield Answer(sent, takes)
         _check_block(data, Block.ACKNOWLEDGE)
         arrived, segments = data[1], _checked_block_size(data[2])
         if arrived > len(sent):
             raise Abort(AbortCode.SEQUENCE_NUMBER)
-        del left[:arrived]
+        place += arrived * wire.SEGMENT_SIZE
     _check_block((yield Answer([end], takes)), Block.END)
     yield Answer([])
+
+
+def _is_upload_segment(command: int) -> bool:
+    return command >> 5 == ClientCommand.UPLOAD_SEGMENT
+
+
+def _is_download_segment(command: int) -> bool:
+    return command >> 5 == ClientCommand.DOWNLOAD_SEGMENT
 
 
 def _check_toggle(data: bytes, toggle: int) -> None:
@@ -195,7 +199,7 @@ def _download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     else:
         download, toggle, last = Download(access, request.address, request.size), 0, 0
         while not last:
-            data = yield Answer([answer], lambda c: c >> 5 == ClientCommand.DOWNLOAD_SEGMENT)
+            data = yield Answer([answer], _is_download_segment)
             _check_toggle(data, toggle)
             download.content += wire.part_in(data)
             download.check_room()

@@ -5,7 +5,7 @@ Numbers are those of CiA 301, 7.2.4.3. Both ends use the same functions: what on
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -17,6 +17,9 @@ LENGTH = 8
 
 EXPEDITED_SIZE, SEGMENT_SIZE, BLOCK_SEGMENTS = 4, 7, 127
 """Most bytes in an expedited transfer and in a segment, most segments in a block."""
+
+LARGEST = 1 << 24
+"""Most bytes of an object: a few minutes at 1 Mbit/s, and no more memory than any master has."""
 
 EXPEDITED, SIZE_GIVEN = 0x02, 0x01
 TOGGLE, LAST = 0x10, 0x01
@@ -183,9 +186,9 @@ def plain(command: int, rest: bytes = b"") -> bytes:
     return bytes([command]) + rest.ljust(SEGMENT_SIZE, b"\0")
 
 
-def parts(content: bytes) -> list[bytes]:
-    """Cut a content into what its segments carry; an empty one has one segment too."""
-    return [content[at : at + SEGMENT_SIZE] for at in range(0, max(len(content), 1), SEGMENT_SIZE)]
+def segments_of(content: bytes) -> range:
+    """Return where each segment of a content begins; an empty one has one segment too."""
+    return range(0, max(len(content), 1), SEGMENT_SIZE)
 
 
 def segment(specifier: int, toggle: int, part: bytes, last: bool) -> bytes:
@@ -193,21 +196,33 @@ def segment(specifier: int, toggle: int, part: bytes, last: bool) -> bytes:
     return plain(specifier << 5 | toggle | SEGMENT_SIZE - len(part) << 1 | last * LAST, part)
 
 
+def next_segment(specifier: int, content: bytes, at: int) -> bytes:
+    """Return the segment that begins at a place of a content; the toggle bit is that of its number."""
+    end, toggle = at + SEGMENT_SIZE, TOGGLE * (at // SEGMENT_SIZE & 1)
+    if end < len(content):  # written out: most segments are like this one
+        return bytes((specifier << 5 | toggle,)) + content[at:end]
+    return segment(specifier, toggle, content[at:end], last=True)
+
+
 def part_in(data: bytes) -> bytes:
     """Return what a segment of a segmented transfer carries."""
     return data[1 : LENGTH - (data[0] >> 1 & 7)]
 
 
-def block(content: Sequence[bytes], last: bool) -> list[bytes]:
-    """Return the segments of a block, numbered from 1; `last` if the transfer has no segments after them."""
+def block(content: bytes, at: int, segments: int) -> list[bytes]:
+    """Return the segments of a block that begins at a place of a content, numbered from 1."""
+    places = segments_of(content)[at // SEGMENT_SIZE :][:segments]
+    last = places[-1] + SEGMENT_SIZE >= len(content)
     return [
-        plain(number | BLOCK_LAST * (last and number == len(content)), part) for number, part in enumerate(content, 1)
+        plain(number | BLOCK_LAST * (last and number == len(places)), content[place : place + SEGMENT_SIZE])
+        for number, place in enumerate(places, 1)
     ]
 
 
-def block_end(specifier: int, last_part: bytes, crc: int) -> bytes:
+def block_end(specifier: int, content: bytes, crc: int) -> bytes:
     """Return the end of a block transfer, which tells how many bytes of the last segment are not meant."""
-    return plain(specifier << 5 | SEGMENT_SIZE - len(last_part) << 2 | Block.END, crc.to_bytes(2, "little"))
+    unused = len(segments_of(content)) * SEGMENT_SIZE - len(content)
+    return plain(specifier << 5 | unused << 2 | Block.END, crc.to_bytes(2, "little"))
 
 
 def unused_in(data: bytes) -> int:

@@ -121,11 +121,19 @@ class Archiver:
         with log.open("rb") as file:
             form, size = formats.form_of(file, self.form)[0], os.fstat(file.fileno()).st_size
             run = _name(file, f"{self._decoding.eds} {form}")
-            if tables.file_of(self.season, tables.RUNS, run).is_file():
+            if self._has(run):
                 return Archived(str(log), run, True, size)
             file.seek(0)
             row = self._put(file, {"run": run, "log": str(log), "format": form, "bytes": size})
         return Archived(str(log), run, False, size, row["frames"], row["damage"])
+
+    def _has(self, run: str) -> bool:
+        """Tell whether a run is in the season with all its tables, none of them damaged."""
+        names = (each.table for each in self._decoding.messages.values())
+        known = tables.file_of(self.season, tables.RUNS, run)
+        return known.is_file() and all(
+            tables.is_whole(tables.file_of(self.season, name, run)) for name in (*tables.SCHEMAS, *names)
+        )
 
     def _put(self, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
         """Write all tables of a run, and move them into the season; return its row in the table `runs`."""
@@ -162,4 +170,6 @@ def _put_in_place(begun: Path, season: Path, run: str) -> None:
     for file in sorted(begun.iterdir(), key=lambda each: each.stem == tables.RUNS):
         target = tables.file_of(season, file.stem, run)
         target.parent.mkdir(exist_ok=True)
+        with file.open("rb+") as opened:  # what is in place is on the disk: a power cut leaves no half of it
+            os.fsync(opened.fileno())
         file.replace(target)

@@ -84,7 +84,7 @@ FRAME = pl.concat_str(
     pl.lit("#"),
     pl.col("data").bin.encode("hex").str.to_uppercase(),
 )
-"""A frame as people write it: `008#D27423592C0D9702`."""
+"""A frame as people write it: `008#D27423592C01C3A5`."""
 
 
 def _defects(frames: pl.DataFrame, damage: Damage, text: pl.Expr) -> pl.DataFrame:

@@ -18,6 +18,7 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING, Any
 
 import polars as pl
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.errors import LocalError, UnknownName
@@ -39,22 +40,38 @@ Told = Callable[[int], object]
 """Called with how many percent of a query are done."""
 
 
+MOST_ROWS = 10_000_000
+"""Rows that a query may give: they have to be in memory, and as text once more."""
+
+
 class SqlError(LocalError):
     """A query that DuckDB does not take."""
 
 
 class Season:
-    """The Parquet files of a season, by table; raises LocalError for a folder without any."""
+    """The Parquet files of a season, by table, without those that are `damaged`.
+
+    Raises LocalError for a folder without any.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.files = {
-            each.name: sorted(each.glob(f"*{tables.SUFFIX}"))
+        self.damaged: list[Path] = []
+        found = {
+            each.name: [*filter(self._is_whole, sorted(each.glob(f"*{tables.SUFFIX}")))]
             for each in sorted(folder.iterdir() if folder.is_dir() else ())
             if each.is_dir() and not each.name.startswith(".")
         }
+        runs = {file.stem for file in found.get(tables.RUNS, ())}
+        self.files = {name: files for name, files in found.items() if any(file.stem in runs for file in files)}
         if not self.files.get(tables.RUNS):
             raise LocalError(f"{folder} is no season: no log is archived in it; `eurobot-od archive` makes one")
+
+    def _is_whole(self, file: Path) -> bool:
+        whole = tables.is_whole(file)
+        if not whole:
+            self.damaged.append(file)
+        return whole
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
@@ -107,10 +124,13 @@ class Season:
             try:
                 with nullcontext() if told is None else _watched(connection, told):
                     answer = connection.sql(query, params=named or None)
-                    return pl.DataFrame() if answer is None else answer.pl()
-            except duckdb.Error as error:
+                    rows = pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
+            except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
                 known = f"; tables: {', '.join([*self.files, MESSAGES])}" if "Table with name" in str(error) else ""
                 raise SqlError(str(error).partition("\n")[0] + known) from None
+        if len(rows) > MOST_ROWS:
+            raise SqlError(f"more than {MOST_ROWS} rows: ask for sums, or for a part by LIMIT")
+        return rows
 
     def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
         """Add a view for each table that the query has in it: to look into all files takes its time."""
@@ -122,6 +142,24 @@ class Season:
             # Copied: how far a query is, DuckDB can tell only of tables of its own.
             connection.register("known", self.messages)
             connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
+
+
+OF_DUCKDB = ("INTERVAL", "UNION", "BIT")
+"""Types that Polars does not have; what such a column shows is text."""
+
+
+def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
+    """Return an answer with DuckDB's own types as text."""
+    own = [str(each).partition("(")[0] in OF_DUCKDB for each in answer.types]
+    if not any(own):
+        return answer
+    names = ('"' + name.replace('"', '""') + '"' for name in answer.columns)
+    return answer.project(
+        ", ".join(
+            f"CAST(#{place} AS VARCHAR) AS {name}" if is_own else f"#{place} AS {name}"
+            for place, (name, is_own) in enumerate(zip(names, own), 1)
+        )
+    )
 
 
 @contextmanager

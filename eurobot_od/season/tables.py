@@ -6,6 +6,7 @@ Rule of this file: names and columns only; nothing is read or computed. All tabl
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -77,3 +78,19 @@ def with_metadata(schema: pa.Schema, said: Mapping[str, Mapping[str, str]]) -> p
     known = {name: {"meaning": text} | ({"unit": UNITS[name]} if name in UNITS else {}) for name, text in SAID.items()}
     known |= {name: dict(texts) for name, texts in said.items()}
     return pa.schema([field.with_metadata(known.get(field.name)) for field in schema], schema.metadata)
+
+
+MAGIC = b"PAR1"
+"""Begins and ends a Parquet file; before the end stands the length of what describes the file, in 4 bytes."""
+
+
+def is_whole(file: Path) -> bool:
+    """Tell whether a Parquet file has its beginning and its end: one that was cut off or overwritten has not."""
+    try:
+        with file.open("rb") as opened:
+            head, size = opened.read(len(MAGIC)), opened.seek(0, os.SEEK_END)
+            opened.seek(max(0, size - 8))
+            length, end = opened.read(4), opened.read(4)
+    except OSError:
+        return False
+    return head == end == MAGIC and int.from_bytes(length, "little") <= size - 12

@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from eurobot_od.logs.services import CanopenService, services
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
 from eurobot_od.pdo.protocol import Protocol
@@ -32,7 +32,7 @@ VERSION = b"1"
 class Network(NamedTuple):
     """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
 
-    outlines: tuple[Outline, ...]
+    outlines: tuple[Dictionary, ...]
     catalogue: Catalogue
     answers: tuple[tuple[str, str], ...] = ()
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from eurobot_od.device.flow import Result
 from eurobot_od.errors import EurobotError
+from eurobot_od.live.event_loop import run_in
 from eurobot_od.simulation.several import Simulated
 
 
@@ -67,16 +68,8 @@ class SimulatedLoop(asyncio.SelectorEventLoop):
 
 
 def run(network: Simulated, main: Coroutine[Any, Any, Result]) -> Result:
-    """Run a coroutine to its end in simulated time, as `asyncio.run` does in real time."""
-    loop = SimulatedLoop(network)
-    try:
-        return loop.run_until_complete(main)
-    finally:
-        # As asyncio's own Runner ends, which Python 3.10 does not have yet: tasks that are left get to clean up.
-        tasks = asyncio.all_tasks(loop)
-        for task in tasks:
-            task.cancel()
-        if tasks:
-            loop.run_until_complete(asyncio.gather(*tasks, return_exceptions=True))
-        loop.run_until_complete(loop.shutdown_asyncgens())
-        loop.close()
+    """Run a coroutine to its end in simulated time, as `live.event_loop.run` does in real time.
+
+    Raises ProgramFailed if it calls `sys.exit`; whether it hangs is for a watchdog to see.
+    """
+    return run_in(SimulatedLoop(network), main)

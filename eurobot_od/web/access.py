@@ -42,7 +42,7 @@ class Access(NamedTuple):
             return Refusal(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
         if origin != f"http://{host}" and (upgrade or origin is not None):
             return Refusal(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
-        if self.token and not hmac.compare_digest(shown.encode(), self.token.encode()):
+        if self.token and not hmac.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return Refusal(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
         return None
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from eurobot_od.client.description import IDENTITY
 from eurobot_od.logs.meaning import Decoder, Meaning
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import kinds
 from eurobot_od.web.panel import Event, Panel
@@ -44,7 +44,7 @@ def _field(binding: Binding, field: str) -> dict[str, Any]:
     return data
 
 
-def _node(outline: Outline) -> dict[str, Any]:
+def _node(outline: Dictionary) -> dict[str, Any]:
     identity = [outline.number((IDENTITY, sub)) for sub in range(1, 5)]
     return {"name": outline.name, "id": outline.node_id, "file": outline.file.name, "identity": identity}
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.pdo.message import Message
+from eurobot_od.pdo.protocol import Protocol
 
 
 class Event(NamedTuple):
@@ -27,6 +29,16 @@ class Event(NamedTuple):
     data: Mapping[str, Any] = {}
 
 
+class Control(typing.Protocol):
+    """What a panel may do on the bus when somebody wants to send a message from the page."""
+
+    def send_message(self, message: Message) -> None:
+        """Send a message; raises BusError."""
+
+    def is_as_in_its_file(self, node: str) -> bool:
+        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is believed."""
+
+
 class Panel:
     """A view of the page for networks that have certain messages; one object follows one source.
 
@@ -41,6 +53,16 @@ class Panel:
     stop: ClassVar[str] = ""
 
     @classmethod
+    def fits(cls, protocol: Protocol) -> bool:
+        """Tell whether a network has what there is to see."""
+        raise NotImplementedError
+
+    @classmethod
+    def of(cls, protocol: Protocol) -> type[Panel]:  # noqa: ARG003 (for those that override it)
+        """Return the panel for a network that it fits."""
+        return cls
+
+    @classmethod
     def setup(cls) -> Mapping[str, Any]:
         """Return what the script needs to know."""
         return {}
@@ -48,6 +70,13 @@ class Panel:
     def take(self, time: float, message: Message) -> Iterable[Event]:
         """Take in a message and return the events that are new or have changed."""
         raise NotImplementedError
+
+    def objection(self, message: Message, control: Control) -> str:
+        """Say why a message must not be sent from the page now, '' if it may be.
+
+        It is called by another thread than `take`, and may wait for answers.
+        """
+        return ""
 
 
 def service_events(number: int, time: float, meaning: Meaning) -> Iterator[Event]:

@@ -6,9 +6,11 @@ Rule of this file: a few objects a few times a second; a bus is not there for it
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from eurobot_od.client.objects import NamedObject
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
 
 PERIOD = 0.25
 """Seconds from one reading of all polled objects to the next."""
@@ -29,7 +31,7 @@ class PolledObject:
     """
 
     node_id: int
-    thing: NamedObject
+    thing: ODVariable
     time: float = 0.0
     value: Any = None
     trouble: str = ""

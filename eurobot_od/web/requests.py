@@ -13,22 +13,27 @@ from enum import Enum
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from eurobot_od.client import objects
+from eurobot_od.client.configure import read_object
 from eurobot_od.client.history import history
 from eurobot_od.client.master import Master, RemoteNode
-from eurobot_od.client.objects import NamedObject
 from eurobot_od.device.emergency import error_words
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, NmtCommand
-from eurobot_od.errors import EurobotError, LocalError, UnknownName
+from eurobot_od.errors import EurobotError, LocalError, RemoteError, UnknownName
 from eurobot_od.frame import Frame
-from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od import objects
+from eurobot_od.od.standard import REVISION
 from eurobot_od.od.values import DOMAIN, NMT_COB_ID, NODE_IDS, Value, label
+from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.written import parse
 from eurobot_od.web import polled
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.session import Session
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ObjectDictionary, ODVariable
+
 
 Arguments = Mapping[str, Any]
 """What a request says besides its name."""
@@ -46,7 +51,6 @@ class Requests:
         self.session, self.folder, self.control, self.stop_message = session, folder, control, stop
         self.master = Master(session.tap)
         self._one_at_a_time = asyncio.Lock()
-        self._dictionaries: dict[int, Dictionary | None] = {}
 
     async def answer(self, text: str) -> str:
         """Answer a request, both as JSON."""
@@ -90,7 +94,7 @@ class Requests:
 
     def _read_polled(self, each: PolledObject) -> None:
         try:
-            data = self.master.node(each.node_id).upload(each.thing.address, each.thing.name)
+            data = read_object(self.master.node(each.node_id), each.thing)
             each.value, each.trouble = _plain(objects.decode(each.thing, data)), ""
         except EurobotError as error:
             each.value, each.trouble = None, str(error)
@@ -110,29 +114,24 @@ class Requests:
             raise UnknownName("node", name, named)
         return named[name]
 
-    def _dictionary(self, node_id: int) -> Dictionary | None:
-        if node_id not in self._dictionaries:
-            found = (each for each in self.session.decoder.outlines if each.node_id == node_id)
-            self._dictionaries[node_id] = next(
-                (Dictionary(each.file, each.device, each.node_id, each.name) for each in found), None
-            )
-        return self._dictionaries[node_id]
+    def _objects(self, node_id: int) -> ObjectDictionary | None:
+        return next((each.objects for each in self.session.decoder.outlines if each.node_id == node_id), None)
 
-    def _object(self, said: Arguments) -> tuple[RemoteNode, NamedObject]:
+    def _object(self, said: Arguments) -> tuple[RemoteNode, ODVariable]:
         node = self._node(said)
-        return node, objects.find_one(_text(said, "object"), self._dictionary(node.node_id))
+        return node, objects.find_one(_text(said, "object"), self._objects(node.node_id))
 
     # Questions
 
     def list_objects(self, said: Arguments) -> list[dict[str, Any]]:
         """List the objects of a node's file."""
-        dictionary = self._dictionary(self._node(said).node_id)
-        return [_described(each) for each in objects.all_objects(dictionary)] if dictionary else []
+        known = self._objects(self._node(said).node_id)
+        return [_described(each) for each in objects.all_objects(known)] if known is not None else []
 
     def read(self, said: Arguments) -> dict[str, Any]:
         """Read an object of a node."""
         node, thing = self._object(said)
-        data = node.upload(thing.address, thing.name)
+        data = read_object(node, thing)
         return {"value": _plain(objects.decode(thing, data)), "text": objects.shown(thing, data)}
 
     def history(self, said: Arguments) -> list[str]:
@@ -143,7 +142,7 @@ class Requests:
     def watch(self, said: Arguments) -> str:
         """Read an object for a while from now on, for plots; returns its key in snapshots."""
         node, thing = self._object(said)
-        key = f"{_text(said, 'node')} {label(thing.address)}"
+        key = f"{_text(said, 'node')} {label(objects.address_of(thing))}"
         if key not in self.session.polled and len(self.session.polled) >= polled.MOST:
             raise LocalError(f"{polled.MOST} objects are read again and again already: leave another one out first")
         each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
@@ -160,7 +159,23 @@ class Requests:
             raise LocalError("fields are texts by name")
         protocol = self.session.decoder.protocol
         message = parse(protocol.binding(_text(said, "message")), [f"{name}={value}" for name, value in fields.items()])
+        for objection in (panel.objection(message, self) for panel in self.session.panels):
+            if objection:
+                raise LocalError(objection)
         return self._send(protocol.encode(message))
+
+    def send_message(self, message: Message) -> None:
+        """Send a message; raises BusError."""
+        self._send(self.session.decoder.protocol.encode(message))
+
+    def is_as_in_its_file(self, node: str) -> bool:
+        """Tell whether a node has the revision number of its EDS; one that does not answer SDO is believed."""
+        outline = next(each for each in self.session.decoder.outlines if each.name == node)
+        try:
+            theirs = self.master.node(self._node_id(node)).upload(REVISION)
+        except RemoteError:
+            return True
+        return int.from_bytes(theirs, "little") == outline.default(REVISION)
 
     def _send(self, frame: Frame) -> str:
         self.session.tap.send_frame(frame)
@@ -186,9 +201,9 @@ class Requests:
         """Write an object of a node; what its file does not allow is not sent."""
         node, thing = self._object(said)
         value = objects.parse(thing, _text(said, "value"))
-        if thing.type is None:
-            raise LocalError(f"{label(thing.address)} is in no EDS, so that its length is not known")
-        node.download(thing.address, objects.encode(thing, value), thing.name)
+        if not objects.is_described(thing):
+            raise LocalError(f"{label(objects.address_of(thing))} is in no EDS, so that its length is not known")
+        node.download(objects.address_of(thing), objects.encode(thing, value), thing.qualname)
 
     # Recording
 
@@ -245,18 +260,16 @@ def _plain(value: Value) -> Any:
     return value.hex(" ").upper() if isinstance(value, bytes) else value
 
 
-def _described(thing: NamedObject) -> dict[str, Any]:
-    variable = thing.variable
-    assert variable is not None  # of a dictionary's own objects
-    is_limited = thing.type is not None and thing.type.is_integer and (variable.min, variable.max) != (None, None)
-    limits = objects.integer_range(variable) if is_limited else None
+def _described(thing: ODVariable) -> dict[str, Any]:
+    type_, is_limited = objects.data_type(thing), (thing.min, thing.max) != (None, None)
+    limits = objects.limits(thing) if is_limited else None
     return {
-        "object": label(thing.address),
-        "name": thing.name,
-        "type": thing.type.name if thing.type else "",
-        "access": variable.access_type,
+        "object": label(objects.address_of(thing)),
+        "name": thing.qualname,
+        "type": type_.name,
+        "access": thing.access_type,
         "low": limits and limits.low,
         "high": limits and limits.high,
-        "default": "" if variable.default is None else objects.written(thing, variable.default),
-        "long": thing.type == DOMAIN,
+        "default": "" if thing.default is None else objects.written(thing, thing.default),
+        "long": type_ == DOMAIN,
     }

@@ -42,7 +42,8 @@ MOST_RECORDED = 10_000_000
 class Session:
     """A bus that is watched. `open_bus` opens it, for the first time here: raises BusError.
 
-    `now` counts the seconds since then. `trouble` is what is wrong with the bus, `` while all is well.
+    `now` counts the seconds since then. `trouble` is what is wrong with the bus, `` while all is well, `panels` are
+    what is shown beside frames.
     """
 
     def __init__(
@@ -57,7 +58,8 @@ class Session:
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
-        self._open_bus, self._clock, self._panels = open_bus, clock, [panel() for panel in panels]
+        self._open_bus, self._clock = open_bus, clock
+        self.panels = [panel() for panel in panels]
         self._traffic = Traffic(decoder, bitrate)
         self._changed: dict[int | Damage, int] = {}
         self._written: dict[int | Damage, tuple[int, str]] = {}
@@ -136,7 +138,7 @@ class Session:
         for event in service_events(self._traffic.frames, now, meaning):
             self._enter(event)
         if meaning.message is not None:
-            for panel in self._panels:
+            for panel in self.panels:
                 for event in panel.take(now, meaning.message):
                     self._enter(event)
 

@@ -73,7 +73,7 @@ def test_a_record_comes_back_equal(record: Any) -> None:
 
 
 def test_a_played_match_comes_back_equal() -> None:
-    match = play(MatchOptions(duration=30.0), EdsFiles.read(None))
+    match = play(MatchOptions(duration=30.0), EdsFiles.read(MatchOptions()))
     assert match.gotos
     assert isinstance(there_and_back(match), PlayedMatch)
     assert there_and_back(match) == match

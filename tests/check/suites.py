@@ -11,8 +11,7 @@ from eurobot_od.check.results import StepResult, SuiteResult
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
-from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.check.shipped import NETWORKS
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.yaml_places import Problems
 
 HEAD = "spec: 1\nname: a suite\nnode: drive\n"
@@ -27,7 +26,7 @@ def document(steps: str, head: str = HEAD) -> str:
 @cache
 def reader(dialect: str | None) -> SuiteReader:
     """Return the reader of a dialect, which loads its EDS files once."""
-    return SuiteReader(NETWORKS, dialect)
+    return SuiteReader(ROBOT.networks(), dialect)
 
 
 def read(text: str, dialect: str | None = None) -> tuple[list[Suite], list[str]]:
@@ -46,7 +45,7 @@ def suite(text: str) -> Suite:
 
 def results(text: str, *, keep_going: bool = True, seed: int = 1) -> SuiteResult:
     """Run a suite against simulated nodes."""
-    return run_simulated(suite(text), RunOptions(keep_going), nodes_under_test, seed)
+    return run_simulated(suite(text), RunOptions(keep_going), ROBOT.under_test, seed)
 
 
 def run(steps: str, head: str = HEAD) -> tuple[StepResult, ...]:

@@ -19,8 +19,7 @@ from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.od import network
 from eurobot_od.od.network_file import NodeFile
-from eurobot_od.od.outline import Outline
-from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.plugin import ROBOT
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
 
@@ -56,7 +55,7 @@ def files(tmp_path: Path) -> list[NodeFile]:
 
 
 def from_files(files: list[NodeFile]) -> Networks:
-    return Networks(lambda _: Path(), load=lambda _: network.load(files, Outline))
+    return Networks(lambda _: Path(), load=lambda _: network.load(files))
 
 
 def from_folder(files: list[NodeFile]) -> Networks:
@@ -78,7 +77,7 @@ def red(result: SuiteResult) -> list[str]:
 @pytest.mark.parametrize("networks", [from_files, from_folder])
 def test_simulated(files: list[NodeFile], networks: object) -> None:
     assert callable(networks)
-    assert red(run_simulated(read(networks(files)), RunOptions(keep_going=True), nodes_under_test)) == []
+    assert red(run_simulated(read(networks(files)), RunOptions(keep_going=True), ROBOT.under_test)) == []
 
 
 def test_on_a_bus(files: list[NodeFile]) -> None:

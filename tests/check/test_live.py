@@ -15,8 +15,8 @@ from eurobot_od.check.results import Status, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.robot import dialects
-from eurobot_od.robot.check.partners import nodes_under_test
 from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, results, suite
 
 CHANNELS = count()
@@ -168,6 +168,6 @@ def test_an_interrupt_ends_a_simulated_suite_too() -> None:
             interrupt.request()
 
     endless = HEAD + "steps:\n  - repeat: 100000\n    steps:\n      - wait: 1 ms\nteardown:\n  - send: Stop Drive\n"
-    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), nodes_under_test)
+    result = run_simulated(suite(endless), RunOptions(interrupt=interrupt, show=show), ROBOT.under_test)
     assert [step.status for step in result.steps[-2:]] == [Status.INTERRUPTED, Status.PASSED]
     assert result.count(Status.PASSED) < 10

@@ -16,10 +16,10 @@ from eurobot_od.check.patterns import (
     SentMessage,
     is_final,
 )
-from eurobot_od.check.values import NotSaved, Scale, expectation
+from eurobot_od.check.values import FieldValues, NotSaved, Scale, expectation
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
@@ -32,12 +32,12 @@ TEXT = (
     + pdo(0x1800, "0x20000008", "0x20010010", cob_id="0x185", name="State")
 )
 ARM = Protocol(
-    [(outline, outline.read_pdos(outline.default)) for outline in [Outline.read(TEXT.encode(), Path("arm.eds"), 5)]]
+    [(outline, outline.read_pdos(outline.default)) for outline in [Dictionary.read(TEXT.encode(), Path("arm.eds"), 5)]]
 )
 """A device that sends a level, 0 to 100, and a speed."""
 
 STATE = ARM.binding("State")
-SCALE = Scale(Kind(), Limits(0, 0xFFFF), {}, frozenset({"seen"}))
+SCALE = Scale(FieldValues(Kind(), Limits(0, 0xFFFF)), {}, frozenset({"seen"}))
 
 
 def state(**fields: str) -> MessagePattern:

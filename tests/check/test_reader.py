@@ -11,6 +11,7 @@ from eurobot_od.check.reader import SuiteError
 from eurobot_od.check.suite import Expect, Group, Nmt, Order, Poll, SdoWrite, Send
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.frame import Frame
+from eurobot_od.od.objects import address_of
 from tests.check.suites import HEAD, document, read, reader, suite
 from tests.marks import marked
 
@@ -71,15 +72,28 @@ WRONG_STEPS = {
     "unknown command": ("- nmt: ^restart", "unknown NMT command 'restart'"),
     "unknown node": ("- nmt: {command: reset, node: ^wheels}", "unknown node 'wheels'; known: core, drive, navigation"),
     "error code": ("- emcy: ^0x10000", "0x10000 is not in 0..65535"),
-    "unknown object": ("- sdo: {read: ^Producer heartbet time}", "unknown object of drive 'Producer heartbet time'"),
-    "number without 0x": ("- sdo: {read: ^1017}", "unknown object of drive '1017'; did you mean 0x1017?"),
+    "unknown object": (
+        "- sdo: {read: ^Producer heartbet time}",
+        "unknown object 'Producer heartbet time'; did you mean",
+    ),
+    "a record": (
+        "- sdo: {read: ^0x1018}",
+        "'0x1018' is not one object but a record of",
+    ),
+    "sub-index too high": ("- sdo: {read: ^0x1018:256}", "'0x1018:256': sub-index 256 is not in 0..255"),
     "nothing to do": ("- sdo: ^{expect: 3}", "an SDO step has either 'read' or 'write'"),
     "nothing to write": ("- sdo: ^{write: 0x1017}", "an SDO write has either 'value' or 'data'"),
     "refused and read": ("- sdo: ^{read: 0x1017, expect: 3, abort: 0x06020000}", "an SDO read that is refused with"),
     "read with a value": ("- sdo: ^{read: 0x1017, value: 3}", "'value' does not belong to an SDO read"),
-    "value over the type": ("- sdo: {write: 0x1017, value: ^65536}", "'65536' is not allowed; allowed: 0..65535"),
-    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is neither a whole number nor a text"),
-    "no bytes": ("- sdo: {write: 0x1017, data: ^12 3}", "'12 3' is not hexadecimal bytes such as 'E8 03'"),
+    "value over the type": (
+        "- sdo: {write: 0x1017, value: ^65536}",
+        "0x1017:0: Producer heartbeat time = 65536 is not",
+    ),
+    "object without a type": ("- sdo: {write: 0x5000, value: ^1}", "0x5000:0 is not in the EDS of drive; use 'data'"),
+    "no bytes": (
+        "- sdo: {write: 0x1017, data: ^12 3}",
+        "0x1017:0: Producer heartbeat time = '12 3' is",
+    ),
     # counts
     "no times": ("- {wait: 1 s, repeat: ^0}", "0 is not in 1..100000"),
     "too many times": (
@@ -170,7 +184,7 @@ def action(step: str, head: str = HEAD) -> object:
         ("- send: {raw: 008#d274}", Frame(0x008, b"\xd2\x74")),
         (
             "- send: {Goto XY: {x: 1234, Y position: 567 mm, angle: 89, Speed: 75, barriers: 0xA5C3}}",
-            Frame(0x008, bytes.fromhex("D27423592C0D9702")),
+            Frame(0x008, bytes.fromhex("D27423592C01C3A5")),
         ),
         (
             "- send: {Start Configuration Set: {team colour: red, enemies: 2, confederates: 1, enemy_1_diameter: 45, "
@@ -234,7 +248,7 @@ def test_services_are_those_of_the_nodes_eds() -> None:
 def test_reads_objects_and_their_values(step: str, address: tuple[int, int], content: bytes) -> None:
     write = action(f"- sdo: {step}")
     assert isinstance(write, SdoWrite)
-    assert (write.address, write.encode({})) == (address, content)
+    assert (address_of(write.variable), write.content({})) == (address, content)
 
 
 def test_reads_a_group() -> None:

@@ -7,7 +7,7 @@ import pytest
 from eurobot_od.check.results import Reason, Status, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
-from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, results, run, suite, verdicts
 
 START = """
@@ -295,5 +295,5 @@ def test_names_the_steps_of_a_group() -> None:
 def test_steps_that_are_asked_for_are_done_with_those_before_them_and_no_others(names: str, done: list[str]) -> None:
     steps = "\n".join(f"- {{name: {name}, wait: 1 ms}}" for name in "abc")
     options = RunOptions(chosen=lambda name: name in names)
-    result = run_simulated(suite(document(steps)), options, nodes_under_test)
+    result = run_simulated(suite(document(steps)), options, ROBOT.under_test)
     assert [step.name for step in result.steps] == done

@@ -11,7 +11,7 @@ import jsonschema
 import pytest
 import yaml
 
-from eurobot_od.robot.check import shipped
+from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, read, reader
 
 VALIDATOR = jsonschema.Draft7Validator(json.loads(json.dumps(reader(None).schema())))
@@ -55,7 +55,7 @@ def test_it_is_a_schema() -> None:
     jsonschema.Draft7Validator.check_schema(VALIDATOR.schema)
 
 
-@pytest.mark.parametrize("file", shipped.shipped_suites().values(), ids=lambda file: file.stem)
+@pytest.mark.parametrize("file", ROBOT.shipped_suites().values(), ids=lambda file: file.stem)
 def test_it_takes_the_shipped_suites(file: Path) -> None:
     assert errors(file.read_text()) == []
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from functools import partial
 
 import pytest
 
@@ -12,8 +11,8 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.faults.hooks import leaving, sdo_answer
 from eurobot_od.frame import Frame
-from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.nodes import ROLES, Drive
+from eurobot_od.robot.nodes import Drive
+from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import document, results, run, suite
 
 
@@ -25,8 +24,8 @@ def reason(step: str, change: Callable[[bytes], bytes | None]) -> tuple[Reason, 
         return [] if data is None else [Frame(frame.cob_id, data)]
 
     broken = type("Broken", (leaving(sdo_answer, changed), Drive), {})
-    make_nodes = partial(nodes_under_test, kinds={**ROLES, "drive": broken})
-    (result,) = run_simulated(suite(document(step)), RunOptions(), make_nodes).steps
+    robot = ROBOT._replace(nodes={**ROBOT.nodes, "drive": lambda: broken})
+    (result,) = run_simulated(suite(document(step)), RunOptions(), robot.under_test).steps
     assert result.reason is not None
     return result.reason, [str(line.frame) for line in result.reason.frames if line.own]
 

@@ -14,7 +14,7 @@ from eurobot_od.check.simulated import NodeUnderTest, run_simulated
 from eurobot_od.check.vocabulary import Networks
 from eurobot_od.device.node import Node
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.robot.check.partners import nodes_under_test
+from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import document, results, suite
 
 SAMPLES = Path(__file__).parents[1] / "lint" / "samples"
@@ -76,5 +76,5 @@ def test_an_interrupt_ends_what_is_repeated_without_waiting() -> None:
     interrupt = Interrupt()
     steps = "- wait: 1 ms\n- repeat: 1000\n  steps: [{answer: {Goto State Request: Goto Confirm}, repeat: 100}]"
     options = RunOptions(interrupt=interrupt, show=lambda _: interrupt.request())
-    result = run_simulated(suite(document(steps)), options, nodes_under_test)
+    result = run_simulated(suite(document(steps)), options, ROBOT.under_test)
     assert [step.status for step in result.steps] == [Status.PASSED, Status.INTERRUPTED]

@@ -6,16 +6,16 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.check.values import LONGEST_NOTATION, NotSaved, Scale, ValueProblem, expectation
+from eurobot_od.check.values import LONGEST_NOTATION, FieldValues, NotSaved, Scale, ValueProblem, expectation
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
-from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
-from eurobot_od.robot.values import Barriers, GotoFault, Passage, Source
+from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source
 
 
 def scale(kind: Kind, high: int = 3000) -> Scale:
-    return Scale(kind, Limits(0, high), {"speed": "60"}, frozenset({"t"}))
+    return Scale(FieldValues(kind, Limits(0, high)), {"speed": "60"}, frozenset({"t"}))
 
 
 X, HEADING, TIME, SOURCE = Coordinate("mm"), Heading("deg"), Remaining("ms"), Choice(Source)

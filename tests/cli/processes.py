@@ -39,6 +39,14 @@ def killed_if_it_hangs(command: list[str]) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
+def in_background(*words: str) -> AbstractContextManager[subprocess.Popen[str]]:
+    """Run a command as a script's `&` does: it ignores Ctrl-C."""
+    ignoring = (
+        "import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); os.execv(sys.argv[1], sys.argv[1:])"
+    )
+    return killed_if_it_hangs([sys.executable, "-c", ignoring, sys.executable, "-m", "eurobot_od", *words])
+
+
 def command(*words: str) -> AbstractContextManager[subprocess.Popen[str]]:
     """Run a command in a process of its own, and kill it if it hangs."""
     return killed_if_it_hangs([sys.executable, "-m", "eurobot_od", *words])

@@ -72,3 +72,11 @@ def test_without_the_extra_it_says_what_to_install(
     said = run(capsys, "archive", log, "-o", str(tmp_path / "season"))
     assert said.status == 2
     assert said.complaint == f"eurobot-od: {extras.missing('polars', 'season')}"
+
+
+def test_a_logs_name_stays_in_its_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / "a\x1b[2J\nb.log"
+    log.write_text("(1.0) can0 00C#\n")
+    said = run(capsys, "archive", str(log), "-o", str(tmp_path / "season"))
+    assert said.status == 0
+    assert r"a\x1b[2J\nb.log: " in said.out

@@ -13,7 +13,7 @@ import pytest
 from junitparser import JUnitXml
 
 from eurobot_od import cli
-from eurobot_od.robot.check import shipped
+from eurobot_od.robot.plugin import ROBOT
 from tests.check.suites import HEAD, document, reader
 from tests.cli.console import run
 from tests.device import io_module
@@ -182,7 +182,7 @@ def test_a_suite_with_a_dialect_has_its_files_whatever_else_is_named(capsys: pyt
 
 def test_lists_the_shipped_suites(capsys: pytest.CaptureFixture[str]) -> None:
     lines = run(capsys, "check", "--list").out.splitlines()
-    assert {line.split()[0] for line in lines} == set(shipped.shipped_suites())
+    assert {line.split()[0] for line in lines} == set(ROBOT.shipped_suites())
 
 
 @pytest.mark.usefixtures("folder")

@@ -11,8 +11,8 @@ from eurobot_od.frame import Frame
 from tests.cli.console import run
 from tests.client.wired import WiredBus
 
-LINES = ["(1.000000) can0 008#D27423592C0D9702", "(1.250000) can0 00C#", "(2.000000) can0 014#F40100"]
-LATER = ["(1.000000) can0 008#D27423592C0D9702", "(1.260000) can0 00C#", "(2.000000) can0 014#F50100"]
+LINES = ["(1.000000) can0 008#D27423592C01C3A5", "(1.250000) can0 00C#", "(2.000000) can0 014#F40100"]
+LATER = ["(1.000000) can0 008#D27423592C01C3A5", "(1.260000) can0 00C#", "(2.000000) can0 014#F50100"]
 
 
 @pytest.fixture

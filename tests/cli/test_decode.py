@@ -13,9 +13,9 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.values import Barriers, Passage, Source
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Barriers, Passage, Source
 
 PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 GOTO = PROTOCOL.encode(GotoXY(1200, 900, 90, 80, Barriers.of({2: Passage.FORCED})))

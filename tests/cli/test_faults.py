@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from eurobot_od.robot import faults
+from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import run
 
 
@@ -15,7 +15,7 @@ def test_all_faults_are_listed_by_node(capsys: pytest.CaptureFixture[str]) -> No
     lines = said.out.splitlines()
     assert said.status == 0
     assert [line for line in lines if line.endswith(":")] == ["core:", "drive:", "navigation:", "any node:"]
-    assert [line.split()[0] for line in lines if line.startswith("  ")] == faults.names()
+    assert [line.split()[0] for line in lines if line.startswith("  ")] == ROBOT.fault_names()
 
 
 def test_the_faults_of_one_node_are_its_own_and_those_of_any_node(capsys: pytest.CaptureFixture[str]) -> None:
@@ -32,7 +32,7 @@ def test_faults_as_json_name_the_step_that_finds_them(capsys: pytest.CaptureFixt
         "suite": "drive",
         "step": "2.1 Goto ACK: a goto is confirmed",
     } in rows
-    assert len(rows) == len(faults.names())
+    assert len(rows) == len(ROBOT.fault_names())
 
 
 @pytest.mark.parametrize(

@@ -8,9 +8,9 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Source
 
 PROTOCOL = EurobotProtocol.load(dialects.DEFAULT)
 HERE = PROTOCOL.encode(KalmanPositionResponse(500, 600, 0, Source.INTERNAL))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from functools import partial
@@ -9,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.robot.messages import KalmanPositionResponse
+from eurobot_od.robot.model.messages import KalmanPositionResponse
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Source
 
 resource = pytest.importorskip("resource", reason="limits of a process are POSIX's")
 
@@ -26,6 +27,11 @@ WRITING = (
     "match --duration 1 --log FILE",
     "check bytes --simulate --junit FILE",
     "check --conformance --eds EDS -o FILE",
+    "export mcap LOG -o FILE",
+    "export c -o FILE",
+    "export dbc -o FILE",
+    "export wireshark -o FILE",
+    "export xdd EDS -o FILE",
 )
 FORMER = "; what was there\n"
 
@@ -53,7 +59,7 @@ def complaint(done: subprocess.CompletedProcess[str]) -> str:
     return done.stderr.splitlines()[-1]
 
 
-@pytest.mark.parametrize("words", WRITING, ids=lambda words: words.split()[0])
+@pytest.mark.parametrize("words", WRITING, ids=lambda words: " ".join(words.split()[:2]))
 def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
     file = tmp_path / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
     file.write_text(FORMER)
@@ -68,3 +74,15 @@ def test_a_full_disk_is_one_line_and_status_3(words: str, tmp_path: Path) -> Non
 def test_a_read_only_folder_is_one_line_and_status_3(words: str, tmp_path: Path) -> None:
     file = Path("/proc/self") / ("out.svg" if "field" in words else "out.log" if "--log" in words else "out")
     assert str(file) in complaint(run(words, file, tmp_path, 1 << 30))
+
+
+OPENS_TO_WRITE = re.compile(
+    r"""\.open\(["'][wxa]|(?<!output)(?<!files)\.write_(text|bytes)\(|\bopen\([^)]*, ["'][wxa]"""
+)
+
+
+@pytest.mark.parametrize("folder", ["cli", "export", "web"])
+def test_no_command_writes_a_file_but_whole(folder: str) -> None:
+    files = (ROOT / "eurobot_od" / folder).rglob("*.py")
+    lines = [f"{file.name}: {line}" for file in files for line in file.read_text().splitlines()]
+    assert [line for line in lines if OPENS_TO_WRITE.search(line) and "os.devnull" not in line] == []

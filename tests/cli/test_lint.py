@@ -19,7 +19,7 @@ OWN = sorted(str(each) for each in (ROOT / "eds/canopen").glob("*.eds"))
 CALLS = [
     # (arguments, exit status, part of the output)
     (["lint", CLEAN], 0, "1 file: nothing found"),
-    (["lint", *OWN], 0, "3 files: 135 infos (-v lists infos)"),
+    (["lint", *OWN], 0, "3 files: 139 infos (-v lists infos)"),
     (["lint", *OWN, "-v"], 0, "drive.eds:491:14: I607"),
     (["lint", *OWN, "--select", "I607"], 0, "drive.eds:491:14: I607"),
     (["lint", OLD, "--select", "E999"], 2, ""),
@@ -86,7 +86,7 @@ def test_a_file_is_written_as_it_is_meant(
     Path("own.eds").write_text(odd.replace("SubNumber=4\n", "SubNumber=\n", 1))
     assert main(["lint", "own.eds", *options]) == 0
     said = [each.partition(": ")[2] for each in capsys.readouterr().out.splitlines()]
-    assert said == ["SubNumber without a value written 4", "comment put on a line of its own"]
+    assert said == ["[2001]: SubNumber=4 written", "comment put on a line of its own"]
     assert Path(written).read_text() == commented
     assert main(["lint", written, "--fix"]) == 0
     assert capsys.readouterr().out == ""
@@ -109,7 +109,7 @@ def test_an_unknown_code_is_no_silent_green(capsys: pytest.CaptureFixture[str]) 
 def test_differences_are_named_and_as_hexadecimal_as_in_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     main(["diff", OWN[1], OWN[1].replace("canopen", "firmware2014")])
     lines = capsys.readouterr().out.splitlines()
-    assert "0x1018 sub 3 Identity object.Revision number: value: 0x00010000 -> 0x00020000" in lines
+    assert "0x1018 sub 3 Identity object.Revision number: value: 0x00030000 -> 0x00020000" in lines
 
 
 def test_findings_come_in_the_order_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:

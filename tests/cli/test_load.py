@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli import main
+from eurobot_od.cli.load import of_robot
 from eurobot_od.load.sweep import most_traffic, slowest_bus
-from eurobot_od.robot import traffic
+from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import Terminal, run
 
 SET = "bit_rate: 125\nmessages:\n  A: {identifier: 1, length: 8, every: 10 ms, deadline: 2 ms}\n"
@@ -35,7 +36,7 @@ def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, v
 
 def test_the_documentation_says_what_a_sweep_says() -> None:
     page = " ".join((Path(__file__).parents[2] / "docs" / "watching.md").read_text(encoding="utf-8").split())
-    messages = traffic.message_set()
+    messages = of_robot(ROBOT)
     assert f"down to {slowest_bus(messages)} kbit/s" in page
     assert f"with {(most_traffic(messages, 500_000) or 0) / 100:.2f} times the traffic" in page
 

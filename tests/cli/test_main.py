@@ -31,7 +31,7 @@ def test_the_overview_names_every_command(capsys: pytest.CaptureFixture[str], wo
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["nonsense"], "unknown command 'nonsense'; known: match, show, "),
+        (["nonsense"], "unknown command 'nonsense'; known: show, node, "),
         (["decod", "a.log"], "unknown command 'decod'; did you mean decode?"),
         (["Match"], "unknown command 'Match'; did you mean match?"),
         (["--nonsense"], "error: the following arguments are required: COMMAND"),

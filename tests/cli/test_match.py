@@ -16,7 +16,7 @@ import can
 import pytest
 
 from eurobot_od.robot.match import strategy
-from eurobot_od.robot.options import UNITS, Errors
+from eurobot_od.robot.model.options import UNITS, Errors
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run
 from tests.robot.document import NAMES
@@ -345,7 +345,7 @@ def test_wrong_usage_is_told_in_the_last_line(
         ),
         (["--world", "wheel_noise=-1"], 2, "wheel_noise=-1: not a number from 0 on"),
         (["--set", "drive.Motion.Maximum speed"], 2, "--set drive.Motion.Maximum speed: write NODE.OBJECT=VALUE"),
-        (["--set", "rive.Motion.Maximum speed=1"], 2, "unknown node 'rive'; did you mean drive?"),
+        (["--set", "rive.Motion.Maximum speed=1"], 2, "unknown node or fact 'rive'; did you mean drive?"),
         (
             ["--seeds", "2", "--set", "navigation.0x2101:1=x"],
             2,
@@ -396,7 +396,7 @@ def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mi
     words = ["--seeds", "2-4", "--jobs", "1", "--enemies", "0", "--strategy", str(mine(ARRIVES))]
     said = run(capsys, "match", "--duration", "3", *words)
     lines = said.out.splitlines()
-    assert (said.status, said.err) == (0, "on the way\n" * 3)
+    assert (said.status, said.err) == (0, "".join(f"seed {seed}: on the way\n" for seed in (2, 3, 4)))
     assert [line.split() for line in lines if line.startswith("arrived")] == [["arrived", "3", "3"]]
     assert next(line for line in lines if line.startswith("points")).split()[1:4] == ["0.0", "0", "2"]
     assert lines[lines.index("matches by points") + 1].split() == ["0", "█" * 40, "3"]

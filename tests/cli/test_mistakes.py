@@ -197,13 +197,13 @@ STEPS = {
         "  - wait: 500\n",
         "5:11: '500' is not a duration; write a number and one of us, ms, s, min, such as 500 ms",
     ),
-    "an index without 0x": (
-        "  - sdo: {read: 1017}\n",
-        "5:17: unknown object of drive '1017'; did you mean 0x1017?",
+    "an object's name with a slip": (
+        "  - sdo: {read: Identity objct}\n",
+        "5:17: unknown object 'Identity objct'; did you mean Identity object?",
     ),
     "an object's value out of range": (
         "  - sdo: {write: 0x1017, value: 70000}\n",
-        "5:33: '70000' is not allowed; allowed: 0..65535",
+        "5:33: 0x1017:0: Producer heartbeat time = 70000 is not allowed; allowed: 0..65535",
     ),
     "a state with a slip": (
         "  - heartbeat: operationl\n",

@@ -15,14 +15,16 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.live import Live, open_bus
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import START_POSES
-from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.messages import StopDrive
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive, Navigation
-from eurobot_od.robot.values import TeamColour
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, killed_if_it_hangs, line, node, serve_bus
 from tests.client.peers import new_channel
 from tests.device import io_module
+
+FACTS = robot_file.read()
 
 
 @pytest.fixture
@@ -93,7 +95,7 @@ def test_a_terminated_node_ends_as_an_interrupted_one(shared_bus: str) -> None:
 SCRIPT = """
 import sys
 from eurobot_od import Robot
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.model.values import TeamColour
 
 with Robot("remote", sys.argv[1]) as robot:
     robot.check_nodes()
@@ -122,7 +124,7 @@ def wait_for(condition: Callable[[], bool]) -> None:
 def is_on_its_way(drive: Drive) -> bool:
     """Tell whether the drive has left its start place; it takes some 100 ms for that."""
     pose = drive.estimate.pose
-    return drive.goto is not None and pose is not None and pose.distance(START_POSES[TeamColour.RED].point) > 10
+    return drive.goto is not None and pose is not None and pose.distance(FACTS.start(TeamColour.RED).point) > 10
 
 
 @pytest.mark.parametrize(("told", "status"), [(signal.SIGTERM, 128 + signal.SIGTERM), (signal.SIGINT, -signal.SIGINT)])
@@ -267,7 +269,7 @@ def test_a_node_of_the_robot_is_one_wherever_its_file_is(capsys: pytest.CaptureF
     said = run(capsys, "node", "drive", "--network", folder, "--duration", "1 ms", "-i", "virtual")
     assert said.out.startswith("drive (node-ID 2)")
     said = run(capsys, "node", "drive", "--network", folder, "--set", "0x1017=5")
-    assert said.complaint == "eurobot-od: --set is for devices that are none of the robot's, not for the drive"
+    assert said.complaint == "eurobot-od: unknown fact '0x1017'; known: body, match, field, barriers, tasks, robots"
 
 
 WRONG_DEVICES = [

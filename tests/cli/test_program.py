@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.robot import dialects
 from tests.cli.console import Said, run
 from tests.client.flash import FlashDevice, Trouble
 from tests.client.wired import WiredBus
@@ -39,7 +40,8 @@ def file(tmp_path: Path) -> Path:
             (
                 1,
                 "",
-                "eurobot-od: 0x1F51:1 Program control says: stopped; node 9: the program is written and does not run\n",
+                "eurobot-od: 0x1F51:1 Program control says: stopped; node 9: the program is written and does not run; "
+                "eurobot-od write 9 0x1F51:1 1 starts it, or download it again\n",
             ),
         ),
     ],
@@ -61,4 +63,14 @@ def test_an_empty_file_is_no_program(
     device, empty = FlashDevice(), tmp_path / "empty.bin"
     empty.touch()
     assert program(capsys, monkeypatch, device, "9", str(empty)).status == 2
+    assert device.commands == []
+
+
+def test_the_device_of_another_eds_is_left_alone(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, file: Path
+) -> None:
+    device, drive = FlashDevice(), dialects.folder() / "drive.eds"
+    done = program(capsys, monkeypatch, device, "9", str(file), "--eds", str(drive))
+    assert done.status == 1
+    assert "drive.eds is for another device" in done.err
     assert device.commands == []

@@ -84,7 +84,7 @@ def test_who_reads_much_tells_a_terminal_how_far_it_is(
     if "mcap" in words:
         pytest.importorskip("mcap", reason="the extra `mcap` is not installed")
     names = {"LOG": tmp_path / "some.log", "OUT": tmp_path / "out", "EDS": eds_folder() / "canopen" / "core.eds"}
-    names["LOG"].write_text("(1.000000) can0 008#D27423592C0D9702\n" * 500)
+    names["LOG"].write_text("(1.000000) can0 008#D27423592C01C3A5\n" * 500)
     terminal = Terminal()
     monkeypatch.setattr(module, "SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)

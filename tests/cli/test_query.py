@@ -17,7 +17,7 @@ from tests.cli.console import Terminal, run
 @pytest.fixture
 def season(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
     log = tmp_path / "some.log"
-    log.write_text("(1.000000) can0 008#D27423592C0D9702\n(1.250000) can0 00C#\n")
+    log.write_text("(1.000000) can0 008#D27423592C01C3A5\n(1.250000) can0 00C#\n")
     folder = str(tmp_path / "season")
     assert run(capsys, "archive", str(log), "-o", folder).status == 0
     return folder
@@ -29,7 +29,7 @@ SQL = "SELECT line, hex(data) AS hex, data, t, NULL AS nothing FROM frames ORDER
 def test_a_table_is_aligned_and_rounded(season: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "query", season, SQL).out == (
         "line  hex               data                 t  nothing\n"
-        "   1  D27423592C0D9702  D27423592C0D9702     1\n"
+        "   1  D27423592C01C3A5  D27423592C01C3A5     1\n"
         "   2                                      1.25\n"
     )
 
@@ -37,11 +37,11 @@ def test_a_table_is_aligned_and_rounded(season: str, capsys: pytest.CaptureFixtu
 def test_csv_and_json_have_all_rows(season: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "query", season, SQL, "--csv").out.splitlines()[:2] == [
         "line,hex,data,t,nothing",
-        "1,D27423592C0D9702,D27423592C0D9702,1.0,",
+        "1,D27423592C01C3A5,D27423592C01C3A5,1.0,",
     ]
     first, second = run(capsys, "query", season, SQL, "--json").out.splitlines()
     assert json.loads(first) == {
-        "line": 1, "hex": "D27423592C0D9702", "data": "D27423592C0D9702", "t": 1.0, "nothing": None
+        "line": 1, "hex": "D27423592C01C3A5", "data": "D27423592C01C3A5", "t": 1.0, "nothing": None
     }  # fmt: skip
     assert json.loads(second)["line"] == 2
 
@@ -75,6 +75,86 @@ def test_a_terminal_sees_how_far_a_query_is(season: str, monkeypatch: pytest.Mon
 def test_reports_are_listed_without_a_season(capsys: pytest.CaptureFixture[str]) -> None:
     names = [line.split()[0] for line in run(capsys, "query", "none", "--report", "list").out.splitlines()]
     assert names == ["latency", "arrivals", "stops", "periods", "answers", "load", "damage"]
+
+
+HOSTILE = """
+    SELECT 'a' || chr(27) || '[2J' || chr(10) || 'b' AS text, '=cmd|1' AS formula, [1, 2] AS list, {'x': 'y'} AS record,
+    INTERVAL 90 SECOND AS took
+"""
+
+
+@pytest.mark.parametrize(
+    ("form", "shown"),
+    [
+        ([], [r"a\x1b[2J\nb", "=cmd|1", "[1, 2]", "{'x': 'y'}", "00:01:30"]),
+        (["--csv"], [r"a\x1b[2J\nb,'=cmd|1,", '"[1, 2]"', "00:01:30"]),
+        (["--json"], [r"a\u001b[2J\nb", "[1,2]"]),
+    ],
+    ids=["table", "csv", "json"],
+)
+def test_whatever_a_log_says_stays_in_its_place(
+    season: str, form: list[str], shown: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    status, out, _ = run(capsys, "query", season, HOSTILE, *form)
+    assert status == 0
+    assert "\x1b" not in out
+    assert [each for each in shown if each not in out] == []
+
+
+@pytest.mark.parametrize(
+    "sql", ["SELECT union_value(a := 1) AS u", "SELECT INTERVAL 1 MONTH AS m", "SELECT 1::BIT AS b"]
+)
+@pytest.mark.parametrize("form", ["--csv", "--json", "--plot=x.svg"])
+def test_any_type_has_an_answer_or_one_line(
+    season: str,
+    sql: str,
+    form: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = run(capsys, "query", season, sql, form)
+    assert said.status in (0, 2), said
+    assert "Traceback" not in said.err
+
+
+def test_more_rows_than_fit_are_refused(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "query", season, "SELECT * FROM range(100000000)")
+    assert (said.status, said.out) == (2, "")
+    assert said.complaint == "eurobot-od: more than 10000000 rows: ask for sums, or for a part by LIMIT"
+
+
+def damaged(file: Path, how: str) -> None:
+    content = file.read_bytes()
+    file.write_bytes({"cut off": content[: len(content) // 2], "empty": b"", "other": b"x" * len(content)}[how])
+
+
+@pytest.mark.parametrize("how", ["cut off", "empty", "other"])
+@pytest.mark.parametrize("table", ["frames", "goto_xy", "runs"])
+def test_a_damaged_file_is_named_and_left_out_and_mended_by_the_next_archive(
+    season: str, tmp_path: Path, table: str, how: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.log"
+    other.write_text("(1.000000) can0 008#D27423592C0D9702\n")
+    assert run(capsys, "archive", str(other), "-o", season).status == 0
+    file = min((Path(season) / table).iterdir())
+    damaged(file, how)
+    said = run(capsys, "query", season, f"SELECT count(DISTINCT run) AS n FROM {table}")
+    assert (said.status, said.out) == (0, "n\n1\n")
+    assert said.err == f"eurobot-od: left out: {file} is damaged; archive its log again\n"
+    assert run(capsys, "query", season).status == 0
+    again = run(capsys, "archive", str(other), str(tmp_path / "some.log"), "-o", season).out
+    assert again.count(": known, ") == 1
+    assert run(capsys, "query", season, f"SELECT count(DISTINCT run) AS n FROM {table}")[1:] == ("n\n2\n", "")
+
+
+def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (Path(season) / "mine").mkdir()
+    said = run(capsys, "query", season, "SELECT * FROM mine")
+    assert said.status == 2
+    assert "Table with name mine does not exist" in said.complaint
+    assert run(capsys, "query", season).status == 0
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,10 @@ from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.device.node import Node
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
+from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.repairs import repaired
+from eurobot_od.od.document import parse
+from eurobot_od.od.normal import in_normal_form
 from tests.cli.console import Terminal
 from tests.client.peers import DRIVE, new_channel, robot, stock_drive
 from tests.eds_text import DEVICE_TYPE, variable
@@ -92,7 +94,7 @@ def test_scan_as_json(run: Run, drive: str) -> None:
             "node_id": 2,
             "name": "Eurobot 2014 drive",
             "state": "operational",
-            "identity": {"vendor": 0, "product": 2, "revision": 0x10000, "serial": 1},
+            "identity": {"vendor": 0, "product": 2, "revision": 0x30000, "serial": 1},
         }
     ]
 
@@ -135,8 +137,8 @@ def test_any_device_is_read_by_the_names_of_its_file(
     run: Run, node: str, options: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = repaired((DEVICE_TYPE + variable("2000", "Heat", "INTEGER16", "-5")).encode(), "thing.eds").data.decode()
-    Path("thing.eds").write_text(text.replace("PDOMapping=1", "PDOMAPPING=1"))
+    text, _ = in_normal_form((DEVICE_TYPE + variable("2000", "Heat", "INTEGER16", "-5")).encode(), "thing.eds")
+    Path("thing.eds").write_text(text.decode().replace("PDOMapping=1", "PDOMAPPING=1"))
     Path("net.yaml").write_text("nodes: {thing: {file: thing.eds, node_id: 5}}")
     thing = Node(Dictionary.load("thing.eds", 5))
     channel = new_channel()
@@ -220,7 +222,7 @@ def test_a_bus_that_cannot_be_opened(capsys: pytest.CaptureFixture[str]) -> None
 
 def test_files_go_in_and_out(run: Run, tmp_path: Path) -> None:
     eds, there, back = tmp_path / "drive.eds", tmp_path / "there", tmp_path / "back"
-    eds.write_text(DRIVE.read_text() + FILES)
+    eds.write_bytes(in_normal_form((DRIVE.read_text() + FILES).encode())[0])  # which lists the object, too
     there.write_bytes(bytes(range(256)) * 4)
     object_ = "2", "Script", "--eds", str(eds), "--file"
     with stock_drive(eds) as (channel, _):
@@ -251,7 +253,11 @@ def test_a_file_is_for_one_object(run: Run, drive: str, words: list[str], said: 
 def new_dcf(tmp_path: Path) -> Path:
     """A DCF for node 2 with two new values."""
     file = tmp_path / "new.dcf"
-    file.write_text(dcf.with_values(DRIVE.read_text(), {(0x1017, 0): 20, (0x1403, 1): 0x18}, 2, "drive", 500))
+    file.write_text(
+        dcf.with_values(
+            DescribedDevice(parse(DRIVE.read_text())), {(0x1017, 0): 20, (0x1403, 1): 0x18}, 2, "drive", 500
+        )
+    )
     return file
 
 
@@ -273,6 +279,15 @@ def test_configure_writes_stores_and_verifies(run: Run, drive: str, new_dcf: Pat
     assert run(drive, "configure", "2", str(new_dcf)) == (0, "node 2 already is as new.dcf says\n", "")
 
 
+@pytest.mark.parametrize(
+    ("option", "kept"), [("--no-store", "not stored"), ("--no-reset", "stored"), ("--only=profile", "")]
+)
+def test_configure_does_no_more_than_it_is_told(run: Run, drive: str, new_dcf: Path, option: str, kept: str) -> None:
+    done = f"node 2 configured: 2 objects written and read back, {kept}\n"
+    said = DIFFERENCE + done if kept else "node 2 already is as new.dcf says\n"
+    assert run(drive, "configure", "drive", str(new_dcf), option) == (0, said, "")
+
+
 def test_a_file_for_another_node_is_refused_before_the_bus_is_opened(
     capsys: pytest.CaptureFixture[str], new_dcf: Path
 ) -> None:
@@ -290,7 +305,7 @@ def test_the_dcf_of_a_live_node(run: Run, drive: str, tmp_path: Path) -> None:
 
 def test_what_no_line_can_hold_stands_in_a_file_beside_the_dcf(run: Run, tmp_path: Path) -> None:
     eds, file = tmp_path / "drive.eds", tmp_path / "live.dcf"
-    eds.write_text(DRIVE.read_text() + FILES)
+    eds.write_bytes(in_normal_form((DRIVE.read_text() + FILES).encode())[0])  # which lists the object, too
     with stock_drive(eds) as (channel, node):
         node.set_data(0x200E, 0, b"a\nb")
         words = (channel, "export-dcf", "2", "--eds", str(eds))

@@ -60,13 +60,13 @@ def heard(wire: can.BusABC) -> str | None:
         (["Emergency Stop", "obstacle=1"], "002#01", "Emergency Stop  obstacle=enemy"),
         (
             [*GOTO, "barriers=0xA5C3"],
-            "008#D27423592C0D9702",
+            "008#D27423592C01C3A5",
             "Goto XY  x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, barriers=fire 1:forced, fire 4:forced, "
             "fire 5:normal, fire 6:normal, pool 1:forced, pool 2:forced",
         ),
         (
             [*GOTO, "barriers=fire-1:forced"],
-            "008#D27423592C090000",
+            "008#D27423592C010200",
             "Goto XY  x=1234 mm, y=567 mm, angle=89 deg, speed=75 %, barriers=fire 1:forced",
         ),
         (

@@ -11,7 +11,7 @@ import pytest
 
 from eurobot_od import extras
 from tests.cli.console import run
-from tests.cli.processes import PATIENCE, command, line
+from tests.cli.processes import PATIENCE, command, in_background, line
 
 
 @pytest.fixture
@@ -60,6 +60,15 @@ def test_a_log_is_served_until_it_is_told_to_end(log: Path, end: signal.Signals)
     assert process.returncode == 0
     assert "1 x unknown identifier" in err
     assert "Traceback" not in err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX's")
+def test_in_the_background_of_a_script_sigterm_ends_it(log: Path) -> None:
+    with in_background("serve", str(log), "--listen", "127.0.0.1:0") as process:
+        line(process, "http://127.0.0.1:")
+        process.terminate()
+        process.communicate(timeout=PATIENCE / 2)
+    assert process.returncode == 0
 
 
 def test_a_bus_is_served_until_it_is_told_to_end() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.cli.show import picture
+from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
@@ -93,7 +94,7 @@ def test_json_says_the_same(capsys: pytest.CaptureFixture[str], words: list[str]
 def test_the_dialect_may_come_from_the_environment(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(dialects.DIALECT_VARIABLE, "firmware2014")
+    monkeypatch.setenv(DIALECT_VARIABLE, "firmware2014")
     assert "direction" in run(capsys, "show").out
     assert "direction" not in run(capsys, "show", "--dialect", "canopen").out
 

@@ -15,18 +15,21 @@ from typing import NamedTuple
 
 import pytest
 
-from eurobot_od.cli import scene
+from eurobot_od.address import Address
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import START_POSES, Point
+from eurobot_od.robot.commands.node import enter
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
-from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.robot.world.beacons import Beacons
-from eurobot_od.robot.world.channel import Address
 from eurobot_od.robot.world.remote import RemoteVehicle
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
 
-START = START_POSES[TeamColour.RED]
+FACTS = robot_file.read()
+
+START = FACTS.start(TeamColour.RED)
 PLACE = Point(350, 1800)
 
 SHORT_WAY = f"""
@@ -91,8 +94,8 @@ def test_four_processes_play_a_match_to_its_end(served: Scene, tmp_path: Path) -
 
 def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -> None:
     node = Navigation(dialects.load("navigation"))
-    vehicle, options, _ = scene.enter(node, Namespace(world=served.address, strategy=None, duration=1.0))
-    same = Beacons(vehicle, options.errors, node.deviations, str(options.seed))
+    vehicle, options = enter(node, Namespace(world=served.address, duration=1.0))
+    same = Beacons(vehicle, FACTS.field, options.errors, node.deviations, str(options.seed))
     assert node.beacons is not None
     assert [node.beacons.locate(Source.INTERNAL, now) for now in (1.0, 2.0)] == [
         same.locate(Source.INTERNAL, now) for now in (1.0, 2.0)
@@ -206,7 +209,7 @@ def test_what_is_wrong_is_said_in_one_line(
     status: int,
     complaint: str,
 ) -> None:
-    monkeypatch.setattr(scene, "PATIENCE", 0.0)
+    monkeypatch.setattr("eurobot_od.robot.commands.node.PATIENCE", 0.0)
     said = run(capsys, *words)
     assert said.status == status
     assert complaint in said.err

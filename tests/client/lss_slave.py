@@ -12,14 +12,21 @@ ANSWERS, REQUESTS = 0x7E4, 0x7E5
 
 
 class LssSlave:
-    """A station; `stored` is what it has stored, `errors` are what it answers to commands that it refuses."""
+    """A station; `stored` is what it has stored, `errors` are what it answers to commands that it refuses.
+
+    One that is `always_scanned` says yes to every fastscan while it is being configured, as CANopenNode's does.
+    """
 
     next_wakeup = inf
 
     def __init__(
-        self, identity: Identity, node_id: int = 255, errors: dict[int, tuple[int, int]] | None = None
+        self,
+        identity: Identity,
+        node_id: int = 255,
+        errors: dict[int, tuple[int, int]] | None = None,
+        always_scanned: bool = False,
     ) -> None:
-        self.identity, self.node_id, self.errors = identity, node_id, errors or {}
+        self.identity, self.node_id, self.errors, self.always_scanned = identity, node_id, errors or {}, always_scanned
         self.state, self.bit_rate, self.stored, self.delay = WAITING, 2, (node_id, 2), 0
         self._position = 0
         self._selected = 0
@@ -40,6 +47,8 @@ class LssSlave:
             return self._select(command - 0x40, int.from_bytes(data[1:5], "little"))
         elif command == 0x51 and self.state == WAITING and self.node_id == 255:
             return self._fastscan(int.from_bytes(data[1:5], "little"), *data[5:8])
+        elif command == 0x51 and self.always_scanned and self.state == CONFIGURATION:
+            return b"\x4f"
         elif self.state == CONFIGURATION:
             return self._configure(command, data)
         return None

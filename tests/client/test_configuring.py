@@ -10,20 +10,22 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.client.configure import Configured, apply, configure, difference, is_parameter
+from eurobot_od.client.configure import Chapter, Configured, apply, configure, difference, is_parameter
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import RemoteNode
-from eurobot_od.client.objects import at
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, ConfigurationError, DictionaryError, NoAnswer
 from eurobot_od.frame import Frame
 from eurobot_od.od import dcf
+from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.document import parse
+from eurobot_od.od.objects import address_of, at
 from eurobot_od.od.values import Address, Value
-from eurobot_od.robot.messages import GotoConfirm, GotoXY
+from eurobot_od.robot.model.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.sdo.client import Progress, unwatched
-from tests.client.peers import DRIVE, EDS, master_on, robot, stock_drive
+from tests.client.peers import DRIVE, EDS, master_on, open_bus, robot, stock_drive
 from tests.conftest import with_entry
 from tests.eds_text import DEVICE_TYPE, variable
 
@@ -35,11 +37,11 @@ HEARTBEAT: Address = (0x1017, 0)
 SPEED: Address = (0x2101, 1)
 COB_ID: Address = (0x1403, 1)
 COUNT: Address = (0x1603, 0)
-ENTRY: Address = (0x1603, 1)
+ENTRY: Address = (0x1603, 5)
 STORE: Address = (0x1010, 1)
 
-NEW: dict[Address, Value] = {HEARTBEAT: 500, SPEED: 900, COB_ID: 0x18, ENTRY: 0x20000110}
-"""What the tests configure: a setting of each kind, and Goto XY under 0x018 with 16 bits for x."""
+NEW: dict[Address, Value] = {HEARTBEAT: 500, SPEED: 900, COB_ID: 0x18, ENTRY: 0x20000602}
+"""What the tests configure: a setting of each kind, and Goto XY under 0x018 with 2 reserved bits in place of 6."""
 
 ORDER = [HEARTBEAT, SPEED, COB_ID, COUNT, ENTRY, COUNT, COB_ID, (0x1020, 1), (0x1020, 2), STORE]
 
@@ -52,7 +54,7 @@ def make(tmp_path: Path) -> Callable[..., Description]:
         values: dict[Address, Value], eds: str = DRIVE.read_text(), change: Callable[[str], str] = str, node_id: int = 2
     ) -> Description:
         file = tmp_path / "drive.dcf"
-        file.write_text(change(dcf.with_values(eds, values, node_id, "drive", 500)))
+        file.write_text(change(dcf.with_values(DescribedDevice(parse(eds)), values, node_id, "drive", 500)))
         return from_file(file)
 
     return write
@@ -88,7 +90,7 @@ def set_access(node: canopen.LocalNode, address: Address, access: str) -> None:
     variable.access_type = access
 
 
-FORMER = [1000, 800, 0x08, 0x2000010C]
+FORMER = [1000, 800, 0x08, 0x20000606]
 
 
 # It works
@@ -100,7 +102,7 @@ def test_our_drive_is_configured_stored_and_takes_gotos_under_the_new_identifier
     description = make(NEW)
     with robot("drive") as channel, master_on(channel) as master:
         node = master.node(2)
-        assert configure(node, description, NOW) == Configured(len(NEW), stored=True)
+        assert configure(node, description, NOW) == Configured(len(NEW), stored=True, verified=True)
         assert [node.upload((0x1020, subindex)) for subindex in (1, 2)] == NOW_BYTES
         assert difference(node, description).changes == ()
         protocol = EurobotProtocol.of(description.dictionary)
@@ -129,10 +131,10 @@ def test_a_difference_is_found_by_reading_alone(make: Callable[..., Description]
         writes = Writes(node)
         plan = difference(master.node(2), make(NEW))
         assert writes.addresses == []
-    assert [(each.thing.address, *each.texts) for each in plan.changes] == [
+    assert [(address_of(each.thing), *each.texts) for each in plan.changes] == [
         (HEARTBEAT, "1000", "500"),
         (COB_ID, "0x00000008", "0x00000018"),
-        (ENTRY, "0x2000010C", "0x20000110"),
+        (ENTRY, "0x20000606", "0x20000602"),
         (SPEED, "800", "900"),
     ]
 
@@ -150,6 +152,59 @@ def test_a_node_that_cannot_store_is_configured_until_its_reset(make: Callable[.
         writes = Writes(node)
         assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=False)
         assert STORE not in writes.addresses
+
+
+OWN: Address = (0x2100, 1)
+
+
+def test_a_makers_object_that_is_called_node_id_is_none(make: Callable[..., Description]) -> None:
+    eds = with_entry(DRIVE.read_text(), "2100sub1", "DefaultValue", "7")
+    with stock_drive() as (channel, node), master_on(channel) as master:
+        node.set_data(*OWN, b"\x07")  # of another axis, or what a switch says
+        assert difference(master.node(2), make({OWN: 7}, eds)).changes == ()
+        assert [address_of(each.thing) for each in difference(master.node(2), make({OWN: 9}, eds)).changes] == [OWN]
+
+
+@pytest.mark.parametrize(
+    ("options", "configured", "commands"),
+    [
+        ({"stores": False}, Configured(4, stored=False), [0x80, 0x01]),
+        ({"resets": False}, Configured(4, stored=True), [0x80, 0x01]),
+        ({}, Configured(4, stored=True, verified=True), [0x80, 0x81]),
+    ],
+)
+def test_storing_and_the_reset_can_be_left_out(
+    make: Callable[..., Description], options: dict[str, bool], configured: Configured, commands: list[int]
+) -> None:
+    with robot("drive") as channel, master_on(channel) as master, open_bus(channel) as listener:
+        plan = difference(master.node(2), make(NEW))
+        assert apply(master.node(2), plan, NOW, **options) == configured
+        sent = iter(lambda: listener.recv(0), None)
+        assert [each.data[0] for each in sent if each.arbitration_id == 0] == commands
+        master.node(2).reset()
+        assert (master.node(2).upload(HEARTBEAT) == (500).to_bytes(2, "little")) is configured.stored
+
+
+@pytest.mark.parametrize(
+    ("chapters", "changed"),
+    [
+        ([Chapter.COMMUNICATION], [HEARTBEAT]),
+        ([Chapter.PDO], [COB_ID, ENTRY]),
+        ([Chapter.MANUFACTURER], [SPEED]),
+        ([Chapter.PROFILE], []),
+        ([*Chapter], [HEARTBEAT, COB_ID, ENTRY, SPEED]),
+    ],
+)
+def test_chapters_of_a_file_are_configured_alone(
+    make: Callable[..., Description], chapters: list[Chapter], changed: list[Address]
+) -> None:
+    with robot("drive") as channel, master_on(channel) as master:
+        plan = difference(master.node(2), make(NEW), chapters)
+        assert [address_of(each.thing) for each in plan.changes] == changed
+        if changed:
+            apply(master.node(2), plan, NOW)
+        marked = master.node(2).upload((0x1020, 1)) == NOW_BYTES[0]
+        assert marked is (len(chapters) == len(Chapter))  # only the whole file is a verified configuration
 
 
 def test_an_object_that_can_only_be_written_is_written_and_not_compared(make: Callable[..., Description]) -> None:
@@ -195,7 +250,7 @@ def test_a_node_that_booted_with_what_it_stored_is_configured(
 ) -> None:
     with stock_drive() as (channel, node), master_on(channel) as master:
         boots(node, *lost)
-        assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=True)
+        assert configure(master.node(2), make(NEW, eds), NOW) == Configured(len(NEW), stored=True, verified=True)
 
 
 @pytest.mark.parametrize(("eds", "lost"), [(DRIVE.read_text(), [VERIFY, SPEED]), (WITHOUT_MARK, [SPEED])])
@@ -237,14 +292,14 @@ def test_a_node_that_did_not_store_is_told(make: Callable[..., Description], eds
 def test_a_configuration_writes_parameters_alone(tmp_path: Path, index: int, is_one: bool) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE + variable(f"{index:04X}", "Anything", "UNSIGNED32"))
-    assert is_parameter(at((index, 0), Dictionary.load(file, 5))) is is_one
+    assert is_parameter(at((index, 0), Dictionary.load(file, 5).objects)) is is_one
 
 
 def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
     file = tmp_path / "arm.eds"
     file.write_text(DEVICE_TYPE)
-    assert not is_parameter(at((0x1000, 0), Dictionary.load(file, 5)))
-    assert not is_parameter(at((0x2000, 0), Dictionary.load(file, 5)))
+    assert not is_parameter(at((0x1000, 0), Dictionary.load(file, 5).objects))
+    assert not is_parameter(at((0x2000, 0), Dictionary.load(file, 5).objects))
 
 
 # The file is wrong
@@ -266,7 +321,7 @@ def test_what_cannot_be_written_is_no_parameter(tmp_path: Path) -> None:
         ({"values": {HEARTBEAT: "often"}}, "(Producer heartbeat time): often is not allowed; allowed: an integer"),
         ({"values": {ENTRY: 0x30000110}}, "0x1603: maps 0x3000 sub 1, which is missing"),
         ({"values": {ENTRY: 0x20000111}}, "0x1603: maps 0x2000 sub 1 with 17 bits, its type has 16"),
-        ({"values": {(0x2100, 1): 3}}, "0x2100: Node-ID 3 is not the NodeID 2"),
+        ({"values": {(0x2100, 1): 3}}, "0x2100: Node.Node-ID 3 is not the NodeID 2"),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused_before_anything_is_written(

@@ -10,7 +10,7 @@ from eurobot_od.robot import dialects
 from tests.client.peers import DRIVE, master_on, peer, robot, stock_drive
 
 NO_SUCH_OBJECT = bytes.fromhex("00000206")
-DRIVE_IDENTITY = Identity(0, 2, 0x10000, 1)
+DRIVE_IDENTITY = Identity(0, 2, 0x30000, 1)
 
 
 def test_a_node_and_its_eds_have_one_identity() -> None:
@@ -24,8 +24,8 @@ def test_a_node_and_its_eds_have_one_identity() -> None:
     [
         (DRIVE_IDENTITY, None),
         (DRIVE_IDENTITY._replace(serial=99), None),  # another piece of the same kind
-        (DRIVE_IDENTITY._replace(revision=0x10007), None),  # a minor revision behaves the same
-        (DRIVE_IDENTITY._replace(revision=0x20000), "major revision 0x2, not 0x1"),
+        (DRIVE_IDENTITY._replace(revision=0x30007), None),  # a minor revision behaves the same
+        (DRIVE_IDENTITY._replace(revision=0x20000), "major revision 0x2, not 0x3"),
         (DRIVE_IDENTITY._replace(product=3), "product code 0x3, not 0x2"),
         (DRIVE_IDENTITY._replace(vendor=0x123), "vendor-ID 0x123, not 0x0"),
     ],

@@ -29,6 +29,37 @@ def test_all_devices_without_a_node_id_are_found_the_lowest_first(identities: li
     assert {slave.state for slave in slaves} <= {WAITING}
 
 
+def test_devices_that_answer_fastscan_while_they_are_configured_are_all_found() -> None:
+    slaves, asked = [LssSlave(each, always_scanned=True) for each in (NEXT, OTHER, ONE)], list[int]()
+    with wired(*slaves) as master:
+        found = perform(master, lss.find_all(), progress=lambda number, _: asked.append(number))
+    assert found == [OTHER, ONE, NEXT]
+    assert asked == list(range(1, len(asked) + 1))
+    assert len(asked) < 3 * 300
+    assert {slave.state for slave in slaves} == {WAITING}
+
+
+class Stateless(LssSlave):
+    """Compares one part of its identity alone, whatever the others were: it keeps no position."""
+
+    def _fastscan(self, number: int, bit: int, part: int, then: int) -> bytes | None:
+        self._position = part
+        return super()._fastscan(number, bit, part, then)
+
+
+def test_no_device_is_made_of_two() -> None:
+    slaves = [Stateless(Identity(1, 2, 3, 4)), Stateless(Identity(5, 6, 3, 7))]
+    with wired(*slaves) as master:
+        assert perform(master, lss.find_all()) == [slave.identity for slave in slaves]
+
+
+def test_the_search_has_a_bound_on_a_bus_that_always_says_yes() -> None:
+    asked = list[int]()
+    with wired(Answerer(lambda _: [Frame(0x7E4, bytes([each, *bytes(7)])) for each in (0x4F, 0x44)])) as master:
+        assert len(perform(master, lss.find_all(), progress=lambda number, _: asked.append(number))) == 127
+    assert len(asked) < 127 * 20
+
+
 def test_a_device_that_fastscan_loses_is_an_error() -> None:
     slave = LssSlave(ONE)
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import can
 import pytest
 
+from eurobot_od.client.configure import read_object
 from eurobot_od.client.master import Master
 from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import BusError, NoAnswer, NodeRefused, RemoteError
 from eurobot_od.frame import Frame
+from eurobot_od.od.objects import undescribed
+from eurobot_od.od.values import UNSIGNED16
 from eurobot_od.sdo.server import SdoServer
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, aborted
 from tests.client.peers import master_on, new_channel, open_bus, peer, robot, stock_drive
-from tests.client.wired import Answerer, wired
+from tests.client.wired import Answerer, WiredBus, wired
 from tests.device.shelf import Shelf
 
 HEARTBEAT_TIME = (0x1017, 0)
@@ -187,3 +190,24 @@ def test_only_classic_base_data_frames_are_heard() -> None:
         assert master.states == {}
         sender.send(can.Message(arbitration_id=0x702, data=b"\x05", is_extended_id=False))
         assert master.pump(1, lambda: master.states == {2: NmtState.OPERATIONAL})
+
+
+def test_an_answer_counts_that_came_in_time_and_is_looked_at_late() -> None:
+    """The process stood still for a minute right after its request: suspended, or on a busy machine."""
+    asleep = 0.0
+
+    def answers(_: Frame) -> list[Frame]:
+        nonlocal asleep
+        asleep += 60.0
+        return [Frame(0x582, EXPEDITED_TWO_BYTES)]
+
+    bus = WiredBus(Answerer(answers))
+    assert Master(bus, clock=lambda: bus.now + asleep).node(2).upload(HEARTBEAT_TIME) == b"\xe8\x03"
+
+
+def test_an_object_of_a_known_length_takes_no_longer_announcement() -> None:
+    master = wired(Answerer(lambda frame: [Frame(0x582, SEGMENTED_100_BYTES)] if frame.data[0] == 0x40 else []))
+    thing = undescribed((0x1008, 0))
+    thing.data_type = UNSIGNED16.code
+    with pytest.raises(RemoteError, match="is not about an object of at most 4 bytes"):
+        read_object(master.node(2), thing)

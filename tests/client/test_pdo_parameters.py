@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eurobot_od.client.pdo_parameters import pdo_parameters
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING
 from eurobot_od.pdo.protocol import Protocol
 from tests.client.peers import DRIVE, master_on, robot
@@ -14,7 +14,7 @@ NO_RTR, NOT_VALID = 0x4000_0000, 0x8000_0000
 
 
 def test_a_pdo_that_a_master_has_moved() -> None:
-    outline = Outline.load(DRIVE)
+    dictionary = Dictionary.load(DRIVE)
     with robot("drive") as channel, master_on(channel) as master:
         node = master.node(2)
         for address, value, size in (
@@ -25,19 +25,19 @@ def test_a_pdo_that_a_master_has_moved() -> None:
             ((STATE_TPDO, 1), NO_RTR | MOVED, 4),
         ):
             node.download(address, value.to_bytes(size, "little"))
-        present = outline.configured(pdo_parameters(node, outline))
+        present = dictionary.configured(pdo_parameters(node, dictionary))
     [pdo] = [each for each in present.pdos if each.index == STATE_TPDO]
-    assert (pdo.cob_id, [(each.index, each.subindex, each.bits) for each in pdo.mapping]) == (MOVED, [(0x2002, 1, 24)])
+    assert (pdo.cob_id, [(each.address, each.bits) for each in pdo.mapping]) == (MOVED, [((0x2002, 1), 24)])
     assert Protocol.of_devices([present], NOTHING).unpack(MOVED, b"\xdc\x05\0") == (
         "Goto State Response",
         {"time": 1500},
     )
-    assert {each.cob_id for each in outline.pdos} - {each.cob_id for each in present.pdos} == {0x014}
+    assert {each.cob_id for each in dictionary.pdos} - {each.cob_id for each in present.pdos} == {0x014}
 
 
 def test_what_a_node_refuses_is_the_files() -> None:
-    outline = Outline.load(DRIVE)
-    present = outline.configured({(STATE_TPDO, 2): 255})
-    assert [each.cob_id for each in present.pdos] == [each.cob_id for each in outline.pdos]
+    dictionary = Dictionary.load(DRIVE)
+    present = dictionary.configured({(STATE_TPDO, 2): 255})
+    assert [each.cob_id for each in present.pdos] == [each.cob_id for each in dictionary.pdos]
     assert present.number((STATE_TPDO, 2)) == 255
-    assert outline.number((STATE_TPDO, 2)) == 254
+    assert dictionary.number((STATE_TPDO, 2)) == 254

@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 from binascii import crc_hqx
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from eurobot_od.client.program import Loaded, load
 from eurobot_od.errors import BusError, ProgramError
-from tests.client.flash import NODE_ID, FlashDevice, Trouble
+from eurobot_od.od.dictionary import Dictionary
+from tests.client.flash import NODE_ID, FlashDevice, Trouble, eds
 from tests.client.wired import wired
 
 PROGRAM = bytes(range(256)) * 20
+IDENTITY = b"""\
+[1018]
+ParameterName=Identity object
+ObjectType=9
+SubNumber=2
+[1018sub0]
+ParameterName=Highest sub-index
+DataType=0x0005
+AccessType=const
+DefaultValue=1
+[1018sub1]
+ParameterName=Vendor-ID
+DataType=0x0007
+AccessType=ro
+DefaultValue=7
+"""
 
 
 GOOD = [
@@ -43,17 +62,20 @@ def test_an_identification_that_is_no_crc_is_left_alone_where_that_is_said() -> 
 
 STATE = "Data cannot be transferred or stored to the application because of the present device state (0x08000022)"
 CONTROL, STATUS = "0x1F51:1 Program control", "0x1F57:1 Flash status identification"
+START = "eurobot-od write 9 0x1F51:1 1 starts it"
+MAY_BE_STOPPED = f"its program may be stopped; {START} again"
+MAY_BE_CLEARED = f"its program is stopped and may be cleared: download it again, or, if it is still there, {START}"
+DOES_NOT_RUN = f"the program is written and does not run; {START}, or download it again"
+NOT_STARTED = f"the program is written and not started: download it again, or {START} as it is"
 BAD = [
-    (Trouble(without=(0x1F51,)), f"node 9 refused to read {CONTROL}: Object does not exist (0x06020000)",
-     "its program is as it was"),
-    (Trouble(refuses=0), f"node 9 refused to write {CONTROL} (STOP): {STATE}", "its program may be stopped"),
+    (Trouble(refuses=0), f"node 9 refused to write {CONTROL} (STOP): {STATE}", MAY_BE_STOPPED),
     (Trouble(silent_after=0), f"no end of it in {STATUS} within 30000 ms after start of an operation",
-     "its program may be stopped"),
+     MAY_BE_STOPPED),
     (Trouble(refuses=3), f"node 9 refused to write {CONTROL} (CLEAR): {STATE}",
-     "its program is stopped and may be cleared"),
-    (Trouble(error_after=3, error=7), f"{STATUS} says: flash secured", "its program is stopped and may be cleared"),
+     MAY_BE_CLEARED),
+    (Trouble(error_after=3, error=7), f"{STATUS} says: flash secured", MAY_BE_CLEARED),
     (Trouble(busy_for=40.0, error_after=3), f"no end of it in {STATUS} within 30000 ms after start of an operation",
-     "its program may be stopped"),
+     MAY_BE_STOPPED),
     (Trouble(refuses_data=True),
      "node 9 refused to write 0x1F50:1 Program data: Access failed due to a hardware error (0x06060000)",
      "it is stopped without a whole program: download it again"),
@@ -63,11 +85,11 @@ BAD = [
      "it is stopped without a whole program: download it again"),
     (Trouble(identification=7),
      "0x1F56:1 Program software identification is 0x7, which is no CRC of the file (CRC-32 0x670222CB, "
-     "CRC-16 (start value 0) 0x7557, CRC-16 (start value 0xFFFF) 0xBA8)", "the program is written and not started"),
+     "CRC-16 (start value 0) 0x7557, CRC-16 (start value 0xFFFF) 0xBA8)", NOT_STARTED),
     (Trouble(refuses=1), f"node 9 refused to write {CONTROL} (START): {STATE}",
-     "the program is written and does not run"),
-    (Trouble(starts=False), f"{CONTROL} says: stopped", "the program is written and does not run"),
-    (Trouble(error_after=1, error=1), f"{STATUS} says: no valid program", "the program is written and does not run"),
+     DOES_NOT_RUN),
+    (Trouble(starts=False), f"{CONTROL} says: stopped", DOES_NOT_RUN),
+    (Trouble(error_after=1, error=1), f"{STATUS} says: no valid program", DOES_NOT_RUN),
 ]  # fmt: skip
 
 
@@ -76,6 +98,43 @@ def test_a_failure_says_why_and_in_which_state_the_node_is(trouble: Trouble, why
     with wired(FlashDevice(trouble)) as master, pytest.raises(ProgramError) as failed:
         load(master.node(NODE_ID), PROGRAM)
     assert str(failed.value) == f"{why}; node 9: {state}"
+
+
+OTHER_DEVICE = Dictionary.read(eds().encode() + IDENTITY, Path("other.eds"), NODE_ID)
+WITHOUT_DATA = Dictionary.read(eds(0x1F50).encode(), Path("no-data.eds"), NODE_ID)
+NOWHERE: list[tuple[Trouble, dict[str, Any], str]] = [
+    (Trouble(without=(0x1F50,)), {},
+     "node 9 refused to read 0x1F50:0 Program data: Object does not exist (0x06020000)"),
+    (Trouble(without=(0x1F51,)), {},
+     "node 9 refused to read 0x1F51:0 Program control: Object does not exist (0x06020000)"),
+    (Trouble(), {"program": 2}, "0x1F50 Program data has 1 program: there is no program 2"),
+    (Trouble(), {"content": bytes((1 << 24) + 1)},
+     "the file has 16777217 bytes; a program has at most 16777216"),
+    (Trouble(), {"dictionary": OTHER_DEVICE},
+     "other.eds is for another device: node 9 has vendor-ID 0x0, not 0x7"),
+    (Trouble(), {"dictionary": WITHOUT_DATA}, "no-data.eds has no 0x1F50:1 Program data that can be written"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("trouble", "options", "why"), NOWHERE)
+def test_a_node_without_a_place_for_the_program_is_not_touched(
+    trouble: Trouble, options: dict[str, Any], why: str
+) -> None:
+    device = FlashDevice(trouble)
+    with wired(device) as master, pytest.raises(ProgramError) as failed:
+        load(master.node(NODE_ID), **{"content": PROGRAM, **options})
+    assert str(failed.value) == f"{why}; node 9: its program is as it was"
+    assert (device.program, device.running, device.commands) == (b"old", True, [])
+
+
+def test_a_download_that_was_broken_off_is_taken_up_again_by_the_next() -> None:
+    device = FlashDevice(Trouble(refuses_data=True))
+    with wired(device) as master:
+        with pytest.raises(ProgramError):
+            load(master.node(NODE_ID), PROGRAM)
+        device.trouble = Trouble(refuses=0)  # it is in its loader: there is nothing to stop
+        load(master.node(NODE_ID), PROGRAM)
+    assert (device.program, device.running) == (PROGRAM, True)
 
 
 def test_nobody_there() -> None:

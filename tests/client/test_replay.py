@@ -10,9 +10,10 @@ import pytest
 from eurobot_od.client.replay import Replayed, replay
 from eurobot_od.frame import Frame
 from eurobot_od.logs.senders import by_sender
-from eurobot_od.robot import dialects, messages
+from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
+from eurobot_od.robot.model import messages
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.client.wired import Station, WiredBus, wired
@@ -71,7 +72,7 @@ def test_a_drive_confirms_the_gotos_of_yesterday() -> None:
     master = wired(station)
     confirmed: list[bytes] = []
     master.listeners[protocol.cob_id(messages.GotoConfirm)] = confirmed.append
-    without_drive = by_sender(dialects.outlines(), protocol, [], ["drive"])
+    without_drive = by_sender(dialects.load_all(), protocol, [], ["drive"])
     sent = [(time, frame) for time, frame in frames if without_drive(frame)]
     replay(master, sent, 1.0)
     gotos = [frame for _, frame in sent if frame.cob_id == protocol.cob_id(messages.GotoXY)]

@@ -24,7 +24,7 @@ def test_our_three_nodes_are_found_with_their_names_and_nothing_else() -> None:
         (2, "Eurobot 2014 drive"),
         (3, "Eurobot 2014 navigation"),
     ]
-    assert [each.identity for each in found] == [Identity(0, number, 0x10000, 1) for number in (1, 2, 3)]
+    assert [each.identity for each in found] == [Identity(0, number, 0x30000, 1) for number in (1, 2, 3)]
 
 
 def test_this_protocols_own_identifiers_are_no_node_64() -> None:

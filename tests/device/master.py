@@ -21,7 +21,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import NMT_COB_ID, Address, Value
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.sdo.wire import AbortCode
 
 

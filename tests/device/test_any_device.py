@@ -101,7 +101,6 @@ def variable(data_type: int, default: str) -> str:
 NO_VALUES = [
     (variable(0x0005, "300"), "too large for UNSIGNED8"),
     (variable(0x0003, "-40000"), "too small for INTEGER16"),
-    (variable(0x0009, "Gr\xf6\xdfe"), "not ASCII"),
 ]
 
 
@@ -110,6 +109,11 @@ def test_a_default_outside_its_type_is_an_abort(tmp_path: Path, text: str, reaso
     answer = read(started(described(tmp_path, text)), (0x2000, 0))
     assert answer.data[0] == 0x80, reason
     assert int.from_bytes(answer.data[4:], "little") == AbortCode.NO_DATA
+
+
+def test_a_text_is_served_as_the_bytes_of_its_file(tmp_path: Path) -> None:
+    answer = read(started(described(tmp_path, variable(0x0009, "\xf6"))), (0x2000, 0))
+    assert answer.data[4:5] == b"\xf6"  # the file is Latin-1
 
 
 def pdo(index: int, cob_id: str, *entries: str) -> str:

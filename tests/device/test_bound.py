@@ -13,12 +13,12 @@ from eurobot_od.errors import Cause, Refused
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NOT_VALID
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import EmergencyStop, GotoXY, KalmanPositionResponse, StartConfigurationSet
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
+from eurobot_od.robot.model.messages import EmergencyStop, GotoXY, KalmanPositionResponse, StartConfigurationSet
+from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Wire, wired
 
-KALMAN, KALMAN_TPDO, GOTO = 0x2011, 0x1802, 0x2000
+KALMAN, KALMAN_TPDO, GOTO, RESERVED = 0x2011, 0x1802, 0x2000, 6
 PLACE = KalmanPositionResponse(1234, 567, 89, Source.ENEMY_1)
 UNKNOWN = KalmanPositionResponse(None, None, None, Source.INTERNAL)
 RAW = {PLACE: [1234, 567, 89, 2], UNKNOWN: [0xFF, 0xFF, 0x3FF, 0]}
@@ -129,7 +129,7 @@ class Commanded:
             self.wire.write(index, subindex, value, size)
 
 
-GOTO_VALUES = ((1234, 2), (567, 2), (89, 2), (75, 1), (0xA5C3, 2))
+GOTO_VALUES = ((1234, 2), (567, 2), (89, 2), (75, 2), (0xA5C3, 2))
 
 
 def test_the_last_sub_index_is_the_command() -> None:
@@ -142,9 +142,17 @@ def test_the_last_sub_index_is_the_command() -> None:
     assert commanded.acts == [GotoXY(1234, 567, 89, 75)] * 2
 
 
+def test_reserved_bits_are_always_0_and_command_nothing() -> None:
+    commanded = Commanded()
+    commanded.write(GOTO, *GOTO_VALUES[:-1])
+    commanded.wire.write(GOTO, RESERVED, 0, size=1)
+    assert commanded.wire.refused((GOTO, RESERVED), 1, size=1) == AbortCode.TOO_HIGH
+    assert commanded.acts == []
+
+
 def test_the_last_slice_is_the_command_as_well() -> None:
     commanded = Commanded("firmware2014")
-    commanded.write(GOTO, *GOTO_VALUES[:4])
+    commanded.write(GOTO, *GOTO_VALUES[:3], (75, 1))
     commanded.wire.write(0x3000, 1, 1000 >> 4, size=1)
     assert commanded.acts == []
     commanded.wire.write(0x3000, 12, 0, size=1)
@@ -191,5 +199,5 @@ def test_a_command_means_the_same_under_another_mapping() -> None:
     commanded = Commanded()
     commanded.wire.write(0x1401, 1, NOT_VALID | 0x002)
     commanded.wire.write(0x2001, 1, Obstacle.ENEMY, size=1)
-    commanded.write(0x2020, (TeamColour.RED, 1), (2, 1), (1, 1), (45, 1), (33, 1))
+    commanded.write(0x2020, (TeamColour.RED, 1), (2, 1), (1, 1), (45, 2), (33, 1))
     assert commanded.acts == [EmergencyStop(Obstacle.ENEMY), StartConfigurationSet(TeamColour.RED, 2, 1, 45, 33)]

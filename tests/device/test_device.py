@@ -6,16 +6,17 @@ from collections.abc import Mapping
 
 import pytest
 
-from eurobot_od.device.device import LOAD, SAVE, Device, Reaction
+from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID, Address, Value
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CATALOGUE, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
+from eurobot_od.robot.model.messages import CATALOGUE, CheckDriveResponse, EmergencyShutdown, GotoXY, StopDrive
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import Memory, Wire, wired
 
+SAVE, LOAD = (int.from_bytes(each, "little") for each in (b"save", b"load"))
 BOOT_UP = Frame(0x702, b"\x00")
 GOTO = Frame(0x008, bytes(8))
 STOP = Frame(0x004)

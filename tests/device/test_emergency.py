@@ -9,7 +9,7 @@ import pytest
 from eurobot_od.device.emergency import HISTORY, PASSING, WAITING, Emergencies, ErrorCode, error_words
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
-from eurobot_od.robot.messages import GotoXY
+from eurobot_od.robot.model.messages import GotoXY
 from tests.device.master import wired
 
 COB_ID = 0x082

@@ -16,7 +16,7 @@ from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.gatekeeper import Report
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest
+from eurobot_od.robot.model.messages import CheckDriveRequest
 from eurobot_od.robot.nodes import ROLES
 from tests.device import io_module
 

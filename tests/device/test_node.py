@@ -10,7 +10,7 @@ from eurobot_od.device.nmt import NmtCommand, NmtState
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -27,8 +27,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Obstacle, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive
-from eurobot_od.robot.values import Obstacle, Source
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
 
 CHECK = PROTOCOL.encode(CheckDriveRequest())

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from canopen import SdoAbortedError
 
+from eurobot_od.device.device import Device
+from eurobot_od.device.objects import Objects
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 from tests.device.master import wired
 
 UNREADABLE: list[tuple[Address, AbortCode, str]] = [
@@ -108,3 +113,67 @@ def test_a_changed_configuration_is_not_the_verified_one(
         wire.write(*day, 15_000)
     wire.write(*address, value, size)
     assert [wire.read(*day) for day in VERIFIED] == [0 if forgotten else 15_000] * 2, why
+
+
+FILE_AND_TEXT = """\
+[DeviceInfo]
+[MandatoryObjects]
+SupportedObjects=1
+1=0x1000
+[1000]
+ParameterName=Device type
+DataType=0x0007
+AccessType=ro
+DefaultValue=0
+[ManufacturerObjects]
+SupportedObjects=2
+1=0x2000
+2=0x2001
+[2000]
+ParameterName=Program
+ObjectType=0x2
+DataType=0x000F
+AccessType=rw
+[2001]
+ParameterName=Text
+DataType=0x0009
+AccessType=rw
+"""
+
+MEBIBYTE = 1 << 20
+
+
+@pytest.mark.parametrize(
+    ("address", "size", "room"),
+    [((0x2000, 0), 16 * MEBIBYTE, 16 * MEBIBYTE), ((0x2000, 0), None, 16 * MEBIBYTE), ((0x2001, 0), None, 65_536)],
+)
+def test_a_file_may_have_16_mib_and_a_text_64_kib(
+    tmp_path: Path, address: Address, size: int | None, room: int
+) -> None:
+    assert described(tmp_path).admit(address, size) == room
+
+
+@pytest.mark.parametrize(("address", "size"), [((0x2000, 0), 16 * MEBIBYTE + 1), ((0x2001, 0), 65_537)])
+def test_more_than_that_is_refused_before_it_comes(tmp_path: Path, address: Address, size: int) -> None:
+    with pytest.raises(Abort) as refusal:
+        described(tmp_path).admit(address, size)
+    assert refusal.value.code == AbortCode.OUT_OF_MEMORY
+
+
+@pytest.mark.parametrize(
+    ("lines", "encoding", "served"),
+    [
+        ("DefaultValue=Gerät\n", "utf-8", "Gerät".encode()),
+        ("DefaultValue=Gerät\n", "latin-1", "Gerät".encode("latin-1")),
+        ("DefaultValue=Gerät\nParameterValue=\n", "utf-8", "Gerät".encode()),
+        ("DefaultValue=a\nParameterValue=b\n", "utf-8", b"b"),
+    ],
+)
+def test_a_text_is_served_as_the_files_bytes(tmp_path: Path, lines: str, encoding: str, served: bytes) -> None:
+    assert described(tmp_path, lines.encode(encoding)).read((0x2001, 0)) == served
+
+
+def described(folder: Path, more: bytes = b"") -> Objects:
+    file = folder / "device.eds"
+    file.write_bytes(FILE_AND_TEXT.encode() + more)
+    return Device(Dictionary.load(file, 5)).objects

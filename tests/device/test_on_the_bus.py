@@ -7,9 +7,9 @@ import pytest
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.model.messages import StopDrive
+from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes.motion import Command, IdealChassis, Odometry
-from eurobot_od.robot.values import Outcome, TeamColour
 from tests.robot.nodes.harness import Bench, Peer
 
 SILENT = bytes.fromhex("3081")

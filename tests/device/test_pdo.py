@@ -14,7 +14,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveResponse,
     EmergencyStop,
     Enemy2PositionResponse,
@@ -24,8 +24,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes import Drive
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode
 from tests.device.master import NodeWire, Wire, wired
 

@@ -11,7 +11,7 @@ from eurobot_od.device.nmt import NmtCommand, NmtState, error_control
 from eurobot_od.device.plan import Plan
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NOT_VALID
-from eurobot_od.robot.messages import GotoStateRequest, GotoStateResponse
+from eurobot_od.robot.model.messages import GotoStateRequest, GotoStateResponse
 from tests.device.master import Wire, wired
 
 STATE = 0x1801

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import Any, ClassVar
 
 import pytest
-from canopen import SdoAbortedError
 
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
@@ -193,9 +192,25 @@ def test_values_of_all_types_go_over_sdo() -> None:
     assert sdo.upload(0x2200, 0) == BIG
 
 
-def test_a_time_of_day_is_an_abort() -> None:
-    with pytest.raises(SdoAbortedError, match="No data available"):
-        module().sdo.sdo.upload(0x2201, 0)
+def test_a_time_of_day_is_read_and_written() -> None:
+    sdo = module().sdo.sdo
+    assert sdo.upload(0x2201, 0) == b"\7\0\0\0\0\0"  # 7 ms after midnight of the first day
+    noon = (43_200_250).to_bytes(4, "little") + (15_666).to_bytes(2, "little")
+    sdo.download(0x2201, 0, noon)
+    assert sdo.upload(0x2201, 0) == noon
+
+
+@pytest.mark.parametrize(
+    ("type_", "default", "served"),
+    [
+        ("TIME_OF_DAY", "2014-05-28 12:00:00.250", "fa2e9302612b"),
+        ("TIME_DIFFERENCE", "1d 02:03:04.567", "f7ad70000100"),
+        ("TIME_DIFFERENCE", "0x100000005", "050000000100"),
+    ],
+)
+def test_a_time_that_a_file_writes_as_text_is_served(type_: str, default: str, served: str) -> None:
+    wire = module(text=DEVICE_TYPE + variable("2000", "When", type_, default))
+    assert wire.sdo.sdo.upload(0x2000, 0).hex() == served
 
 
 def test_values_of_all_types_come_by_pdo() -> None:

@@ -14,7 +14,7 @@ from eurobot_od.errors import ListenerError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Report
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, GotoConfirm, GotoXY, StopDrive
+from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, GotoConfirm, GotoXY, StopDrive
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.protocol import EurobotProtocol

@@ -10,7 +10,7 @@ from typing import Any
 import canopen
 import pytest
 
-from eurobot_od.device.device import SAVE, Device
+from eurobot_od.device.device import Device
 from eurobot_od.device.node import Node
 from eurobot_od.device.storage import FileStore, MemoryStore
 from eurobot_od.errors import DamagedFile, DictionaryError
@@ -53,7 +53,7 @@ def test_a_device_starts_with_what_it_stored(store: FileStore) -> None:
     device = Device(DRIVE, store)
     device.objects.write((0x2101, 1), (333).to_bytes(2, "little"))
     device.objects.write((0x2100, 1), b"\x09")
-    device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+    device.objects.write((0x1010, 1), b"save")
     restarted = Device(DRIVE, store)
     assert restarted.setting("Motion.Maximum speed") == 333
     assert restarted.node_id == 9
@@ -155,7 +155,7 @@ def test_refused_values_are_told_by_emcy_at_each_start_until_the_device_stores_a
     assert refused in node.start(0.0)
     assert len(alarms) == 1
     assert refused in node.receive(Frame(0x000, b"\x81\x02"), 1.0)
-    node.device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+    node.device.objects.write((0x1010, 1), b"save")
     assert node.device.refused == ()
     assert refused not in node.receive(Frame(0x000, b"\x81\x02"), 2.0)
     assert Node(DRIVE, store=store).device.refused == ()
@@ -183,11 +183,11 @@ def test_anybodys_device_keeps_its_settings_and_not_what_pdos_bring(tmp_path: Pa
 COMPACT = "[2300]\nParameterName=Gains\nObjectType=8\nDataType=0x0005\nAccessType=rw\nCompactSubObj=4\nDefaultValue=1\n"
 
 
-def module_with_a_store(folder: Path) -> Device:
+def module_with_a_store(folder: Path, encoding: str = "ascii", more: str = "") -> Device:
     file = folder / "module.eds"
     store = record(0x1010, "Store parameters", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", "1"))
-    text = io_module.TEXT + COMPACT + variable("2301", "Note", "UNICODE_STRING", "") + store
-    file.write_text(text, encoding="ascii")
+    text = io_module.TEXT + COMPACT + variable("2301", "Note", "UNICODE_STRING", "") + store + more
+    file.write_text(text, encoding)
     dictionary = Dictionary.load(file, io_module.NODE_ID)
     return Device(dictionary, FileStore(folder / "stored.dcf", dictionary))
 
@@ -195,16 +195,44 @@ def module_with_a_store(folder: Path) -> Device:
 def test_a_member_of_a_compact_array_is_stored(tmp_path: Path) -> None:
     device = module_with_a_store(tmp_path)
     device.objects.write((0x2300, 2), b"\x07")
-    device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+    device.objects.write((0x1010, 1), b"save")
     assert module_with_a_store(tmp_path).objects.value((0x2300, 2)) == 7
 
 
-def test_a_text_that_no_dcf_in_latin_1_can_hold_is_an_abort(tmp_path: Path) -> None:
+NAMED = variable("2302", "Gr\u00fcn", "VISIBLE_STRING", "caf\u00e9")
+"""What is not ASCII in the file itself."""
+
+STORED = [
+    ((0x2000, 2), bytes.fromhex("cdcccc3d"), "0.1 as a REAL32"),
+    ((0x2000, 4), b"hall 3", "a VISIBLE_STRING"),
+    ((0x2201, 0), bytes.fromhex("010000000500"), "a TIME_OF_DAY"),
+    ((0x2301, 0), "\u2713 caf\u00e9".encode("utf-16-le"), "a UNICODE_STRING, of which Latin-1 has no first letter"),
+    ((0x2302, 0), b"tea", "beside a name and a default that are not ASCII"),
+]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-8-sig"])
+@pytest.mark.parametrize(("address", "data", "why"), STORED, ids=[row[2] for row in STORED])
+def test_what_is_stored_comes_back_to_the_byte_whatever_the_encoding_of_the_eds(
+    tmp_path: Path, encoding: str, address: Address, data: bytes, why: str
+) -> None:
+    device = module_with_a_store(tmp_path, encoding, NAMED)
+    device.objects.write(address, data)
+    device.objects.write((0x1010, 1), b"save")
+    restarted = module_with_a_store(tmp_path, encoding, NAMED)
+    assert restarted.refused == ()
+    assert restarted.objects.read(address) == data, why
+
+
+def test_bytes_that_no_line_can_hold_are_an_abort_and_the_file_stays(tmp_path: Path) -> None:
     device = module_with_a_store(tmp_path)
-    device.objects.write((0x2301, 0), "\u2713".encode("utf-16-le"))
+    device.objects.write((0x2000, 4), b"hall 3")
+    device.objects.write((0x1010, 1), b"save")
+    device.objects.write((0x2000, 4), b"caf\xe9")  # no ASCII, which a VISIBLE_STRING is
     with pytest.raises(Abort) as abort:
-        device.objects.write((0x1010, 1), SAVE.to_bytes(4, "little"))
+        device.objects.write((0x1010, 1), b"save")
     assert abort.value.code == AbortCode.HARDWARE
+    assert module_with_a_store(tmp_path).objects.read((0x2000, 4)) == b"hall 3"
 
 
 # In memory

@@ -8,11 +8,11 @@ import pytest
 
 from eurobot_od.device.device import Device, Reaction
 from eurobot_od.device.nmt import NmtCommand
-from eurobot_od.device.sync import PRODUCER
 from eurobot_od.frame import Frame
+from eurobot_od.od.standard import SYNC_PRODUCER
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
-from eurobot_od.robot.values import Obstacle
+from eurobot_od.robot.model.messages import CATALOGUE, EmergencyStop, GotoStateResponse, GotoXY
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.sdo.wire import Abort, AbortCode
 from tests.device.io_module import module
 from tests.device.master import SYNC_COB_ID, NodeWire, Wire, dictionary_with_sync, wired
@@ -168,7 +168,7 @@ def producer(*settings: tuple[int, int, int]) -> NodeWire:
     return wire
 
 
-EVERY_100_MS, SENDS = (0x1006, 100_000, 4), (0x1005, PRODUCER | 0x080, 4)
+EVERY_100_MS, SENDS = (0x1006, 100_000, 4), (0x1005, SYNC_PRODUCER | 0x080, 4)
 
 
 def syncs(wire: NodeWire, seconds: float) -> list[bytes]:
@@ -205,7 +205,7 @@ def test_a_producers_own_pdos_follow_its_sync() -> None:
 
 
 REFUSED_SETTINGS = [
-    ([SENDS], (0x1005, PRODUCER | 0x081, 4), AbortCode.STATE, "another identifier while it sends"),
+    ([SENDS], (0x1005, SYNC_PRODUCER | 0x081, 4), AbortCode.STATE, "another identifier while it sends"),
     ([EVERY_100_MS], (0x1019, 3, 1), AbortCode.STATE, "a counter while there is a period"),
     ([], (0x1019, 1, 1), AbortCode.VALUE, "a counter up to 1"),
     ([], (0x1019, 241, 1), AbortCode.VALUE, "a counter above 240"),

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import DATA_TYPES, REALS, Limits
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.protocol import Protocol
@@ -97,9 +97,9 @@ def _variable(index: int, sub: int, name: str, code: int, value: int | None) -> 
         yield f"DefaultValue=0x{value:X}"
 
 
-def outline(messages: Sequence[tuple[str, Sequence[Field]]], name: str = "made up.eds") -> Outline:
+def outline(messages: Sequence[tuple[str, Sequence[Field]]], name: str = "made up.eds") -> Dictionary:
     """Return the outline of that EDS."""
-    return Outline.read(text(messages).encode(), Path(name), 5)
+    return Dictionary.read(text(messages).encode(), Path(name), 5)
 
 
 def protocol(messages: Sequence[tuple[str, Sequence[Field]]]) -> Protocol:

@@ -104,4 +104,4 @@ def test_no_name_ends_a_comment_or_begins_a_trigraph() -> None:
 def test_a_program_uses_it(tmp_path: Path) -> None:
     judge = exports.compiled(c.c_header(EurobotProtocol.load(dialects.DEFAULT), "bus"), USER, tmp_path)
     said = subprocess.run([judge], capture_output=True, text=True, check=True).stdout
-    assert said == "D2 74 23 59 2C 0D 97 02 0 0 1 75 0 16777214"
+    assert said == "D2 74 23 59 2C 01 C3 A5 0 0 1 75 0 16777214"

@@ -76,14 +76,14 @@ def page(text: str, form: str) -> str:
 
 
 def robot(form: str, dialect: str = dialects.DEFAULT) -> Tables:
-    return read(page(docs_text(EurobotProtocol.load(dialect), dialects.outlines(dialect), form), form))
+    return read(page(docs_text(EurobotProtocol.load(dialect), dialects.load_all(dialect), form), form))
 
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_it_lists_all_messages_and_objects(form: str, dialect: str) -> None:
     found = robot(form, dialect)
-    protocol, outlines = EurobotProtocol.load(dialect), dialects.outlines(dialect)
+    protocol, outlines = EurobotProtocol.load(dialect), dialects.load_all(dialect)
     messages, *_, navigation = found.tables
     assert [row[:2] for row in messages[1:]] == [[f"0x{b.cob_id:03X}", b.name] for b in protocol.bindings]
     addresses = [(int(row[0], 16), int(row[1])) for row in navigation[1:] if row[1]]

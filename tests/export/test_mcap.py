@@ -17,10 +17,10 @@ from mcap.reader import make_reader
 from eurobot_od.export.mcap import Written, write
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import Damage, Foreign, LogEntry
-from eurobot_od.robot import messages
-from eurobot_od.robot.poses import drawings
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.poses import drawings
+from eurobot_od.robot.model.values import GotoFault, Source
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.robot.values import GotoFault, Source
 
 DECODER = decoder()
 ENCODE = DECODER.protocol.encode
@@ -74,4 +74,19 @@ def test_damage_is_kept(found: dict[str, list[tuple[float, dict[str, Any]]]]) ->
     assert [content["text"] for _, content in found["/damage"]] == [
         "! unknown identifier: 7E5#3132",
         "! unreadable: x",
+    ]
+
+
+@pytest.mark.parametrize("time", [1e11, -1.0, float("inf"), float("nan")])
+def test_a_time_that_mcap_cannot_have_is_damage(time: float) -> None:
+    file = BytesIO()
+    entries = [ENTRIES[0], (2, time, *ENTRIES[1][2:]), ENTRIES[2]]
+    assert write(file, entries, DECODER, drawings(DECODER.protocol)) == Written(2, 1, 1)
+    damage = [
+        (message.log_time / 1e9, json.loads(message.data))
+        for _, channel, message in make_reader(BytesIO(file.getvalue())).iter_messages()
+        if channel.topic == "/damage"
+    ]
+    assert damage == [
+        (1.5, {"text": f"the time {time:g} s is not in 0..1.84467e+10", "_": {"line": 2, "channel": "can0"}})
     ]

@@ -39,14 +39,15 @@ def test_tshark_reads_numbers_of_any_type_and_place_as_we_do(tmp_path: Path) -> 
 SHOWN = [
     # (frame, what the columns say)
     ("004#", "Stop Drive"),
-    ("008#D27423592C0D9702", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=42435"),
-    ("008#D27423592C0D", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=0"),
+    ("008#D27423592C01C3A5", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=42435"),
+    ("008#D27423592C01", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=0"),
+    ("008#D27423592CFDC3A5", "Goto XY x=1234 mm y=567 mm angle=89 deg speed=75 % barriers=42435"),  # reserved bits set
     ("008#D27423592C", "Goto XY [5 bytes, expected 6 or 8]"),
     ("014#FFFF0F", "Goto State Response time=unknown"),
     ("002#01FF", "Emergency Stop obstacle=enemy"),
     ("080#B90BFFFF02", "x=3001 mm (out of range) y=4080 mm (out of range) angle=767 deg source=internal"),
     ("001#R", "ID: 1 (0x1), Length: 0"),
-    ("00000008#D27423592C0D9702", "Ext. ID: 8 (0x8), Length: 8"),
+    ("00000008#D27423592C01C3A5", "Ext. ID: 8 (0x8), Length: 8"),
     ("182#0102", "CANopen"),
 ]
 

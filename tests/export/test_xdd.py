@@ -10,7 +10,8 @@ import pytest
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.export import xdd
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import NODE_ID, Value, parse_number
 from eurobot_od.robot import dialects
 from tests.export import made_up
@@ -38,14 +39,17 @@ NODE = 42
 
 ACCESS = {("rw", "RPDO"): "rww", ("rw", "TPDO"): "rwr"}
 
+NUMBERS_AND_VALUES = {"lowLimit": "min", "highLimit": "max", "defaultValue": "default", "actualValue": "value"}
+"""Attributes of an object in the XDD, and of canopen's variable."""
 
-def read_back(value: str | None, outline: Outline, kind: type) -> Value:
+
+def read_back(value: str | None, dictionary: Dictionary, kind: type) -> Value:
     """Read a value of an XDD as CiA 311 means it."""
     if value is None:
         return None
     number = parse_number(value)
     if kind is int and number:
-        return number.at(outline.node_id)
+        return number.at(dictionary.node_id)
     return bytes.fromhex(value) if kind is bytes else float(value) if kind is float else value
 
 
@@ -60,33 +64,33 @@ def objects(text: str) -> dict[tuple[int, int], Element]:
     return found
 
 
-def compare(outline: Outline) -> None:
+def compare(dictionary: Dictionary) -> None:
     """Assert that the XDD of a device says what we read in its file."""
-    found = objects(xdd.xdd_text(outline))
-    assert list(found) == list(outline.addresses())
+    found = objects(xdd.xdd_text(dictionary))
+    assert list(found) == list(dictionary.addresses())
     for (index, sub), each in found.items():
-        variable = outline.members[index][sub]
+        variable = dictionary.members[index][sub]
         assert each.attrib["name"] == xdd.NOT_XML.sub("\ufffd", variable.name)
-        assert int(each.attrib["dataType"], 16) == outline.type(variable).code
+        assert int(each.attrib["dataType"], 16) == data_type(variable).code
         access, mapping = each.get("accessType", ""), each.attrib["PDOmapping"]
-        assert ACCESS.get((access, mapping), access) == variable.access
-        assert (mapping != "no") == variable.is_mappable
-        for attribute, key in xdd.LIMITS_AND_VALUES.items():
-            ours = outline.typed(variable, key)
+        assert ACCESS.get((access, mapping), access) == variable.access_type
+        assert (mapping != "no") == variable.pdo_mappable
+        for attribute, name in NUMBERS_AND_VALUES.items():
+            ours: Value = getattr(variable, name)
             if ours not in (None, "", b""):
-                assert read_back(each.get(attribute), outline, type(ours)) == ours, (index, sub, key)
+                assert read_back(each.get(attribute), dictionary, type(ours)) == ours, (index, sub, name)
 
 
 @pytest.mark.parametrize("file", [*OWN, *FOREIGN], ids=lambda file: f"{file.parent.name}-{file.stem}")
 def test_it_says_of_every_object_what_the_file_says(file: Path) -> None:
-    compare(Outline.load(file, NODE))
+    compare(Dictionary.load(file, NODE))
 
 
 def test_the_node_id_stays_a_parameter() -> None:
     file = dialects.folder(dialects.DEFAULT) / "drive.eds"
     text = xdd.xdd_text(xdd.load(file))
     assert objects(text)[0x1014, 0].get("defaultValue") == f"{NODE_ID}+0x80"
-    assert text == xdd.xdd_text(Outline.load(file, NODE))
+    assert text == xdd.xdd_text(Dictionary.load(file, NODE))
 
 
 DEVICE = """[FileInfo]
@@ -144,8 +148,8 @@ NodeName=left
 """
 
 
-def odd(text: str = DEVICE) -> Outline:
-    return Outline.read(text.encode(), Path("odd.dcf"), NODE)
+def odd(text: str = DEVICE) -> Dictionary:
+    return Dictionary.read(text.encode(), Path("odd.dcf"), NODE)
 
 
 def test_it_says_what_an_odd_file_means() -> None:

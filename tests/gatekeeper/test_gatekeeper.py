@@ -22,7 +22,7 @@ from eurobot_od.gatekeeper import (
     TransmitStatistics,
 )
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     EmergencyStop,
     GotoConfirm,
@@ -30,8 +30,8 @@ from eurobot_od.robot.messages import (
     GotoXY,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Obstacle
 
 PROTOCOL = EurobotProtocol.load()
 GOTO = GotoXY(x=1234, y=567, angle=89, speed=75)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Mailboxes, Report, TransmitStatistics
+from eurobot_od.gatekeeper import Mailboxes, Report, Stay, TransmitStatistics
 
 WAIT = 0.050
 
@@ -20,9 +20,9 @@ def mailboxes(count: int = 3, wait: float = WAIT) -> tuple[Mailboxes, list[Repor
     return Mailboxes(reports.append, count, wait), reports
 
 
-def submit(boxes: Mailboxes, now: float, *texts: str) -> None:
+def submit(boxes: Mailboxes, now: float, *texts: str, stay: Stay = Stay.SHORT) -> None:
     for frame in frames(*texts):
-        boxes.submit(frame, now)
+        boxes.submit(frame, now, stay)
 
 
 def sent(boxes: Mailboxes, now: float) -> list[str]:
@@ -131,15 +131,37 @@ def test_a_frame_is_not_dropped_because_its_bus_was_served_late_while_a_mailbox_
     assert (boxes.load(10 * WAIT), reports) == (frames("008#01"), [])
 
 
-def test_a_lasting_frame_waits_as_long_as_it_takes() -> None:
+@pytest.mark.parametrize("stay", [Stay.LASTING, Stay.TRANSFER, Stay.PERIODIC])
+def test_what_is_to_stay_waits_as_long_as_it_takes(stay: Stay) -> None:
     boxes, reports = mailboxes(1)
     submit(boxes, 0.0, "001#")
     [first] = boxes.load(0.0)
     [part] = frames("582#01")
-    boxes.submit(part, 0.0, lasting=True)
+    boxes.submit(part, 0.0, stay)
     boxes.load(20 * WAIT)
     boxes.complete(first)
     assert (boxes.load(40 * WAIT), reports) == ([part], [])
+
+
+def test_a_periodic_frame_takes_the_place_of_its_older_self_and_of_nothing_else() -> None:
+    boxes, reports = mailboxes(1)
+    submit(boxes, 0.0, "001#")
+    boxes.load(0.0)
+    for text, stay in (("702#00", Stay.LASTING), ("702#7F", Stay.PERIODIC), ("080#", Stay.PERIODIC)):
+        submit(boxes, 0.0, text, stay=stay)
+    submit(boxes, 1.0, "702#05", stay=Stay.PERIODIC)
+    assert sent(boxes, 1.0) == ["001#", "080#", "702#00", "702#05"]
+    assert (boxes.statistics().dropped, reports) == (1, [])
+
+
+def test_a_heartbeat_goes_before_what_a_transfer_still_has_to_send() -> None:
+    boxes, _ = mailboxes(3)
+    for number in range(6):
+        boxes.submit(Frame(0x582, bytes([number])), 0.0, Stay.TRANSFER)
+    boxes.load(0.0)
+    submit(boxes, 0.0, "702#05", stay=Stay.PERIODIC)
+    submit(boxes, 0.0, "004#")
+    assert sent(boxes, 0.0) == ["582#00", "004#", "582#01", "582#02", "702#05", "582#03", "582#04", "582#05"]
 
 
 def test_a_frame_in_a_mailbox_is_never_dropped() -> None:
@@ -200,16 +222,17 @@ def test_while_the_bus_is_away_only_what_is_lasting_is_kept_and_the_rest_is_coun
     boxes, reports = mailboxes(2)
     stop, goto = frames("004#", "008#01")
     boxes.submit(goto, 0.0)
-    boxes.submit(stop, 0.0, lasting=True)
+    boxes.submit(stop, 0.0, Stay.LASTING)
     submit(boxes, 0.0, "00C#", "340#")
+    submit(boxes, 0.0, "582#", stay=Stay.TRANSFER)
     boxes.load(0.0)  # the stop and the goto are in mailboxes
     boxes.leave()
     submit(boxes, 5.0, "701#05", "008#02")
     boxes.leave()  # noticed once more
-    assert boxes.come_back() == 5
+    assert boxes.come_back() == 6
     assert boxes.load(6.0) == []
     assert boxes.urgent() == stop
-    assert boxes.statistics() == TransmitStatistics(submitted=6, completed=0, dropped=5, waiting=0, loaded=1)
+    assert boxes.statistics() == TransmitStatistics(submitted=7, completed=0, dropped=6, waiting=0, loaded=1)
     assert reports == []
     submit(boxes, 6.0, "008#03")
     assert boxes.load(6.0) == frames("008#03")

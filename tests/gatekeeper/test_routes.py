@@ -13,7 +13,7 @@ from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CATALOGUE, CheckDriveRequest, GotoStateRequest
+from eurobot_od.robot.model.messages import CATALOGUE, CheckDriveRequest, GotoStateRequest
 
 DRIVE = dialects.load("drive")
 COB_IDS: dict[str, Address] = {pdo.name: (pdo.index, 1) for pdo in DRIVE.pdos}

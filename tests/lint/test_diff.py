@@ -138,6 +138,46 @@ def test_a_nodes_answers_are_compared(readings: dict[tuple[int, int], bytes | in
     assert [str(each) for each in compare_live(device(CLEAN), readings, 5)] == expected
 
 
+COMMISSIONED = "[DeviceComissioning]\nNodeID=5\n"
+OF_A_DCF: list[tuple[str, dict[tuple[int, int], bytes | int], list[str]]] = [
+    # (what is configured, what the node says, the differences)
+    ("", {(0x1017, 0): AbortCode.NO_OBJECT}, []),
+    (
+        "1017",
+        {(0x1017, 0): AbortCode.NO_OBJECT},
+        ["0x1017 sub 0 Producer heartbeat time: on the node: there -> -"],
+    ),
+    ("1017", {(0x1017, 0): b"\xf5\x01"}, ["0x1017 sub 0 Producer heartbeat time: value: 7 -> 501"]),
+    ("", {(0x1017, 0): b"\xf5\x01"}, ["0x1017 sub 0 Producer heartbeat time: value: 500 -> 501"]),
+    ("", {(0x1018, 1): b"\x07\x00\x00\x00"}, []),  # nobody can write it, and the file says nothing of it
+]
+
+
+@pytest.mark.parametrize(("section", "readings", "expected"), OF_A_DCF)
+def test_of_a_dcf_counts_what_it_says(
+    section: str, readings: dict[tuple[int, int], bytes | int], expected: list[str]
+) -> None:
+    text = (CLEAN + COMMISSIONED).replace(f"[{section}]\n", f"[{section}]\nParameterValue=7\n")
+    assert [str(each) for each in compare_live(device(text, "a.dcf"), readings, 5)] == expected
+
+
+@pytest.mark.parametrize(
+    ("encoding", "type_", "answer", "differs"),
+    [
+        ("utf-8", "0x0009", "Gerät".encode(), False),
+        ("latin-1", "0x0009", "Gerät".encode("latin-1"), False),
+        ("utf-8", "0x0009", "Gerät".encode("latin-1"), True),
+        ("latin-1", "0x0009", "Gerät".encode(), True),
+        ("utf-8", "0x000B", "Gerät".encode("utf-16-le"), False),
+        ("utf-8", "0x0009", "Gerät\0\0".encode(), False),  # some devices fill a text up
+    ],
+)
+def test_texts_are_compared_by_their_bytes(encoding: str, type_: str, answer: bytes, differs: bool) -> None:
+    section = f"\n[2777]\nParameterName=Name\nDataType={type_}\nAccessType=rw\nDefaultValue=Gerät\n"
+    file = load((CLEAN + section).encode(encoding), "a.eds")
+    assert bool(compare_live(file, {(0x2777, 0): answer}, 5)) is differs
+
+
 def test_a_live_node_is_compared_by_sdo() -> None:
     file = read_device(str(DRIVE))
     with stock_drive() as (channel, node), master_on(channel) as master:

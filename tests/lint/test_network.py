@@ -80,14 +80,14 @@ CONFLICTS = [
     ("W804", "core", entry("1800sub1", "DefaultValue", "0x690"), "core/1800sub1"),  # nobody receives 0x690
     ("I805", "core", entry("1402sub1", "DefaultValue", "0x80000080"), "core/1402sub1"),  # could listen, but is off
     ("E806", "core", entry("1601sub1", "DefaultValue", "0x20020120"), "core/1601sub0"),  # 32 bits of 24
-    ("W807", "drive", entry("1603sub0", "DefaultValue", "3"), "drive/1603sub0"),  # takes the first three of five
+    ("W807", "drive", entry("1603sub0", "DefaultValue", "3"), "drive/1603sub0"),  # takes the first three of six
     ("E808", "drive", entry("1400sub1", "DefaultValue", "0x601"), "drive/1400sub1"),  # SDO request of the core
     ("E808", "core", extra(var("1005", "0x0007", "0x80")), "navigation/1800sub1"),  # SYNC is in use now
     ("E808", "core", extra(var("1012", "0x0007", "0x100")), "drive/1802sub1"),  # TIME is in use now
     ("E808", "core", entry("1014", "DefaultValue", "0x140"), "core/1807sub1"),  # EMCY where a message is
     ("I809", "core", entry("1800sub1", "DefaultValue", "0x001"), "core/1800sub1"),  # GFC, which nobody has
     ("E810", "drive", entry("1603sub1", "DefaultValue", "0x2000020C"), "drive/1603sub0"),  # y, then x
-    ("W811", "drive", entry("1603sub1", "DefaultValue", "0x2000010D"), "drive/1603sub0"),  # 13 bits of 12
+    ("W811", "drive", entry("1603sub5", "DefaultValue", "0x20000605"), "drive/1603sub0"),  # 5 bits of 6
     ("E812", "core", entry("1014", "DefaultValue", "0x82"), "drive/1014"),  # one EMCY identifier for two nodes
     ("I815", "core", entry("1800sub1", "DefaultValue", "0x003"), "core/1801sub1"),  # TPDO 2 wins against TPDO 1
     ("E816", "drive", entry("2100sub1", "DefaultValue", "1"), "drive/"),  # two nodes 1

@@ -15,12 +15,12 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import TeamColour
 from tests.live.loose import LONG, Reports, wait_for
 
 PROTOCOL = EurobotProtocol.load()

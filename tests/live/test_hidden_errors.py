@@ -13,7 +13,7 @@ from eurobot_od.errors import BusError, EurobotError, StateError
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
+from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
 from eurobot_od.robot.nodes import Core, Drive
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.live.loose import LONG, Reports
@@ -125,7 +125,13 @@ def core(channel: str) -> Iterator[tuple[Live, Core]]:
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_forked_child_is_refused(core: tuple[Live, Core]) -> None:
     live, node = core
-    calls = (lambda: live.send(StopDrive()), node.check_nodes, lambda: node.goto(1, 1, 1, 1), node.stop, live.stop)
+    calls = (
+        lambda: live.send(CheckDriveRequest()),
+        node.check_nodes,
+        lambda: node.goto(1, 1, 1, 1),
+        node.stop,
+        live.stop,
+    )
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
@@ -140,4 +146,4 @@ def test_a_forked_child_is_refused(core: tuple[Live, Core]) -> None:
     _, status = os.waitpid(child, 0)
     with os.fdopen(read, "rb") as answers:
         assert (answers.read(), status) == (b"RRRR-", 0)
-    live.send(StopDrive())  # here it goes on
+    live.send(CheckDriveRequest())  # here it goes on

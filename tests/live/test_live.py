@@ -23,7 +23,7 @@ from eurobot_od.live.reader import ENDURED, POLL
 from eurobot_od.live.sender import FIRST_PAUSE, LONGEST_PAUSE
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -32,11 +32,12 @@ from eurobot_od.robot.messages import (
     GotoConfirm,
     GotoStateRequest,
     GotoXY,
+    NaviPositionRequest,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Obstacle
 from tests.live.loose import LONG, Reports
 
 PROTOCOL = EurobotProtocol.load()
@@ -222,13 +223,13 @@ def test_a_node_sends_what_its_eds_has_as_tpdo_and_nothing_else(channel: str) ->
     with virtual(channel) as other, Live.node(virtual(channel), core) as live:
         with pytest.raises(StateError, match="core has no TPDO for GotoConfirm"):
             live.send(GotoConfirm())
-        with pytest.raises(FieldError, match="x = 5000"):
-            live.send(GotoXY(5000, 0, 0, 0))
-        live.send(StopDrive())
+        with pytest.raises(StateError, match=r"GotoXY is sent by core\.goto"):
+            live.send(GotoXY(600, 0, 0, 0))
+        live.send(NaviPositionRequest())
         while (message := other.recv(LONG)) is not None and message.arbitration_id == 0x701:
             pass  # boot-up, heartbeats
     assert message is not None
-    assert message.arbitration_id == PROTOCOL.cob_id(StopDrive)
+    assert message.arbitration_id == PROTOCOL.cob_id(NaviPositionRequest)
 
 
 def test_what_is_no_classic_base_frame_is_counted_and_goes_no_further(channel: str) -> None:

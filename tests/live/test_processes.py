@@ -9,9 +9,9 @@ import time
 import can
 import pytest
 
-from eurobot_od.robot.messages import CheckDriveRequest, GotoConfirm, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.messages import CheckDriveRequest, GotoConfirm, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import TeamColour
 from tests.live.loose import wait_for
 from tests.processes import bus_server, free_port, node, process, shared
 
@@ -48,7 +48,7 @@ STRATEGY = """
 import sys
 from eurobot_od import Robot
 from eurobot_od.errors import EurobotError
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.model.values import TeamColour
 
 with Robot("remote", sys.argv[1]) as robot:
     robot.check_nodes()

@@ -11,7 +11,7 @@ from eurobot_od.errors import BusError
 from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.live import Driver, Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     GotoConfirm,
@@ -20,9 +20,9 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Outcome, TeamColour
 from tests.live.loose import LONG, Cable, Reports, wait_for
 
 PROTOCOL = EurobotProtocol.load()

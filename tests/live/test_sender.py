@@ -14,7 +14,7 @@ import pytest
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.gatekeeper import Mailboxes, Report
+from eurobot_od.gatekeeper import Mailboxes, Report, Stay
 from eurobot_od.gatekeeper import mailboxes as mailboxes_module
 from eurobot_od.live import Driver
 from eurobot_od.live import sender as sender_module
@@ -57,7 +57,7 @@ class Scene:
 
     def submit(self, *frames: Frame) -> None:
         for frame in frames:
-            self.mailboxes.submit(frame, 0.0, lasting=True)
+            self.mailboxes.submit(frame, 0.0, Stay.LASTING)
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ from eurobot_od.gatekeeper import Event, Gatekeeper
 from eurobot_od.live import Live, open_bus
 from eurobot_od.od.values import SYNC_COB_ID
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
+from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse, StopDrive
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.cli.console import run

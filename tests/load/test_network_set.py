@@ -6,14 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from eurobot_od.cli.load import of_robot
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.load.message_set import MessageSet
 from eurobot_od.load.network_set import network_set
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile
 from eurobot_od.od.network_yaml import read_network_file
-from eurobot_od.od.outline import Outline
 from eurobot_od.od.values import BASE_IDENTIFIER
-from eurobot_od.robot import dialects, traffic
+from eurobot_od.robot import dialects
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.eds_text import DEVICE_TYPE, pdo, record, variable
 from tests.robot.document import NAMES
@@ -22,8 +24,8 @@ NODES = "nodes: {a: {file: a.eds}}\ntraffic:\n"
 SPEED = variable("2000", "Speed", "UNSIGNED16", "0") + variable("2001", "Period", "UNSIGNED16", "25")
 
 
-def device(*sections: str) -> Outline:
-    return Outline.read("".join((DEVICE_TYPE, SPEED, *sections)).encode(), Path("a.eds"), 5)
+def device(*sections: str) -> Dictionary:
+    return Dictionary.read("".join((DEVICE_TYPE, SPEED, *sections)).encode(), Path("a.eds"), 5)
 
 
 def tpdo(**settings: str) -> str:
@@ -123,7 +125,7 @@ def test_mailboxes_are_a_setting() -> None:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_every_message_of_the_robot_has_its_place_and_period(dialect: str) -> None:
-    messages = traffic.message_set(dialect)
+    messages = of_robot(ROBOT, dialect)
     sent = {each.name for binding in EurobotProtocol.load(dialect).bindings for each in [binding]}
     named = {name for name in sent for each in messages.messages if each.name.startswith(name)}
     assert named == sent >= set(NAMES)
@@ -133,9 +135,9 @@ def test_every_message_of_the_robot_has_its_place_and_period(dialect: str) -> No
 
 
 def test_a_setting_of_the_eds_is_the_period() -> None:
-    outlines = [each.configured({}) for each in dialects.outlines()]
+    outlines = [each.configured({}) for each in dialects.load_all()]
     core = next(each for each in outlines if each.name == "core")
     period = core.number(core.address("Position polling.Polling period")) or 0
-    polled = [each for each in traffic.message_set().messages if each.name == "Enemy 1 Position Request"]
+    polled = [each for each in of_robot(ROBOT).messages if each.name == "Enemy 1 Position Request"]
     assert [each.period for each in polled] == [1000 * period]
     assert all(each.identifier <= BASE_IDENTIFIER for each in polled)

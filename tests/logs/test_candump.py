@@ -10,8 +10,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
-GOTO = "008#D27423592C0D9702"
-GOTO_FRAME = Frame(0x008, bytes.fromhex("D27423592C0D9702"))
+GOTO = "008#D27423592C01C3A5"
+GOTO_FRAME = Frame(0x008, bytes.fromhex("D27423592C01C3A5"))
 
 
 def read(text: str) -> list[tuple[int, float, str, Raw]]:

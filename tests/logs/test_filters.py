@@ -10,7 +10,7 @@ from eurobot_od.logs.filters import Wanted, Window, by_name, by_node, by_value
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckNaviRequest,
     EmergencyStop,
     GotoStateResponse,
@@ -18,8 +18,8 @@ from eurobot_od.robot.messages import (
     KalmanPositionResponse,
     StartConfigurationSet,
 )
+from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.protocol import decoder as robot_decoder
-from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
 
 MESSAGES: dict[str, Message] = {
     "stop": EmergencyStop(Obstacle.ENEMY),

@@ -22,7 +22,7 @@ from eurobot_od.logs import formats
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 
 SENT = [
-    can.Message(timestamp=1.0, arbitration_id=0x008, data=bytes.fromhex("D27423592C0D9702"), is_extended_id=False),
+    can.Message(timestamp=1.0, arbitration_id=0x008, data=bytes.fromhex("D27423592C01C3A5"), is_extended_id=False),
     can.Message(timestamp=1.25, arbitration_id=0x00C, is_extended_id=False, is_rx=False),
     can.Message(timestamp=1.5, arbitration_id=0x014, data=b"\x01\x02\x03", is_extended_id=False),
     can.Message(timestamp=2.0, arbitration_id=0x7FF, data=b"\xff", is_extended_id=False),

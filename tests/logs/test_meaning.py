@@ -14,9 +14,9 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import describe, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.values import Barriers, Source
 from eurobot_od.robot.protocol import decoder as robot_decoder
-from eurobot_od.robot.values import Barriers, Source
 
 POSITION = KalmanPositionResponse(1200, 900, 90, Source.INTERNAL)
 

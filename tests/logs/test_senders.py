@@ -11,7 +11,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.protocol import EurobotProtocol
 
 PROTOCOL = EurobotProtocol.load()
-OUTLINES = dialects.outlines()
+OUTLINES = dialects.load_all()
 GOTO, STATE = (Frame(PROTOCOL.cob_id(name)) for name in ("Goto XY", "Goto State Response"))
 SHARED = Frame(PROTOCOL.cob_id("Start Configuration Confirm"))  # of drive and navigation
 HEARTBEAT, EMCY, ANSWER = Frame(0x702), Frame(0x082), Frame(0x582)  # of the drive, node-ID 2

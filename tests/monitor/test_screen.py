@@ -13,7 +13,7 @@ from eurobot_od.monitor.controls import Controls
 from eurobot_od.monitor.screen import COLOURS, SERVICE_COLOUR, Size, screen
 from eurobot_od.monitor.traffic import SORTS, Traffic
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, KalmanPositionRequest
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
 
 WIDE = Size(120, 24)

@@ -11,7 +11,7 @@ from eurobot_od.logs.entries import Damage, Foreign
 from eurobot_od.monitor.cells import HEADINGS, health, plain_table
 from eurobot_od.monitor.traffic import SORTS, MeanPeriod, Traffic, selected
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
+from eurobot_od.robot.model.messages import GotoStateResponse, GotoXY, KalmanPositionRequest
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.simulation.bits import frame_bits
 

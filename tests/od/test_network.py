@@ -8,10 +8,8 @@ from pathlib import Path
 import pytest
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network import load, node_file, read_network
 from eurobot_od.od.network_file import NodeFile
-from eurobot_od.od.outline import Outline
 from tests.eds_text import DEVICE_TYPE
 
 ROOT = Path(__file__).parents[2]
@@ -59,10 +57,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("path", ["dcf", "nodelist.cpj", "network.yaml"])
-@pytest.mark.parametrize("kind", [Outline, Dictionary])
-def test_every_form_names_the_same_devices(folder: Path, path: str, kind: type[Outline]) -> None:
-    found = load(read_network(folder / path).nodes, kind)
-    assert [(each.node_id, each.name, type(each)) for each in found] == [(3, "motor", kind), (10, "panel", kind)]
+def test_every_form_names_the_same_devices(folder: Path, path: str) -> None:
+    found = load(read_network(folder / path).nodes)
+    assert [(each.node_id, each.name) for each in found] == [(3, "motor"), (10, "panel")]
 
 
 def test_a_nodelist_gives_the_names_that_it_has(folder: Path) -> None:
@@ -78,7 +75,7 @@ def test_a_network_file_gives_names_and_node_ids(folder: Path) -> None:
     (folder / "network.yaml").write_text(
         "nodes:\n  left: {file: plain.eds, node_id: 7}\n  off: {file: plain.eds, node_id: 8}"
     )
-    found = load(read_network(folder / "network.yaml").nodes, Outline)
+    found = load(read_network(folder / "network.yaml").nodes)
     assert [(each.node_id, each.name) for each in found] == [(7, "left"), (8, "off")]
 
 
@@ -89,20 +86,20 @@ def test_a_dcf_counts_before_the_eds_of_its_name(folder: Path) -> None:
 
 def test_devices_of_one_name_are_told_apart_by_node_id(folder: Path) -> None:
     file = str(folder / "dcf" / "motor.dcf")
-    found = load([NodeFile(file, 9), NodeFile(file), NodeFile(file, 5, "arm")], Outline)
+    found = load([NodeFile(file, 9), NodeFile(file), NodeFile(file, 5, "arm")])
     assert [each.name for each in found] == ["motor_3", "arm", "motor_9"]
 
 
 def test_two_files_with_one_node_id_are_refused(spoil_eds: Callable[..., Path]) -> None:
     nodes = read_network(spoil_eds(("navigation", "2100sub1", "DefaultValue", "2"))).nodes
     with pytest.raises(DictionaryError, match="node-ID 2 is taken by drive"):
-        load(nodes, Outline)
+        load(nodes)
 
 
 def test_a_bare_eds_asks_for_its_node_id(tmp_path: Path) -> None:
     (tmp_path / "motor.eds").write_text(DEVICE_TYPE)
     with pytest.raises(DictionaryError, match=r"motor\.eds: the file names no node-ID; give one, as in 5=motor\.eds$"):
-        load([NodeFile(str(tmp_path / "motor.eds"))], Outline)
+        load([NodeFile(str(tmp_path / "motor.eds"))])
 
 
 # A file's name, its text, and what is said.

@@ -1,18 +1,18 @@
-"""EDS and DCF files as they are written out there: loaded as they are meant, and repaired for other tools."""
+"""EDS and DCF files as they are written out there: loaded as they are meant, and in their normal form for all tools."""
 
 from __future__ import annotations
 
 import logging
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import canopen
 import pytest
 
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.outline import Outline
-from eurobot_od.od.repairs import repaired
+from eurobot_od.od.normal import in_normal_form
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import DATA_TYPES, Address, Value
 from eurobot_od.pdo.protocol import Protocol
 from tests.eds_text import pdo, variable
@@ -186,7 +186,7 @@ VARIATIONS = [
     Variation("a leading zero in a section's name", "[2000sub1]", "[2000sub01]"),
     Variation("a blank in a section's name", "[2000sub1]", "[2000 sub1]"),
     # What is missing
-    Variation("no [FileInfo]", *without("FileInfo")),
+    Variation("no [FileInfo]", *without("FileInfo"), needs_repair=False),
     Variation("no [DeviceInfo]", *without("DeviceInfo"), needs_repair=False),
     Variation("no [DummyUsage]", *without("DummyUsage"), needs_repair=False),
     Variation("no [Comments]", *without("Comments"), needs_repair=False),
@@ -233,16 +233,15 @@ VARIATIONS = [
     Variation("UNSIGNED64", SECOND, typed(0x1B, "0xFFFFFFFFFFFFFFFF"), {ADDRESS_2: 2**64 - 1}, needs_repair=False),
     Variation("REAL32 as its bits", SECOND, typed(0x08, "0x3FC00000"), {ADDRESS_2: 1.5}, needs_repair=False),
     Variation("a DOMAIN by its type", SECOND, typed(0x0F, "0102"), {ADDRESS_2: b"\1\2"}, needs_repair=False),
-    Variation("a DOMAIN without a type", "ObjectType=0x7\nDataType=0x0009", "ObjectType=0x2", {LABEL: None},
-              needs_repair=False),
+    Variation("a DOMAIN without a type", "ObjectType=0x7\nDataType=0x0009", "ObjectType=0x2", {LABEL: None}),
     # Kinds
     Variation("a VAR with sub-indices", "[2001]", f"{VAR_SUB}\n[2001]", needs_repair=False),
     Variation("DeviceCommissioning", "[1000]", "[DeviceCommissioning]\nNodeID=5\n\n[1000]"),
     # Compact
     Variation("a compact array", "[2001]", f"{COMPACT_ARRAY}\n[2001]",
-              {(0x2002, 0): 2, (0x2002, 1): 1, (0x2002, 2): 9}, needs_repair=False),
+              {(0x2002, 0): 2, (0x2002, 1): 1, (0x2002, 2): 9}),
     Variation("a compact record", "[2001]", f"{COMPACT_RECORD}\n[2001]",
-              {(0x2002, 0): 2, (0x2002, 1): 10, (0x2002, 2): None}, needs_repair=False),
+              {(0x2002, 0): 2, (0x2002, 1): 10, (0x2002, 2): None}),
 ]  # fmt: skip
 
 
@@ -255,50 +254,71 @@ def by_reason(value: object) -> str:
     return value.reason if isinstance(value, Variation) else str(value)
 
 
-def defaults(data: bytes, kind: type[Outline]) -> dict[Address, Value]:
-    loaded = kind.read(data, Path("a.eds"), NODE_ID)
+def load(data: bytes) -> Dictionary:
+    return Dictionary.read(data, Path("a.eds"), NODE_ID)
+
+
+def defaults(data: bytes) -> dict[Address, Value]:
+    loaded = load(data)
     return {address: loaded.default(address) for address in loaded.addresses()}
 
 
 @pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
-@pytest.mark.parametrize("kind", [Outline, Dictionary])
-def test_a_file_is_loaded_as_it_is_meant(kind: type[Outline], variation: Variation) -> None:
-    assert defaults(text_of(variation).encode(), kind) == DEFAULTS | variation.values
+def test_a_file_is_loaded_as_it_is_meant(variation: Variation) -> None:
+    assert defaults(text_of(variation).encode()) == DEFAULTS | variation.values
 
 
 @pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
 def test_what_had_to_be_looked_over_is_listed(variation: Variation) -> None:
-    assert bool(Outline.read(text_of(variation).encode(), Path("a.eds"), NODE_ID).repairs) is variation.needs_repair
+    assert bool(load(text_of(variation).encode()).changes) is variation.needs_repair
 
 
 @pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
-def test_a_repaired_file_says_the_same_and_needs_no_repair(variation: Variation) -> None:
-    data, repairs = repaired(text_of(variation).encode(), "a.eds")
-    assert defaults(data, Outline) == DEFAULTS | variation.values
-    assert repaired(data, "a.eds") == (data, ())
-    if not repairs:
-        assert data == text_of(variation).encode()
+def test_the_normal_form_says_the_same_and_is_its_own(variation: Variation) -> None:
+    data, _ = in_normal_form(text_of(variation).encode())
+    assert defaults(data) == DEFAULTS | variation.values
+    assert in_normal_form(data) == (data, [])
 
 
-# What canopen reads wrongly, or not at all, although the file is written as the standard has it.
-CANOPENS_OWN = {
-    "octal", "a negative number as its bits", "the lowest number as its bits", "REAL32 as its bits", "$NODEID alone",
-    "a compact array", "a compact record", "a DOMAIN without a type", "no [DummyUsage]", "no [DeviceInfo]",
-    "no [Comments]", "a VAR with sub-indices", "a type without leading zeros", "no ParameterName", "INTEGER64",
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("variation", [v for v in VARIATIONS if v.reason not in CANOPENS_OWN], ids=by_reason)
-def test_canopen_reads_the_repaired_file(
+@pytest.mark.parametrize("variation", VARIATIONS, ids=by_reason)
+def test_canopen_alone_reads_the_normal_form(
     tmp_path: Path, variation: Variation, caplog: pytest.LogCaptureFixture
 ) -> None:
     file = tmp_path / "a.eds"
-    file.write_bytes(repaired(text_of(variation).encode(), "a.eds").data)
-    with caplog.at_level(logging.CRITICAL):
+    file.write_bytes(in_normal_form(text_of(variation).encode())[0])
+    with caplog.at_level(logging.WARNING):
         objects = canopen.import_od(str(file), node_id=NODE_ID)
-    for (index, sub), value in (DEFAULTS | variation.values).items():
-        entry: Any = objects[index]
-        assert getattr(entry, "subindices", {0: entry})[sub].default == value
+    assert not caplog.records
+    found = {
+        (each.index, each.subindex): each.default if each.value is None else each.value
+        for entry in objects.values()
+        if entry.index >= 0x1000
+        for each in getattr(entry, "subindices", {0: entry}).values()
+    }
+    assert found == DEFAULTS | variation.values
+
+
+# What stays
+
+KEPT = [
+    ("a comment above an entry", FIRST, f"; slow\n{FIRST}", f"; slow\n{FIRST}"),
+    ("a comment after a value", FIRST, f"{FIRST} ; slow", f"; slow\n{FIRST}"),
+    ("a comment above a section", "[2001]", "# the end\n[2001]", "\n; the end\n[2001]"),
+    ("a comment at the end", BASE[-20:], f"{BASE[-20:]}; the end", "; the end\n"),
+    ("the second of two entries", FIRST, f"{FIRST}\nDefaultValue=9", ";DefaultValue=9\n"),
+    ("the second of two sections", "[2001]", "[2000sub1]\nDefaultValue=9\n[2001]", ";[2000sub1]\n;DefaultValue=9\n"),
+    ("a default that is none", FIRST, "DefaultValue=slow", "\n;DefaultValue=slow\n"),
+    ("a key of the maker", FIRST, f"{FIRST}\nMaker=x", "\nMaker=x\n"),
+    ("a section of the maker", "[2001]", "[Maker]\nKey=1\n\n[2001]", "\n[Maker]\nKey=1\n"),
+    ("sub-indices of a variable", "[2001]", f"{VAR_SUB}\n[2001]", "\n;[1014sub0]\n;ParameterName=Odd\n"),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "kept"), [row[1:] for row in KEPT], ids=[row[0] for row in KEPT])
+def test_nothing_is_lost(old: str, new: str, kept: str) -> None:
+    data, _ = in_normal_form(BASE.replace(old, new, 1).encode())
+    assert kept in data.decode()
+    assert in_normal_form(data)[0] == data
 
 
 # Bytes
@@ -312,38 +332,38 @@ BYTES = [
 
 @pytest.mark.parametrize(("data", "what"), [row[1:] for row in BYTES], ids=[row[0] for row in BYTES])
 def test_bytes_of_any_editor_are_read(data: bytes, what: str) -> None:
-    assert defaults(data, Outline) == DEFAULTS
-    fixed, repairs = repaired(data, "a.eds")
-    assert [each.what for each in repairs] == [what]
+    assert defaults(data) == DEFAULTS
+    fixed, changes = in_normal_form(data, "a.eds")
+    assert [each.what for each in changes] == [what]
     assert fixed.replace(b"\r\n", b"\n") == BASE.encode()
 
 
 @pytest.mark.parametrize("data", [BASE.replace("\n", "\r\n").encode(), BASE.replace("arm", "\xe4rm").encode("latin-1")])
 def test_bytes_that_need_no_repair_are_kept(data: bytes) -> None:
-    assert repaired(data, "a.eds") == (data, ())
+    assert in_normal_form(data, "a.eds") == (data, [])
 
 
-def test_what_is_cut_off_is_not_repaired() -> None:
-    with pytest.raises(DictionaryError, match=r"^a\.eds: cannot be repaired: line 82: neither section nor entry"):
-        repaired((BASE + "Def").encode(), "a.eds")
+def test_what_is_cut_off_has_no_normal_form() -> None:
+    with pytest.raises(DictionaryError, match=r"^a\.eds: not a readable EDS: line 82: neither section nor entry"):
+        in_normal_form((BASE + "Def").encode(), "a.eds")
 
 
 def test_a_missing_value_is_not_guessed() -> None:
     text = BASE.replace("AccessType=rw\nDefaultValue=-5", "DefaultValue=-5")
-    assert repaired(text.encode(), "a.eds") == (text.encode(), ())
-    with pytest.raises(DictionaryError, match="0x2000: sub 1 has no AccessType"):
-        defaults(text.encode(), Outline)
+    assert in_normal_form(text.encode(), "a.eds") == (text.encode(), [])
+    with pytest.raises(DictionaryError, match="0x2000: line 62: sub 1 has no AccessType"):
+        defaults(text.encode())
 
 
-def test_all_is_repaired_at_once() -> None:
+def test_all_at_once() -> None:
     text = BASE
     for variation in VARIATIONS:
         if variation.old and variation.old in text and not variation.values:
             text = text.replace(variation.old, variation.new, 1)
-    data, repairs = repaired(text.encode(), "a.eds")
-    assert len(repairs) > 20
-    assert repaired(data, "a.eds").repairs == ()
-    assert defaults(data, Outline) == defaults(text.encode(), Outline) == DEFAULTS
+    data, changes = in_normal_form(text.encode(), "a.eds")
+    assert len(changes) > 20
+    assert in_normal_form(data, "a.eds") == (data, [])
+    assert defaults(data) == defaults(text.encode()) == DEFAULTS
 
 
 # CompactPDO
@@ -352,29 +372,29 @@ COMPACT_PDO = "[DeviceInfo]\nCompactPDO=0x13\nNrOfRXPDO=5\nNrOfTXPDO=1\n"
 
 
 def test_compact_pdos_are_there_as_if_they_were_written_out() -> None:
-    loaded = Outline.read(BASE.replace("[DeviceInfo]\n", COMPACT_PDO, 1).encode(), Path("a.eds"), NODE_ID)
+    loaded = Dictionary.read(BASE.replace("[DeviceInfo]\n", COMPACT_PDO, 1).encode(), Path("a.eds"), NODE_ID)
     assert [(each.direction.name, each.number, each.cob_id, each.valid, each.mapping) for each in loaded.pdos] == [
         *(("RPDO", number, 0x105 + number * 0x100, True, ()) for number in range(1, 5)),
         ("RPDO", 5, 0, False, ()),
         ("TPDO", 1, 0x185, True, ()),
     ]
     assert [sub for index, sub in loaded.addresses() if index == 0x1400] == [0, 1, 2, 5]
-    described = loaded.described((0x1400, 5))
-    assert described
-    assert described.type == DATA_TYPES[0x06]
+    timer = loaded.variable((0x1400, 5))
+    assert timer
+    assert data_type(timer) == DATA_TYPES[0x06]
 
 
 @pytest.mark.parametrize("mask", ["0", "-1", "", "x"])
 def test_without_a_mask_no_compact_pdo_is_there(mask: str) -> None:
     said = COMPACT_PDO.replace("CompactPDO=0x13", f"CompactPDO={mask}")
-    loaded = Outline.read(BASE.replace("[DeviceInfo]\n", said, 1).encode(), Path("a.eds"), NODE_ID)
+    loaded = Dictionary.read(BASE.replace("[DeviceInfo]\n", said, 1).encode(), Path("a.eds"), NODE_ID)
     assert not loaded.pdos
 
 
 def test_compact_pdos_are_those_that_are_not_described() -> None:
     own = variable("2003", "Value", "UNSIGNED16") + pdo(0x1400, "0x20030010", cob_id="0x300", name="Own")
     text = BASE.replace("[DeviceInfo]\n", COMPACT_PDO.replace("NrOfRXPDO=5", "NrOfRXPDO=2"), 1) + own
-    loaded = Outline.read(text.encode(), Path("a.eds"), NODE_ID)
+    loaded = Dictionary.read(text.encode(), Path("a.eds"), NODE_ID)
     made = Protocol([(loaded, loaded.pdos)])
     assert [(each.name, each.cob_id) for each in made.bindings] == [
         ("a.TPDO1", 0x185),

@@ -141,7 +141,9 @@ def test_values_are_written_by_their_type(type_: DataType, data: str, value: Val
         (DATA_TYPES[0x07], "5"),
         (DATA_TYPES[0x07], 1.0),
         (DATA_TYPES[0x07], None),
-        (DATA_TYPES[0x0C], 0),  # TIME_OF_DAY has bytes only
+        (DATA_TYPES[0x0C], "noon"),
+        (DATA_TYPES[0x0C], "1983-12-31 00:00"),  # CANopen's time begins in 1984
+        (DATA_TYPES[0x0D], "25:00:00"),
         (REAL32, "fast"),
         (REAL32, 1e99),
         (VISIBLE_STRING, "Küche"),

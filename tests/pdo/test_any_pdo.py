@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.errors import FieldError, MappingError
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import DATA_TYPES
 from eurobot_od.pdo.kinds import OutOfRange
@@ -22,11 +22,11 @@ from tests.eds_text import DEVICE_TYPE, pdo, variable
 NODE_ID = 5
 
 
-def outline(text: str, name: str = "arm", node_id: int = NODE_ID) -> Outline:
-    return Outline.read((DEVICE_TYPE + text).encode(), Path(f"{name}.eds"), node_id)
+def outline(text: str, name: str = "arm", node_id: int = NODE_ID) -> Dictionary:
+    return Dictionary.read((DEVICE_TYPE + text).encode(), Path(f"{name}.eds"), node_id)
 
 
-def protocol(*outlines: Outline) -> tuple[Protocol, list[str]]:
+def protocol(*outlines: Dictionary) -> tuple[Protocol, list[str]]:
     """The messages of devices, and what was said of PDOs left out."""
     said: list[str] = []
 
@@ -92,7 +92,7 @@ def test_a_value_of_any_type_at_any_offset(type_: str, bits: int, offset: int, d
 REFUSED: list[tuple[str, int, Any, str]] = [
     ("INTEGER8", 8, 128, "-128..127"),
     ("INTEGER8", 8, -129, "-128..127"),
-    ("INTEGER8", 8, 1.5, "-128..127"),
+    ("INTEGER8", 8, 1.5, "whole numbers, -128..127"),
     ("INTEGER16", 12, 2048, "-2048..2047"),
     ("INTEGER8", 3, 4, "-4..3"),
     ("BOOLEAN", 1, 2, "false, true"),

@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 import pytest
+from canopen.objectdictionary import ODVariable
 
 from eurobot_od.errors import MappingError
-from eurobot_od.od.pdos import MappedObject, Pdo
-from eurobot_od.od.values import Limits, PdoDirection
+from eurobot_od.od.pdos import Mapped, Pdo
+from eurobot_od.od.values import UNSIGNED8, PdoDirection
 from eurobot_od.pdo.catalogue import Catalogue, field_name, first_free, made_type
 from eurobot_od.pdo.kinds import Kind
 from eurobot_od.pdo.protocol import Protocol
@@ -39,7 +40,10 @@ def test_a_class_enters_itself() -> None:
 
 def pdo(name: str, cob_id: int, *objects: str, direction: PdoDirection = PdoDirection.TPDO, number: int = 1) -> Pdo:
     """A PDO of objects with 8 bits each."""
-    mapping = tuple(MappedObject(0x2000, sub, 8, each, Limits(0, 255)) for sub, each in enumerate(objects, 1))
+    variables = [ODVariable(each, 0x2000, sub) for sub, each in enumerate(objects, 1)]
+    for variable in variables:
+        variable.data_type = UNSIGNED8.code
+    mapping = tuple(Mapped.of(variable, 8, variable) for variable in variables)
     return Pdo(direction, direction.value + number - 1, name, cob_id, True, 254, mapping)
 
 

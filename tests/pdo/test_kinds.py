@@ -10,8 +10,8 @@ import pytest
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.values import Limits
 from eurobot_od.pdo.kinds import Choice, Kind, OutOfRange
-from eurobot_od.robot.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
-from eurobot_od.robot.values import Barriers, GotoFault, Passage, Source, TeamColour
+from eurobot_od.robot.model.kinds import Angle, BarrierFlags, Coordinate, Heading, Remaining
+from eurobot_od.robot.model.values import Barriers, GotoFault, Passage, Source, TeamColour
 
 X = Limits(0, 3000)
 ANY = Limits(0, 0xFFFFFF)
@@ -146,7 +146,7 @@ ALLOWED = [
     (
         BARRIERS,
         Limits(0, 65535),
-        "0..65535, or fire-1..fire-6 and pool-1, pool-2 with :free or normal or forced",
+        "0..65535, or fire-1, fire-2, fire-3, fire-4, fire-5, fire-6, pool-1, pool-2 with :free or normal or forced",
     ),
 ]
 

@@ -8,11 +8,14 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eurobot_od.robot.field import HEIGHT, WIDTH, Pose
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.kalman import Belief, Covariance, Travel, Tuning
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
+
+FACTS = robot_file.read()
 
 zero_or = st.sampled_from([0.0, 0.1, 1.0, 30.0, 1000.0])
 tunings = st.builds(
@@ -30,8 +33,8 @@ tunings = st.builds(
 )
 movements = st.builds(Odometry, st.floats(-100.0, 100.0), st.floats(-90.0, 90.0))
 angles = st.floats(0.0, 360.0)
-poses = st.builds(Pose, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT), angles)
-fixes = st.builds(Fix, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT), st.none() | angles)
+poses = st.builds(Pose, st.floats(0.0, FACTS.field.width), st.floats(0.0, FACTS.field.height), angles)
+fixes = st.builds(Fix, st.floats(0.0, FACTS.field.width), st.floats(0.0, FACTS.field.height), st.none() | angles)
 steps = st.lists(st.one_of(movements, fixes), max_size=40)
 travels = st.builds(Travel, st.floats(-100.0, 100.0), st.floats(-100.0, 100.0), st.floats(-180.0, 180.0))
 

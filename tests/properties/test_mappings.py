@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.frame import Frame
-from eurobot_od.robot.messages import GotoXY
-from eurobot_od.robot.values import Barriers, Direction, Route
+from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.robot.model.values import Barriers, Direction, Route
 from tests.device.master import wired
 
 CORE, DRIVE = wired("core"), wired("drive")

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
+from eurobot_od.od.objects import data_type
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, StopDrive
+from eurobot_od.robot.model.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, StopDrive
+from eurobot_od.robot.model.values import Barriers, Obstacle, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive
 from eurobot_od.robot.nodes.motion import AT_REST
-from eurobot_od.robot.values import Barriers, Obstacle, TeamColour
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Wheels
 
 COB_IDS = [binding.cob_id for binding in PROTOCOL.bindings]
@@ -28,7 +29,7 @@ frames = st.builds(
     st.binary(max_size=8),
 )
 DATA = [
-    (node.node_id, index, subindex, node.type(member).size)
+    (node.node_id, index, subindex, data_type(member).size)
     for node in DICTIONARIES.values()
     for index, members in node.members.items()
     if index in range(0x2000, 0x2100)

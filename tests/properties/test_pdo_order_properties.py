@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eurobot_od.client.configure import ChangedObject, ChangePlan
-from eurobot_od.client.objects import NamedObject
 from eurobot_od.client.pdo_order import in_order, pdo_of, procedure_objects
 from eurobot_od.od.concise import Write
+from eurobot_od.od.objects import undescribed
 from eurobot_od.od.values import MAPPING_OFFSET, NOT_VALID, Address
 from eurobot_od.robot import dialects
 
@@ -87,7 +87,7 @@ def test_from_wherever_the_writing_ends_there_is_a_way_back(
 ) -> None:
     device = StrictDevice(before)
     wanted = {address: data for address, data in counting(after).items() if before[address] != data}
-    changes = tuple(ChangedObject(NamedObject(address), before[address], data) for address, data in wanted.items())
+    changes = tuple(ChangedObject(undescribed(address), before[address], data) for address, data in wanted.items())
     plan = ChangePlan(DRIVE, changes, {address: before[address] for address in procedure_objects(wanted)})
     done = plan.writes()[: round(share * len(plan.writes()))]
     for write in [*done, *plan.way_back(done)]:

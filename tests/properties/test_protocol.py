@@ -13,9 +13,9 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.messages import EmergencyStop, GotoStateResponse, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Route, Source, TeamColour
 
 PROTOCOLS = {name: EurobotProtocol.load(name) for name in dialects.names()}
 BINDINGS = [

@@ -10,12 +10,16 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.robot.field import BARRIERS, HEIGHT, WIDTH, Barrier, BarrierKind, Point, Pose, normalise, turn
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.facts import Barrier
+from eurobot_od.robot.model.places import Point, Pose, normalise, turn
+from eurobot_od.robot.model.values import Barriers, Passage
 from eurobot_od.robot.nodes.motion import AT_REST, Command, IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.route import Clearances, find_route
-from eurobot_od.robot.values import Barriers, Passage
 
-CLEARANCES = Clearances(fire=200.0, pool=240.0, edge=100.0)
+FACTS = robot_file.read()
+
+CLEARANCES = Clearances(FACTS, {"fire": 200.0, "pool": 240.0}, edge=100.0)
 LIMITS = MotionLimits(800.0, 1200.0, 2400.0, 240.0, 720.0, 5.0, 1.0)
 DT = 0.01
 REQUESTED = 10
@@ -24,8 +28,8 @@ SLOWEST = 30_000
 """Steps after which a motion has failed to arrive."""
 
 angles = st.floats(-720.0, 720.0)
-points = st.builds(Point, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT))
-poses = st.builds(Pose, st.floats(0.0, WIDTH), st.floats(0.0, HEIGHT), st.floats(0.0, 359.0))
+points = st.builds(Point, st.floats(0.0, FACTS.field.width), st.floats(0.0, FACTS.field.height))
+poses = st.builds(Pose, st.floats(0.0, FACTS.field.width), st.floats(0.0, FACTS.field.height), st.floats(0.0, 359.0))
 flags = st.builds(Barriers, st.integers(0, 0xFFFF))
 ways = st.lists(points, min_size=1, max_size=3)
 speeds = st.integers(20, 100)
@@ -35,10 +39,6 @@ rollings = st.one_of(
     st.builds(Command, st.just(0.0), st.floats(-240.0, 240.0)),
 )
 """What the wheels were told before: a robot that drives straight or turns."""
-
-
-def clearance(barrier: Barrier) -> float:
-    return {BarrierKind.FIRE: CLEARANCES.fire, BarrierKind.POOL: CLEARANCES.pool}[barrier.kind]
 
 
 def distances(start: Point, end: Point, barrier: Barrier) -> Iterator[float]:
@@ -59,8 +59,8 @@ def test_a_route_never_crosses_a_forced_barrier(start: Point, goal: Point, barri
     route = find_route(start, goal, barriers, CLEARANCES)
     assume(route is not None)
     assert route is not None
-    for barrier in (barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED):
-        allowed = min(clearance(barrier), math.dist(start, (barrier.x, barrier.y)))
+    for barrier in (barrier for barrier in FACTS.barriers if barriers.passage(barrier.number) is Passage.FORCED):
+        allowed = min(CLEARANCES.around(barrier), math.dist(start, (barrier.x, barrier.y)))
         for leg in itertools.pairwise((start, *route)):
             assert min(distances(*leg, barrier)) >= allowed - 1e-3
 
@@ -68,9 +68,9 @@ def test_a_route_never_crosses_a_forced_barrier(start: Point, goal: Point, barri
 @given(points, points, flags)
 def test_there_is_a_way_unless_the_goal_is_in_a_forced_barrier(start: Point, goal: Point, barriers: Barriers) -> None:
     """With these clearances the barriers never close the field."""
-    forced = [barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED]
-    blocked = any(math.dist(goal, (barrier.x, barrier.y)) < clearance(barrier) - 1e-3 for barrier in forced)
-    assume(blocked or all(math.dist(goal, (barrier.x, barrier.y)) > clearance(barrier) for barrier in forced))
+    forced = [barrier for barrier in FACTS.barriers if barriers.passage(barrier.number) is Passage.FORCED]
+    blocked = any(math.dist(goal, (barrier.x, barrier.y)) < CLEARANCES.around(barrier) - 1e-3 for barrier in forced)
+    assume(blocked or all(math.dist(goal, (barrier.x, barrier.y)) > CLEARANCES.around(barrier) for barrier in forced))
     assert (find_route(start, goal, barriers, CLEARANCES) is None) == blocked
 
 
@@ -81,8 +81,8 @@ def test_a_route_ends_at_the_goal_and_bends_inside_the_field(start: Point, goal:
     assert route is not None
     assert route[-1] == goal
     for point in route[:-1]:
-        assert CLEARANCES.edge <= point.x <= WIDTH - CLEARANCES.edge
-        assert CLEARANCES.edge <= point.y <= HEIGHT - CLEARANCES.edge
+        assert CLEARANCES.edge <= point.x <= FACTS.field.width - CLEARANCES.edge
+        assert CLEARANCES.edge <= point.y <= FACTS.field.height - CLEARANCES.edge
 
 
 @given(points, points, flags)
@@ -96,8 +96,8 @@ def test_no_route_is_shorter_than_the_straight_line(start: Point, goal: Point, b
 @given(points, points, flags)
 def test_there_and_back_are_equally_long(start: Point, goal: Point, barriers: Barriers) -> None:
     """Outside all discs; from inside one there is a way, into a forced one there is none."""
-    for barrier in BARRIERS:
-        assume(min(math.dist(end, (barrier.x, barrier.y)) for end in (start, goal)) > clearance(barrier))
+    for barrier in FACTS.barriers:
+        assume(min(math.dist(end, (barrier.x, barrier.y)) for end in (start, goal)) > CLEARANCES.around(barrier))
     there, back = (find_route(*ends, barriers, CLEARANCES) for ends in ((start, goal), (goal, start)))
     assert there is not None
     assert back is not None

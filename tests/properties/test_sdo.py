@@ -26,7 +26,7 @@ from eurobot_od.sdo.client import (
     upload,
 )
 from eurobot_od.sdo.server import SdoServer
-from eurobot_od.sdo.wire import LENGTH, SEGMENT_SIZE, parts
+from eurobot_od.sdo.wire import LENGTH, SEGMENT_SIZE, segments_of
 from tests.device.shelf import TEXT, Shelf
 from tests.sdo.line import WAIT, Line
 
@@ -143,7 +143,7 @@ def test_a_block_upload_arrives_whole_or_not_at_all_whatever_is_lost(
 def test_a_few_segments_that_are_lost_do_not_end_a_block_upload(content: bytes, lost: set[int], segments: int) -> None:
     shelf = Shelf()
     shelf.objects[TEXT] = content
-    sent = min(len(parts(content)), segments)  # answers 2, 3, ... are the first block; not all of them are lost
+    sent = min(len(segments_of(content)), segments)  # answers 2, 3, ... are the first block; not all of them are lost
     line = Line(SdoServer(shelf), lost_answers=sorted(number for number in lost if number < sent + 2)[: sent - 1])
     assert line.run(block_upload(TEXT, WAIT, segments)) == content
 

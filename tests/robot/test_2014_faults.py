@@ -16,7 +16,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     SOURCES,
     CheckDriveRequest,
     CheckDriveResponse,
@@ -34,8 +34,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
-from eurobot_od.robot.values import Obstacle, Outcome
-from tests.robot.nodes.harness import PROTOCOL, RED, Bench
+from eurobot_od.robot.model.values import Obstacle, Outcome
+from tests.robot.nodes.harness import PROTOCOL, RED, Bench, as_if_started
 
 GOTO = GotoXY(1500, 1000, 90, 100)
 
@@ -71,6 +71,7 @@ def test_2014_length_never_looked_at_short_frames_read_left_over_bytes(length: i
 
 def test_2014_length_never_looked_at_in_an_answer() -> None:
     bench = Bench("drive", "navigation")
+    as_if_started(bench.core)
     call = bench.core.goto(*GOTO)
     bench.run(0.01)
     bench.say("drive", Frame(PROTOCOL.cob_id("Goto Confirm")), within=0.25)

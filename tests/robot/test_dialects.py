@@ -14,10 +14,11 @@ import pytest
 
 from eurobot_od import cli
 from eurobot_od.errors import DictionaryError, UnknownName
+from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.values import Barriers, Direction, Source
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
-from eurobot_od.robot.values import Barriers, Direction, Source
 from tests.robot.document import NAMES
 
 ROOT = Path(__file__).parents[2]
@@ -26,7 +27,7 @@ EDS = ROOT / "eds"
 # Other identifiers, other widths, other bit orders, and a field of the newer kind: as foreign as a dialect can be.
 MADE_UP = """\
   made_up:
-    revision_number: 0x00030000
+    revision_number: 0x00040000
     fields:
       Goto XY:
         Direction: {bits: 3, range: [0, 1], codes: {forward: 0, backward: 1}, default: forward}
@@ -60,15 +61,15 @@ def test_the_decoder_of_a_dialect_reads_its_bits(dialect: str) -> None:
 
 
 def test_default_is_the_one_of_the_standard(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(dialects.DIALECT_VARIABLE, raising=False)
+    monkeypatch.delenv(DIALECT_VARIABLE, raising=False)
     assert dialects.folder() == EDS / "canopen"
 
 
 @pytest.mark.parametrize("name", dialects.names())
 def test_dialect_is_named_by_caller_or_environment(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(dialects.DIALECT_VARIABLE, name)
+    monkeypatch.setenv(DIALECT_VARIABLE, name)
     assert dialects.folder() == EDS / name
-    monkeypatch.setenv(dialects.DIALECT_VARIABLE, "nothing")
+    monkeypatch.setenv(DIALECT_VARIABLE, "nothing")
     assert dialects.folder(name) == EDS / name
     assert dialects.folder(EDS / name) == EDS / name
     assert dialects.folder(str(EDS / name)) == EDS / name
@@ -84,7 +85,7 @@ def test_unknown_dialect_is_told_with_the_known_ones(
 
 
 def test_unknown_dialect_in_the_environment_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(dialects.DIALECT_VARIABLE, "nothing")
+    monkeypatch.setenv(DIALECT_VARIABLE, "nothing")
     with pytest.raises(UnknownName, match="unknown dialect 'nothing'"):
         dialects.load("drive")
 
@@ -133,6 +134,7 @@ def test_a_new_dialect_is_found_and_plays_a_match(made_up: Path) -> None:
     shutil.copytree(
         ROOT / "eurobot_od", made_up.parents[1] / "eurobot_od", ignore=shutil.ignore_patterns("__pycache__")
     )
+    shutil.copy(dialects.eds_folder() / "robot.yaml", made_up.parent)
     command = [sys.executable, "-m", "eurobot_od", "match", "--dialect", "made_up", "--duration", "4", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=made_up.parents[1])
     assert (done.returncode, done.stderr) == (0, "")

@@ -18,19 +18,19 @@ from eurobot_od.live import Live, Watch
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.facade import Robot
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     EmergencyShutdown,
     EmergencyStop,
     GotoXY,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Obstacle, Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.standstill import NotStanding
-from eurobot_od.robot.values import Obstacle, Outcome, TeamColour
 from tests.client.peers import new_channel, open_bus
-from tests.robot.nodes.harness import PROTOCOL
+from tests.robot.nodes.harness import PROTOCOL, as_if_started
 
 FAR = GotoXY(2700, 1700, 0, 50)
 LONG = 10.0
@@ -171,6 +171,7 @@ def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
 
     def play() -> None:
         with robot:
+            as_if_started(robot.core)
             robot.core.goto(*FAR)
             until(lambda: FAR in nobody.commands)
 
@@ -185,6 +186,7 @@ def test_a_drive_that_does_not_answer_is_told(nobody: Partners) -> None:
 def test_the_error_that_has_ended_the_block_is_in_the_context_of_a_robot_that_does_not_stand(nobody: Partners) -> None:
     def play() -> None:
         with robot_on(nobody) as robot:
+            as_if_started(robot.core)
             robot.core.goto(*FAR)
             raise ZeroDivisionError
 
@@ -257,8 +259,13 @@ def test_a_strategy_that_fails_leaves_a_robot_that_stands(partners: Partners) ->
 
 
 def test_a_goto_nobody_confirms_is_no_answer(nobody: Partners) -> None:
-    with pytest.raises(NotStanding) as not_standing, robot_on(nobody) as robot:
-        robot.goto(*FAR)
+    def play() -> None:
+        with robot_on(nobody) as robot:
+            as_if_started(robot.core)
+            robot.goto(*FAR)
+
+    with pytest.raises(NotStanding) as not_standing:
+        play()
     assert isinstance(not_standing.value.__context__, NoAnswer)
 
 

@@ -13,6 +13,7 @@ from eurobot_od.sdo import wire
 from eurobot_od.sdo.client import (
     OddAnswer,
     Refused,
+    Room,
     Silence,
     Transfer,
     block_download,
@@ -283,6 +284,51 @@ def test_what_comes_after_the_end_is_not_heard() -> None:
     assert transfer.result() == b"\x34\x12"
 
 
+MIDWAY = {
+    "upload": (upload(TEXT, WAIT), ["41081000 08"], ["00 41424344454647", "1d 48"]),
+    "download": (download(TEXT, b"ABCDEFGH", WAIT), ["60081000"], ["20", "30"]),
+    "block upload": (
+        block_upload(TEXT, WAIT),
+        ["c6081000 08", "01 41424344454647"],
+        ["82 48", f"d9 {crc_hqx(b'ABCDEFGH', 0).to_bytes(2, 'little').hex()}"],
+    ),
+    "block download": (block_download(TEXT, b"ABCDEFGH", WAIT), ["a4081000 7f"], ["a2027f", "a1"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MIDWAY)
+def test_an_abort_for_another_object_does_not_end_a_transfer(name: str) -> None:
+    transfer, before, after = MIDWAY[name]
+    talk(transfer, before)
+    deadline = transfer.deadline
+    for other in ("80002001 00000405", "80081001 00000405"):
+        assert transfer.receive(bytes.fromhex(other), deadline - 0.01) == []
+        assert transfer.deadline == deadline
+    for answer in after:
+        transfer.receive(bytes.fromhex(answer).ljust(8, b"\0"), 0.0)
+    assert transfer.result() in (b"ABCDEFGH", b"")
+
+
+@pytest.mark.parametrize(
+    "about", ["081000", "000000"], ids=["the object", "no object: the server knows of no transfer"]
+)
+def test_an_abort_ends_a_transfer(about: str) -> None:
+    transfer = upload(TEXT, WAIT)
+    talk(transfer, ["41081000 08", f"80{about} 00000405"])
+    with pytest.raises(Refused):
+        transfer.result()
+
+
+@pytest.mark.parametrize(
+    ("read", "answer"), [(upload, "41081000 e9030000"), (block_upload, "c6081000 e9030000")], ids=["upload", "block"]
+)
+def test_an_announced_size_is_bounded_by_the_object(read: Callable[..., Transfer], answer: str) -> None:
+    transfer = read(TEXT, WAIT, room=Room(announced=1000))
+    assert talk(transfer, [answer])[1] == ["80081000 12000706"]
+    with pytest.raises(OddAnswer, match="is not about an object of at most 1000 bytes"):
+        transfer.result()
+
+
 # Time
 
 
@@ -335,5 +381,5 @@ class Endless:
 def test_an_endless_upload_ends_the_client(read: Callable[..., Transfer], filled: int) -> None:
     server = Endless(filled)
     with pytest.raises(OddAnswer, match="is not the end of an object of at most 1000 bytes"):
-        Line(server).run(read(NUMBER, WAIT, unannounced=1000))
+        Line(server).run(read(NUMBER, WAIT, room=Room(unannounced=1000)))
     assert server.sent <= 1000 + 2

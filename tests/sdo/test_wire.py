@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from eurobot_od.sdo.wire import Abort, AbortCode, Initiate, block, carrying, part_in, parts, reason, segment
+from eurobot_od.sdo.wire import Abort, AbortCode, Initiate, block, carrying, part_in, reason, segment, segments_of
 
 
 @pytest.mark.parametrize("code", SdoAbortedError.CODES)
@@ -51,10 +51,13 @@ def test_what_does_not_fit_is_announced(size: int) -> None:
     ("content", "carried"), [(b"", [b""]), (b"1234567", [b"1234567"]), (b"12345678", [b"1234567", b"8"])]
 )
 def test_a_content_in_segments(content: bytes, carried: list[bytes]) -> None:
-    assert parts(content) == carried
+    assert [content[at : at + 7] for at in segments_of(content)] == carried
     assert [part_in(segment(3, 0x10, part, last=True)) for part in carried] == carried
 
 
 def test_a_block_is_numbered_and_ends_with_the_last_of_all() -> None:
-    assert [each[0] for each in block([b"1", b"2"], last=False)] == [1, 2]
-    assert [each[0] for each in block([b"1", b"2"], last=True)] == [1, 0x82]
+    content = bytes(8 * 7)
+    assert [each[0] for each in block(content, 0, 2)] == [1, 2]
+    assert [each[0] for each in block(content, 6 * 7, 2)] == [1, 0x82]
+    assert [each[0] for each in block(content, 6 * 7, 127)] == [1, 0x82]
+    assert [each[0] for each in block(b"", 0, 127)] == [0x81]

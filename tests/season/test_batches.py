@@ -18,8 +18,8 @@ from eurobot_od.season import batches as module
 from eurobot_od.season.batches import batches
 
 LINES = (
-    b"(1.500000) can0 008#D27423592C0D9702\n",
-    b"(1.600000) can0 008#D27423592C0D9702 R\n",
+    b"(1.500000) can0 008#D27423592C01C3A5\n",
+    b"(1.600000) can0 008#D27423592C01C3A5 R\n",
     b"(2.000000) can1 7ff# T\r\n",
     b"(2.5) vcan0 123#00\n",
     b"\n",

@@ -16,13 +16,13 @@ from eurobot_od.errors import EurobotError
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.od.outline import Outline
+from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.catalogue import NOTHING
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.writing import Network
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import Timed, archived, assert_equal_to_protocol, protocol_of, random_frames, table, write_log
@@ -60,11 +60,11 @@ def all_types(file: Path) -> Network:
         entries.append(f"0x{0x2000 + number:04X}00{bits:02X}")
         text += pdo(0x1800 + number, *entries, cob_id=f"0x{0x181 + 16 * number:X}", name=f"Of {type_} {bits} {offset}")
     file.write_text(text)
-    return Network((Outline.load(file, 5),), NOTHING)
+    return Network((Dictionary.load(file, 5),), NOTHING)
 
 
 def robot(dialect: str) -> Network:
-    return Network(dialects.outlines(dialect), CATALOGUE)
+    return Network(dialects.load_all(dialect), CATALOGUE)
 
 
 @pytest.mark.parametrize("dialect", dialects.names())

@@ -12,10 +12,12 @@ pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 
 from eurobot_od.cli.query import reports
 from eurobot_od.frame import Frame
-from eurobot_od.robot import dialects, messages
-from eurobot_od.robot.messages import CATALOGUE, KalmanPositionResponse, NaviPositionResponse
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.messages import CATALOGUE, KalmanPositionResponse, NaviPositionResponse
+from eurobot_od.robot.model.values import GotoFault, Obstacle, RobotError, Source
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import GotoFault, Obstacle, RobotError, Source
 from eurobot_od.season.archive import Archiver
 from eurobot_od.season.chart import draw
 from eurobot_od.season.season import Season
@@ -24,7 +26,7 @@ from tests.season.seasons import Timed, write_log
 
 PROTOCOL = EurobotProtocol.load()
 NETWORK = Network(
-    dialects.outlines(), CATALOGUE, (("Goto Confirm", "Goto XY"), ("Check Drive Response", "Check Drive Request"))
+    dialects.load_all(), CATALOGUE, (("Goto Confirm", "Goto XY"), ("Check Drive Response", "Check Drive Request"))
 )
 BITRATE = 1000
 
@@ -69,7 +71,7 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
 
 
 def rows(season: Season, report: str, *columns: str) -> list[tuple[Any, ...]]:
-    found = season.sql(reports()[report].sql, {"bitrate": BITRATE}).select(columns).rows()
+    found = season.sql(reports(ROBOT)[report].sql, {"bitrate": BITRATE}).select(columns).rows()
     return [tuple(Path(cell).stem if str(cell).endswith(".log") else cell for cell in row) for row in found]
 
 
@@ -117,9 +119,9 @@ def test_damage_says_where_it_is_first(season: Season) -> None:
     assert rows(season, "damage", *columns) == [("first", "unknown identifier", 1, 13, "7E5#3132")]
 
 
-@pytest.mark.parametrize("name", reports())
+@pytest.mark.parametrize("name", reports(ROBOT))
 def test_every_report_has_a_picture(season: Season, name: str) -> None:
-    report = reports()[name]
+    report = reports(ROBOT)[name]
     shown = season.sql(report.chart.sql or report.sql, {"bitrate": BITRATE})
     picture = draw(shown, report.chart, report.title)
     assert picture.startswith("<svg")

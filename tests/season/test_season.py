@@ -12,8 +12,9 @@ pytest.importorskip("duckdb", reason="the extra `season` is not installed")
 import polars as pl
 
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.robot import dialects, messages
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season.archive import Archiver
 from eurobot_od.season.season import Season, SqlError
@@ -29,7 +30,7 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
     folder = tmp_path_factory.mktemp("seasons")
     for number, dialect in enumerate(dialects.names()):
         log = write_log(folder / f"{number}.log", [(1.0 + number, EurobotProtocol.load(dialect).encode(GOTO))])
-        Archiver(folder / "season", Network(dialects.outlines(dialect), CATALOGUE))(log)
+        Archiver(folder / "season", Network(dialects.load_all(dialect), CATALOGUE))(log)
     return Season.open(folder / "season")
 
 

@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 
 from eurobot_od.errors import NoAnswer
-from eurobot_od.robot.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest, StopDrive
+from eurobot_od.robot.model.messages import CheckDriveRequest, GotoXY, KalmanPositionRequest, StopDrive
+from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.values import Outcome
 from eurobot_od.simulation.loop import NothingHappens, run
 from eurobot_od.simulation.network import Network
-from tests.robot.nodes.harness import RED, Bench
+from tests.robot.nodes.harness import RED, Bench, as_if_started
 
 
 def test_sleeping_takes_simulated_time_only() -> None:
@@ -95,6 +95,7 @@ def test_calls_run_side_by_side() -> None:
 
 def test_a_cancelled_task_cancels_its_call() -> None:
     bench = Bench("drive", "navigation")
+    as_if_started(bench.core)
 
     async def main(core: Core) -> None:
         task = asyncio.ensure_future(_wait(core))

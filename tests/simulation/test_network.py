@@ -11,7 +11,7 @@ import pytest
 from eurobot_od.device.station import Station
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     EmergencyShutdown,
@@ -395,4 +395,4 @@ def test_what_is_said_while_the_bus_is_off_leaves_by_its_priority_or_is_dropped_
     wire.drive.say(Frame(0x001))
     assert wire.run(0.6) == [Frame(0x001), *frames[:3]]
     assert wire.frames[0][0] > 0.5
-    assert [report.name for report in wire.network.reports] == ["0x683", "0x684", "0x701"]  # and a heartbeat
+    assert [report.name for report in wire.network.reports] == ["0x683", "0x684"]  # a heartbeat waits

@@ -8,8 +8,8 @@ from math import inf
 
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
-from eurobot_od.robot.values import TeamColour
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
 from eurobot_od.simulation.several import Several

@@ -40,6 +40,7 @@ def test_admitted(access: Access, headers: dict[str, str], shown: str, upgrade: 
         (OPEN, {"Host": "192.0.2.7:8014"}, "", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "righ", False, 401, "missing or wrong"),
         (OPEN, {"Host": "192.0.2.7:8014"}, "räight", False, 401, "missing or wrong"),
+        (OPEN, {"Host": "192.0.2.7:8014"}, "right\udcff", False, 401, "missing or wrong"),  # a byte that is no text
         (OPEN, {"Host": "evil.example"}, "right", False, 403, "is not this server"),
     ],
 )

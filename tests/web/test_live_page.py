@@ -20,10 +20,10 @@ from eurobot_od.frame import Frame
 from eurobot_od.live import Driver, open_bus
 from eurobot_od.logs.formats import read
 from eurobot_od.logs.meaning import Decoder
-from eurobot_od.od.outline import Outline
-from eurobot_od.robot.messages import StartConfigurationSet
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.robot.model.messages import StartConfigurationSet
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
 from tests.cli.processes import command, line
 from tests.conftest import EDS, with_entry
@@ -251,7 +251,7 @@ def test_names_from_files_and_buses_are_text(tmp_path: Path, window: Page) -> No
     file = tmp_path / "evil.eds"
     text = (EDS / "canopen" / "drive.eds").read_text()
     file.write_text(with_entry(with_entry(text, "1017", "ParameterName", evil), "1800", "ParameterName", evil))
-    network = Decoder([Outline.load(file, 2, f"</script>{evil}")])
+    network = Decoder([Dictionary.load(file, 2, f"</script>{evil}")])
     name = f"</script><script>alert(1)</script>{evil}"
     with open_bus("virtual", name) as bus, live_page(name, tmp_path, network=network, panels=()) as served:
         window.open(served.address)
@@ -271,7 +271,7 @@ def test_names_from_files_and_buses_are_text(tmp_path: Path, window: Page) -> No
 
 def test_any_network_without_a_field_has_the_rest(tmp_path: Path, window: Page) -> None:
     name = channel()
-    network = Decoder([Outline.load(EDS / "canopen" / "navigation.eds", 3)])
+    network = Decoder([Dictionary.load(EDS / "canopen" / "navigation.eds", 3)])
     with open_bus("virtual", name) as bus, live_page(name, tmp_path, network=network, panels=()) as served:
         window.open(served.address)
         window.wait("connection.control")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.client.objects import find_one
+from eurobot_od.od.objects import find_one
 from eurobot_od.web.polled import PolledObject
 
 

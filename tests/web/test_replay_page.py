@@ -227,3 +227,14 @@ def test_every_view_fits_and_names_its_controls(page: Page, width: int, dark: bo
         assert (name, page.run(unnamed)) == (name, 0)
     colour = json.loads(page.run("JSON.stringify(getComputedStyle(document.body).backgroundColor.match(/\\d+/g))"))
     assert (int(colour[0]) < 128) is dark
+
+
+def test_a_robot_is_drawn_by_its_outline(window: Page, tmp_path: Path) -> None:
+    file = tmp_path / "match.html"
+    outline = "body.outline=[[120, 60], [-120, 60], [-120, -60], [120, -60]]"
+    assert cli.main(["match", "--duration", "6", "--set", outline, "--field", str(file)]) == 0
+    window.open(file.as_uri())
+    window.run("clock.seek(clock.end)")
+    shape = window.run("document.querySelector('.robot polygon').getAttribute('points')")
+    assert shape == "120,-60 -120,-60 -120,60 120,60", "y grows downwards on the drawing"
+    assert window.run("document.querySelectorAll('.robot polygon').length") == 1, "the others are discs"

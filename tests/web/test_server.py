@@ -9,7 +9,7 @@ import logging
 import resource
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack, closing, suppress
+from contextlib import AsyncExitStack, ExitStack, closing, suppress
 from email.message import Message
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +19,10 @@ import aiohttp
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver, open_bus
+from eurobot_od.live import Driver, Live, open_bus
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.robot.nodes import ROLES, Core
 from eurobot_od.web.access import Access
 from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
 from tests.web.scene import LONG, Served, channel, live_page, robot
@@ -349,3 +352,56 @@ def test_a_connection_that_says_nothing_harms_nobody(local: Served) -> None:
     address = urlsplit(local.address)
     with socket.create_connection((address.hostname or "", address.port or 0)):
         assert ask(local).status == 200
+
+
+# The page's goto
+
+GO = {"do": "send", "message": "Goto XY", "fields": {"x": "600", "y": "1700", "angle": "0", "speed": "50"}}
+
+
+def present(roles: dict[str, str], configured: bool) -> Callable[[ExitStack, str], None]:
+    """Return what puts nodes on a bus, each with its dialect."""
+
+    def enter(stack: ExitStack, name: str) -> None:
+        for role, dialect in roles.items():
+            stack.enter_context(Live.node(open_bus("virtual", name), ROLES[role](dialects.load(role, dialect))))
+        if configured:
+            core = Core(dialects.load("core"))
+            with Live.node(open_bus("virtual", name), core):
+                core.configure_start(TeamColour.RED).result(LONG)
+
+    return enter
+
+
+BOTH = {"drive": "canopen", "navigation": "canopen"}
+
+STARTS = [
+    # (who is there, what the page says)
+    (present({"navigation": "canopen"}, False), "no goto: the drive does not answer its check"),
+    (present({"drive": "canopen"}, False), "no goto: the navigation does not answer its check"),
+    (
+        present(BOTH | {"drive": "firmware2014"}, False),
+        "no goto: the drive speaks another dialect than the page's EDS files",
+    ),
+    (
+        present(BOTH | {"navigation": "firmware2014"}, False),
+        "no goto: the navigation speaks another dialect than the page's EDS files",
+    ),
+    (present(BOTH, False), "no goto: the drive's place is unknown; have a core configure the start"),
+    (present(BOTH, True), None),
+]
+
+
+@pytest.mark.parametrize(("enter", "objection"), STARTS)
+def test_the_page_sends_a_goto_only_when_a_core_would(
+    tmp_path: Path, enter: Callable[[ExitStack, str], None], objection: str | None
+) -> None:
+    name = channel()
+    with ExitStack() as stack:
+        enter(stack, name)
+        served = stack.enter_context(live_page(name, tmp_path))
+        other = stack.enter_context(open_bus("virtual", name))
+        said = talk(served, lambda opened: answer(opened, json.dumps({"id": 1, **GO})))
+        gotos = [each for each in iter(lambda: other.recv(0.1), None) if each.arbitration_id == 0x008]
+    assert said.get("error") == objection
+    assert len(gotos) == (objection is None)

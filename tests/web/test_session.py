@@ -14,7 +14,7 @@ import pytest
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
 from eurobot_od.live import Driver, open_bus
-from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.model.messages import StopDrive
 from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.web import session as module

@@ -59,8 +59,8 @@ def accept(*command: str | Path, folder: Path | None = None) -> str:
 
 def write_dcf(folder: Path) -> Path:
     """Write the drive's DCF with another heartbeat."""
-    file, eds = folder / "drive.dcf", dialects.folder(dialects.DEFAULT) / "drive.eds"
-    file.write_text(dcf.with_values(eds.read_text(), {HEARTBEAT: PERIOD}, 2, "drive", 500))
+    file, drive = folder / "drive.dcf", dialects.load("drive")
+    file.write_text(dcf.with_values(drive.device, {HEARTBEAT: PERIOD}, 2, "drive", 500))
     return file
 
 

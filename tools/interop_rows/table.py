@@ -5,7 +5,18 @@ Rule of this file: the table alone; a question is added as one row here and one 
 
 from __future__ import annotations
 
-from interop_rows import conformance, databases, exports, javascript, peers, recordings, shared_bus, sheets, tools
+from interop_rows import (
+    conformance,
+    databases,
+    exports,
+    javascript,
+    peers,
+    recordings,
+    shared_bus,
+    sheets,
+    tools,
+    variables,
+)
 from interop_rows.row import Row
 
 ROWS = (
@@ -18,6 +29,7 @@ ROWS = (
     Row(tools.CANOPEN, "as master: NMT, heartbeat, EMCY", peers.services_by_stock_master),
     Row(tools.CANOPEN, "as master: pdo.read, pdo.save", peers.pdos_by_stock_master),
     Row(tools.CANOPEN, "as master: pdo.export through canmatrix", peers.export_by_stock_master),
+    Row(tools.CANOPEN, "PDO variables: read and write every message", variables.by_stock_pdos),
     Row(tools.CANOPEN, "as node of our master", peers.stock_node_under_our_master),
     Row(tools.CANOPEN, "as node: the conformance suite of its file", conformance.of_stock_node),
     Row(tools.CANTOOLS, "read our DBC files", databases.by_cantools),

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import ceil
+from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
-    Object,
     Subject,
     codes,
     group,
@@ -22,12 +22,14 @@ from eurobot_od.check.conformance.subject import (
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.emergency import ErrorCode
 from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER
 from eurobot_od.od.values import EXTENDED, NOT_VALID, Address, PdoDirection
 from eurobot_od.sdo.wire import AbortCode
 
-REGISTER: Address = (0x1001, 0)
-HISTORY: Address = (0x1003, 0)
-EMCY_COB_ID: Address = (0x1014, 0)
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
+HISTORY: Address = (ERROR_FIELD, 0)
 
 COMMUNICATION_ERROR = 0x11
 """The error register after an error of the communication: generic, and communication (CiA 301, Table 48)."""
@@ -37,7 +39,7 @@ NO_HISTORY = "the file has no error history (0x1003)"
 
 
 def _has_emcy(subject: Subject) -> bool:
-    entry = subject.dictionary.number(EMCY_COB_ID)
+    entry = subject.dictionary.number(EMCY)
     return entry is not None and not entry & (NOT_VALID | EXTENDED)
 
 
@@ -80,7 +82,7 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         {"name": "the frame", "send": {"raw": frame}},
         {"name": f"EMCY 0x{code:04X}", "emcy": f"0x{code:04X}"},
         never("it is told once", {"emcy": f"0x{code:04X}"}, ONCE),
-        read("the error register says so", REGISTER, expect=COMMUNICATION_ERROR),
+        read("the error register says so", ERROR_REGISTER, expect=COMMUNICATION_ERROR),
         *_remembered(subject, code),
         nmt("reset communication"),
         wait("200 ms"),
@@ -100,7 +102,7 @@ def _remembered(subject: Subject, code: ErrorCode) -> Iterator[Data]:
         yield from _cleared(history)
 
 
-def _cleared(history: Object) -> Iterator[Data]:
+def _cleared(history: ODVariable) -> Iterator[Data]:
     if history.writable:
         yield write("the history is cleared", HISTORY, value=0)
         yield _empty()

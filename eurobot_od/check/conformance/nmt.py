@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     BOOT_TIME,
-    HEARTBEAT_TIME,
     Chapter,
     Clause,
-    Object,
     Subject,
     awake,
     group,
@@ -25,10 +24,13 @@ from eurobot_od.check.conformance.subject import (
 )
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.nmt import STATE_NAMES, boot_state
+from eurobot_od.od.objects import address_of, in_limits, limits
+from eurobot_od.od.standard import GUARD_TIME, HEARTBEAT_TIME, NMT_STARTUP
 from eurobot_od.od.values import NMT_COB_ID, NODE_IDS
 from eurobot_od.sdo.wire import ClientCommand, initiate
 
-NMT_STARTUP = (0x1F80, 0)
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 BEAT = 100
 """Heartbeat time with which states are watched, ms."""
@@ -69,14 +71,14 @@ def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     time = subject.find(HEARTBEAT_TIME)
     if time is None or not time.writable:
         return skip(name, NO_HEARTBEAT)
-    faster = write(f"a heartbeat every {BEAT} ms", time.address, value=_allowed(time, BEAT))
+    faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
     return group(name, save(time), faster, *steps, put_back(time))
 
 
-def _allowed(variable: Object, value: int) -> int:
+def _allowed(variable: ODVariable, value: int) -> int:
     """Return the value nearest to one that an object takes."""
-    low = value if variable.low is None else max(value, variable.low)
-    return low if variable.high is None else min(low, variable.high)
+    range_ = limits(variable)
+    return value if range_ is None else int(min(max(value, range_.low), range_.high))
 
 
 # Boot-up
@@ -163,8 +165,8 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
         yield skip("it can be changed", NO_HEARTBEAT)
         return
     beat = _allowed(time, BEAT)
-    slower = write(f"{SLOW} ms", time.address, value=_allowed(time, SLOW))
-    faster = write(f"{beat} ms", time.address, value=beat)
+    slower = write(f"{SLOW} ms", address_of(time), value=_allowed(time, SLOW))
+    faster = write(f"{beat} ms", address_of(time), value=beat)
     first = {**heartbeat("any", f"{beat + 100} ms"), "name": "a heartbeat after the new time"}
     yield group("a change counts at once", save(time), slower, wait("20 ms"), faster, first, put_back(time))
     every = {"message": {"heartbeat": "any"}, "every": f"{beat} ms", "tolerance": PRECISION, "count": 5}
@@ -175,8 +177,8 @@ def _heartbeat_times(subject: Subject) -> Iterator[Data]:
         {"name": f"every {beat} ms", "period": every},
         put_back(time),
     )
-    if not time.low:
-        none = write("0: no heartbeat", time.address, value=0)
+    if in_limits(time, 0):
+        none = write("0: no heartbeat", address_of(time), value=0)
         silent = never("silent", {"heartbeat": "any"}, QUIET)
         yield group("0 ends it", save(time), faster, none, wait("20 ms"), silent, put_back(time))
 
@@ -197,7 +199,7 @@ def _heartbeat_of_the_file(subject: Subject) -> Iterator[Data]:
 
 
 def _life_guarding(subject: Subject) -> Iterator[Data]:
-    if subject.find((0x100C, 0)) is not None:
+    if subject.find(GUARD_TIME) is not None:
         yield skip("node guarding", "it needs remote frames, which CiA 301 advises against (7.2.8.3.2.1)")
 
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from math import ceil
+from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     BUSY,
     Chapter,
     Clause,
-    Object,
     Subject,
     codes,
     expect,
@@ -23,18 +23,23 @@ from eurobot_od.check.conformance.subject import (
     read,
     save,
     skip,
+    title,
+    unchanged,
     wait,
     write,
 )
 from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.od import values
+from eurobot_od.od.objects import address_of, data_type
 from eurobot_od.od.pdos import Pdo
+from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PRODUCER
 from eurobot_od.od.values import COB_ID, EVENT_TIMER, INHIBIT_TIME, MAPPABLE, NOT_VALID, TRANSMISSION_TYPE, PdoDirection
 from eurobot_od.pdo.layout import MAX_BITS
 from eurobot_od.sdo.wire import AbortCode
 
-SYNC, SYNC_COUNTER = (0x1005, 0), (0x1019, 0)
-SYNC_PRODUCER = 1 << 30
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
 
 EVENT_TIME = 100
 """Event timer with which TPDOs are looked at, ms."""
@@ -68,7 +73,7 @@ def _title(pdo: Pdo) -> str:
     return f"{pdo.direction.name} {pdo.number}"
 
 
-def _at(subject: Subject, pdo: Pdo, subindex: int) -> Object | None:
+def _at(subject: Subject, pdo: Pdo, subindex: int) -> ODVariable | None:
     """Return a communication parameter that can be written, None if it cannot."""
     found = subject.find((pdo.index, subindex))
     return found if found is not None and found.writable else None
@@ -84,8 +89,8 @@ def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     elif not pdo.valid:
         yield skip(title, f"{title} is not valid by default")
     else:
-        changed = hexadecimal(subject.number(cob_id.address) ^ 1, 8)
-        moved = write("another identifier while it is valid", cob_id.address, value=changed, abort="any")
+        changed = hexadecimal(subject.number(address_of(cob_id)) ^ 1, 8)
+        moved = write("another identifier while it is valid", address_of(cob_id), value=changed, abort="any")
         yield group(f"{title} keeps its identifier", save(cob_id), moved, put_back(cob_id))
         yield from _inhibit_time(subject, pdo)
 
@@ -93,9 +98,8 @@ def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 def _inhibit_time(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     time = _at(subject, pdo, INHIBIT_TIME)
     if time is not None and pdo.direction is PdoDirection.TPDO:
-        other = write("another time while it is valid", time.address, value=pdo.inhibit_time + 1, abort="any")
-        same = read("nothing has changed", time.address, expect="{present}")
-        yield group(f"{_title(pdo)} keeps its inhibit time", save(time), other, same)
+        other = write("another time while it is valid", address_of(time), value=pdo.inhibit_time + 1, abort="any")
+        yield group(f"{_title(pdo)} keeps its inhibit time", save(time), other, unchanged(time))
 
 
 # Mapping
@@ -118,7 +122,7 @@ def _room(subject: Subject, pdo: Pdo) -> int:
     return max(subject.dictionary.members.get(pdo.mapping_index, ()), default=0)
 
 
-def _remapped(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:
+def _remapped(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
     """Change the mapping as CiA 301 says, try each step out of its order, and put all back."""
     record = pdo.mapping_index
     yield save(cob_id)
@@ -133,11 +137,12 @@ def _remapped(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:
     yield from _mapped_again(subject, pdo, cob_id)
 
 
-def _off(subject: Subject, cob_id: Object) -> Data:
-    return write("1. not valid", cob_id.address, value=hexadecimal(subject.number(cob_id.address) | NOT_VALID, 8))
+def _off(subject: Subject, cob_id: ODVariable) -> Data:
+    off = subject.number(address_of(cob_id)) | NOT_VALID
+    return write("1. not valid", address_of(cob_id), value=hexadecimal(off, 8))
 
 
-def _mapped_again(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:
+def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Data]:
     """Give a PDO that is not valid, and whose sub-index 0 is 0, its entries and its COB-ID."""
     record, count = pdo.mapping_index, len(pdo.mapping)
     for sub in range(1, count + 1):
@@ -147,13 +152,13 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: Object) -> Iterator[Data]:
     yield read("it has its entries", (record, 0), expect=count)
 
 
-def _at_most(subject: Subject, pdo: Pdo, cob_id: Object) -> Data:
+def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Data:
     """Map more bits than a PDO has; entry by entry that may be, together it is refused."""
     record, name = pdo.mapping_index, f"{_title(pdo)} takes {MAX_BITS} bits at most"
     wide = _widest(subject, pdo)
-    if wide is None or MAX_BITS // wide.type.bits >= _room(subject, pdo):
+    if wide is None or MAX_BITS // data_type(wide).bits >= _room(subject, pdo):
         return skip(name, "the file has too few entries in it to map more")
-    count = MAX_BITS // wide.type.bits + 1
+    count = MAX_BITS // data_type(wide).bits + 1
     spare = {sub: subject.number((record, sub)) for sub in range(len(pdo.mapping) + 1, count + 1)}
     too_long = codes(AbortCode.MAPPING_TOO_LONG)
     return group(
@@ -162,7 +167,7 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: Object) -> Data:
         _off(subject, cob_id),
         write("2. sub-index 0 is 0", (record, 0), value=0),
         *(write(f"entry {sub} of too many", (record, sub), value=_entry(wide)) for sub in range(1, count + 1)),
-        write(f"{count * wide.type.bits} bits", (record, 0), value=count, abort=too_long),
+        write(f"{count * data_type(wide).bits} bits", (record, 0), value=count, abort=too_long),
         *(write(f"spare entry {sub}", (record, sub), value=hexadecimal(spare[sub], 8)) for sub in spare),
         *_mapped_again(subject, pdo, cob_id),
     )
@@ -171,26 +176,26 @@ def _at_most(subject: Subject, pdo: Pdo, cob_id: Object) -> Data:
 def _refused_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     """Map what cannot be mapped, and what is not there."""
     entry = pdo.mapping_index, 1
-    fixed = next((each for each in subject.objects.values() if not each.mappable and each.type.size in (1, 2, 4)), None)
+    unmapped = (each for each in subject.objects if not each.pdo_mappable)
+    fixed = next((each for each in unmapped if data_type(each).size in (1, 2, 4)), None)
     if fixed is not None:
         value = _entry(fixed)
-        yield write(f"{fixed} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE))
+        yield write(f"{title(fixed)} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE))
     if MISSING not in subject.dictionary.members:
         missing = hexadecimal(MISSING << 16 | 8, 8)
         aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE)
         yield write("an object that is not there", entry, value=missing, abort=aborts)
 
 
-def _entry(each: Object) -> str:
-    index, subindex = each.address
-    return hexadecimal(index << 16 | subindex << 8 | each.type.bits, 8)
+def _entry(each: ODVariable) -> str:
+    return hexadecimal(each.index << 16 | each.subindex << 8 | data_type(each).bits, 8)
 
 
-def _widest(subject: Subject, pdo: Pdo) -> Object | None:
+def _widest(subject: Subject, pdo: Pdo) -> ODVariable | None:
     """Return the widest number that may be mapped there."""
-    may = [each for each in subject.objects.values() if each.mappable and each.access in MAPPABLE[pdo.direction]]
-    numbers = [each for each in may if each.type.is_integer and 8 <= each.type.bits <= MAX_BITS]
-    return max(numbers, key=lambda each: each.type.bits, default=None)
+    may = [each for each in subject.objects if each.pdo_mappable and each.access_type in MAPPABLE[pdo.direction]]
+    numbers = [each for each in may if data_type(each).is_integer and 8 <= data_type(each).bits <= MAX_BITS]
+    return max(numbers, key=lambda each: data_type(each).bits, default=None)
 
 
 # When TPDOs are sent
@@ -214,7 +219,7 @@ def _event_timer(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     yield group(
         f"{title} by its event timer",
         save(timer),
-        write(f"event timer {EVENT_TIME} ms", timer.address, value=EVENT_TIME),
+        write(f"event timer {EVENT_TIME} ms", address_of(timer), value=EVENT_TIME),
         wait("50 ms"),
         never("none in PRE-OPERATIONAL", sent, QUIET),
         nmt("start"),
@@ -238,7 +243,7 @@ def _by_sync(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     yield group(
         f"{title} by SYNC",
         save(type_),
-        write("transmission type 1", type_.address, value=1, optional=codes(*NO_SUCH_TYPE)),
+        write("transmission type 1", address_of(type_), value=1, optional=codes(*NO_SUCH_TYPE)),
         sync,
         never("none in PRE-OPERATIONAL", sent, QUIET),
         nmt("start"),
@@ -250,7 +255,7 @@ def _by_sync(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     )
 
 
-def _why_no_sync(subject: Subject, pdo: Pdo, type_: Object | None) -> str:
+def _why_no_sync(subject: Subject, pdo: Pdo, type_: ODVariable | None) -> str:
     """Say why a TPDO cannot be looked at with SYNC, nothing if it can."""
     reasons = {
         "the file has no SYNC (0x1005)": subject.find(SYNC) is None,

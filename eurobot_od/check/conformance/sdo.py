@@ -6,14 +6,12 @@ Rule of this file: what is downloaded is what the object has after a reset, and 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.objects import ACTING, CONFIGURED, FIXED, MAPPINGS
 from eurobot_od.check.conformance.subject import (
-    DEVICE_TYPE,
-    HEARTBEAT_TIME,
     Chapter,
     Clause,
-    Object,
     Subject,
     codes,
     expect,
@@ -21,12 +19,18 @@ from eurobot_od.check.conformance.subject import (
     never,
     read,
     skip,
+    title,
     wait,
     write,
 )
 from eurobot_od.check.conformance.writing import Data
+from eurobot_od.od.objects import address_of, data_type, default_bytes
+from eurobot_od.od.standard import DEVICE_TYPE, HEARTBEAT_TIME
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
 
 WITHIN = "1 s"
 """How long an SDO server may take for an answer; the standard names no time."""
@@ -42,27 +46,32 @@ NO_BLOCKS = (AbortCode.UNKNOWN_COMMAND, AbortCode.UNSUPPORTED_ACCESS)
 """Aborts of a server that has no block transfer."""
 
 
-def _known(each: Object) -> bool:
+def _known(each: ODVariable) -> bool:
     """Whether an object is readable, and has the file's value after a reset."""
-    steady = each.access in CONFIGURED or each.address[0] in FIXED
-    return each.readable and steady and each.default_bytes is not None and each.address[0] not in ACTING
+    steady = each.access_type in CONFIGURED or each.index in FIXED
+    return each.readable and steady and default_bytes(each) is not None and each.index not in ACTING
 
 
-def _long(subject: Subject) -> Object | None:
+def _content(each: ODVariable) -> bytes:
+    """Return the known value of an object."""
+    return default_bytes(each) or b""
+
+
+def _long(subject: Subject) -> ODVariable | None:
     """Return the object with the longest known value over 4 bytes."""
-    found = [each for each in subject.objects.values() if _known(each) and len(each.default_bytes or b"") > 4]
-    return max(found, key=lambda each: len(each.default_bytes or b""), default=None)
+    found = [each for each in subject.objects if _known(each) and len(_content(each)) > 4]
+    return max(found, key=lambda each: len(_content(each)), default=None)
 
 
-def _number(subject: Subject) -> Object | None:
+def _number(subject: Subject) -> ODVariable | None:
     """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID."""
-    found = [each for each in subject.objects.values() if _known(each) and each.writable and _harmless(each)]
-    return min(found, key=lambda each: each.address != HEARTBEAT_TIME, default=None)
+    found = [each for each in subject.objects if _known(each) and each.writable and _harmless(each)]
+    return min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None)
 
 
-def _harmless(each: Object) -> bool:
-    index = each.address[0]
-    return each.type.is_integer and each.type.size <= 4 and index not in MAPPINGS and not 0x1400 <= index < 0x2000
+def _harmless(each: ODVariable) -> bool:
+    type_, index = data_type(each), each.index
+    return type_.is_integer and type_.size <= 4 and index not in MAPPINGS and not 0x1400 <= index < 0x2000
 
 
 # Uploads
@@ -84,10 +93,10 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
     if each is None:
         yield skip("by segments", NO_SEGMENTS)
         return
-    yield read(f"{each} by segments", each.address, data=(each.default_bytes or b"").hex(" "))
+    yield read(f"{title(each)} by segments", address_of(each), data=_content(each).hex(" "))
     yield group(
         "a wrong toggle bit is refused",
-        _asked(subject, ClientCommand.UPLOAD << 5, each.address),
+        _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
         expect("it begins", subject.answer(f"4?{_multiplexer(each)}????????"), WITHIN),
         _sent(subject, "the first segment, asked for with the toggle bit set", wire.plain(0x70)),
         _aborted(subject, AbortCode.TOGGLE_BIT),
@@ -96,9 +105,9 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
 
 def _block_upload(subject: Subject) -> Iterator[Data]:
     each = _long(subject) or subject.find(DEVICE_TYPE)
-    if each is not None and each.default_bytes is not None:
-        content = each.default_bytes.hex(" ")
-        yield read(f"{each} in blocks", each.address, data=content, transfer="block", optional=codes(*NO_BLOCKS))
+    if each is not None and default_bytes(each) is not None:
+        name, content = f"{title(each)} in blocks", _content(each).hex(" ")
+        yield read(name, address_of(each), data=content, transfer="block", optional=codes(*NO_BLOCKS))
 
 
 # Downloads
@@ -109,9 +118,9 @@ def _segmented_download(subject: Subject) -> Iterator[Data]:
     if each is None:
         yield skip("by segments", NO_NUMBER)
         return
-    content = each.default_bytes or b""
+    content = _content(each)
     yield group(
-        f"{each} by segments",
+        f"{title(each)} by segments",
         *_begun(subject, each),
         _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
         expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
@@ -132,9 +141,9 @@ def _block_download(subject: Subject) -> Iterator[Data]:
     if each is None:
         yield skip("in blocks", NO_NUMBER)
         return
-    content = (each.default_bytes or b"").hex(" ")
-    written = write("its own value", each.address, data=content, transfer="block", optional=codes(*NO_BLOCKS))
-    yield group(f"{each} in blocks", written, _as_before(each))
+    content = _content(each).hex(" ")
+    written = write("its own value", address_of(each), data=content, transfer="block", optional=codes(*NO_BLOCKS))
+    yield group(f"{title(each)} in blocks", written, _as_before(each))
 
 
 # Aborts
@@ -162,7 +171,7 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
     yield group(
         "a transfer that the client aborts changes nothing",
         *_begun(subject, each),
-        _sent(subject, "abort", wire.aborted(each.address, AbortCode.GENERAL)),
+        _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)),
         _as_before(each),
     )
     yield group(
@@ -176,10 +185,10 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
 # Frames
 
 
-def _begun(subject: Subject, each: Object) -> tuple[Data, Data]:
+def _begun(subject: Subject, each: ODVariable) -> tuple[Data, Data]:
     """Begin a download by segments."""
-    size = len(each.default_bytes or b"")
-    begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, each.address, size.to_bytes(4, "little"))
+    size = len(_content(each))
+    begin = initiate(ClientCommand.DOWNLOAD << 5 | wire.SIZE_GIVEN, address_of(each), size.to_bytes(4, "little"))
     begun = expect("it begins", subject.answer(f"60{_multiplexer(each)}????????"), WITHIN)
     return _sent(subject, "the first request", begin), begun
 
@@ -197,13 +206,12 @@ def _aborted(subject: Subject, code: AbortCode) -> Data:
     return expect("abort", subject.answer(f"80??????{code.to_bytes(4, 'little').hex().upper()}"), WITHIN)
 
 
-def _multiplexer(each: Object) -> str:
-    index, subindex = each.address
-    return f"{index & 0xFF:02X}{index >> 8:02X}{subindex:02X}"
+def _multiplexer(each: ODVariable) -> str:
+    return f"{each.index & 0xFF:02X}{each.index >> 8:02X}{each.subindex:02X}"
 
 
-def _as_before(each: Object) -> Data:
-    return read("it has its value", each.address, data=(each.default_bytes or b"").hex(" "))
+def _as_before(each: ODVariable) -> Data:
+    return read("it has its value", address_of(each), data=_content(each).hex(" "))
 
 
 CHAPTER = Chapter(

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.check.conformance.writing import Data, hexadecimal, object_at, shown
-from eurobot_od.check.objects import object_type, services
-from eurobot_od.od import values
+from eurobot_od.check.suite import NodeServices
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.values import WRITABLE, Address, DataType, Value, label
+from eurobot_od.od.objects import address_of, data_type, members
+from eurobot_od.od.standard import DEVICE_TYPE
+from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
 
-DEVICE_TYPE: Address = (0x1000, 0)
-HEARTBEAT_TIME: Address = (0x1017, 0)
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ODVariable
+
 
 BUSY = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE)
 """Aborts by which a device says that it will not take a value now (CiA 301, Table 22: 0x0800002x)."""
@@ -24,53 +26,9 @@ BOOT_TIME = "10 s"
 """How long a device may take from a reset to its boot-up, and to its first SDO answer; the standard names no time."""
 
 
-class Object(NamedTuple):
-    """A variable of the file: where it is, what it is called, its type, its access, and whether PDOs may carry it.
-
-    `low` and `high` are the limits that are narrower than those of its type, None without one. `typed` tells whether
-    suites can write its values, or only its bytes.
-    """
-
-    address: Address
-    name: str
-    type: DataType
-    access: str
-    mappable: bool
-    default: Value
-    low: int | None
-    high: int | None
-    typed: bool
-
-    @property
-    def readable(self) -> bool:
-        """Whether an SDO may read it."""
-        return self.access != "wo"
-
-    @property
-    def writable(self) -> bool:
-        """Whether an SDO may write it."""
-        return self.access in WRITABLE
-
-    def __str__(self) -> str:
-        return label(self.address, shown(self.name))
-
-    @property
-    def in_limits(self) -> bool:
-        """Whether the default, if it is a number, is one that the limits allow."""
-        if not isinstance(self.default, int):
-            return True
-        low, high = (self.default if limit is None else limit for limit in (self.low, self.high))
-        return low <= self.default <= high
-
-    @property
-    def default_bytes(self) -> bytes | None:
-        """The default as an SDO carries it, None if there is none, or none of its type."""
-        if self.default is None:
-            return None
-        try:
-            return self.type.write(self.default)
-        except (ValueError, OverflowError):
-            return None
+def title(variable: ODVariable) -> str:
+    """Write address and ParameterName as a step's name has them."""
+    return label(address_of(variable), shown(variable.name))
 
 
 @dataclass(frozen=True)
@@ -86,32 +44,19 @@ class Subject:
         return self.dictionary.node_id
 
     @cached_property
-    def objects(self) -> dict[Address, Object]:
+    def objects(self) -> list[ODVariable]:
         """All variables of the file, by address."""
-        return {address: self._object(address) for address in sorted(self.dictionary.addresses())}
-
-    def _object(self, address: Address) -> Object:
-        variable, typed = self.dictionary.variable(address), object_type(self.dictionary, address)
-        assert variable is not None, "the dictionary has given this address"
-        type_ = values.DATA_TYPES.get(variable.data_type or 0, values.DOMAIN)
-        default = self.dictionary.default(address)
-        low, high = (variable.min, variable.max) if type_.is_integer else (None, None)
-        return Object(
-            *(address, variable.name, type_, variable.access_type, bool(variable.pdo_mappable), default),
-            low if low is not None and low > type_.low else None,
-            high if high is not None and high < type_.high else None,
-            typed is not None,
-        )
+        return [each for index in sorted(self.dictionary.members) for each in members(self.dictionary.objects, index)]
 
     @property
     def probe(self) -> Address:
         """An object to ask for, to see whether the device answers: the device type, else the first that is readable."""
-        readable = (each.address for each in self.objects.values() if each.readable)
-        return DEVICE_TYPE if DEVICE_TYPE in self.objects else next(readable, DEVICE_TYPE)
+        readable = (address_of(each) for each in self.objects if each.readable)
+        return DEVICE_TYPE if self.find(DEVICE_TYPE) is not None else next(readable, DEVICE_TYPE)
 
-    def find(self, address: Address) -> Object | None:
+    def find(self, address: Address) -> ODVariable | None:
         """Return a variable, None if the file does not have it."""
-        return self.objects.get(address)
+        return self.dictionary.variable(address)
 
     def writable(self, address: Address) -> bool:
         """Whether the file has a variable, and lets it be written."""
@@ -126,12 +71,12 @@ class Subject:
 
     def request(self, data: bytes) -> Data:
         """Return the step that sends an SDO request as it is."""
-        frame = f"{services(self.dictionary).sdo_request:03X}#{data.hex().upper()}"
+        frame = f"{NodeServices.of(self.dictionary).sdo_request:03X}#{data.hex().upper()}"
         return {"send": {"raw": frame}}
 
     def answer(self, digits: str) -> Data:
         """Return the pattern of an answer of the SDO server, `?` for any digit."""
-        return {"raw": f"{services(self.dictionary).sdo_answer:03X}#{digits}"}
+        return {"raw": f"{NodeServices.of(self.dictionary).sdo_answer:03X}#{digits}"}
 
 
 StepsOf: TypeAlias = "Callable[[Subject], Iterable[Data]]"
@@ -187,21 +132,27 @@ def codes(*aborts: AbortCode) -> list[str]:
     return [hexadecimal(each, 8) for each in aborts]
 
 
-def save(variable: Object, name: str = "present") -> Data:
+PRESENT = "{present}"
+"""The value kept: of an integer the number, of anything else the bytes, every one of which has to come back."""
+
+
+def save(variable: ODVariable) -> Data:
     """Keep an object's present value; one that has none now cannot be looked at."""
-    return read("its present value", variable.address, save=name, optional=codes(AbortCode.NO_DATA))
+    as_bytes = {} if data_type(variable).is_integer else {"data": "any"}
+    none_now = codes(AbortCode.NO_DATA)
+    return read("its present value", address_of(variable), **as_bytes, save="present", optional=none_now)
 
 
-def put_back(variable: Object, name: str = "present", **more: object) -> Data:
+def put_back(variable: ODVariable, **more: object) -> Data:
     """Give an object the value kept."""
-    key = "value" if variable.typed else "data"
-    return write("put back", variable.address, **{key: f"{{{name}}}"}, **more)
+    key = "value" if data_type(variable).is_integer else "data"
+    return write("put back", address_of(variable), **{key: PRESENT}, **more)
 
 
-def unchanged(variable: Object, name: str = "present") -> Data:
+def unchanged(variable: ODVariable, name: str = "nothing has changed") -> Data:
     """See that an object has the value kept."""
-    key = "expect" if variable.typed else "data"
-    return read("nothing has changed", variable.address, **{key: f"{{{name}}}"})
+    key = "expect" if data_type(variable).is_integer else "data"
+    return read(name, address_of(variable), **{key: PRESENT})
 
 
 def nmt(command: str) -> Data:

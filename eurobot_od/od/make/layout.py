@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import accumulate, groupby
 from typing import NamedTuple
 
-from eurobot_od.od.make.table import DialectRow, Field, Table
+from eurobot_od.od import pdos
+from eurobot_od.od.make.table import DialectRow, Field, Record, Table
 from eurobot_od.yaml_places import Place, Text
 
-PADDING = Text("Padding", Place(0, 0))
+PADDING = Text(pdos.PADDING, Place(0, 0))
 BYTE = 8
 FIRST_SLICES = 0x3000
 """The object of the first cut object's slices; the next ones follow."""
@@ -65,7 +66,7 @@ def runs(frame: Iterable[tuple[Text, int]]) -> Iterator[Slice]:
 
 @dataclass(frozen=True)
 class ObjectLayout:
-    """An object in a dialect: index and fields, the `parts` in a PDO, and the index of those that are slices."""
+    """An object in a dialect: index and fields, its `parts` in PDO order, and the index of those that are slices."""
 
     index: int
     fields: dict[Text, Field]
@@ -82,6 +83,12 @@ class ObjectLayout:
         """The mapping entries of a PDO: index, sub-index and bits of every part (CiA 301, 7.5.2.36)."""
         return tuple(self.target(each) for each in self.parts)
 
+    @property
+    def begins(self) -> dict[Text, int]:
+        """The bit, 0 to 7, of its first byte in a frame at which each field begins that is mapped whole."""
+        offsets = accumulate((each.bits for each in self.parts), initial=0)
+        return {part.field: at % BYTE for part, at in zip(self.parts, offsets) if self.is_whole(part)}
+
     def is_whole(self, part: Slice) -> bool:
         """Tell whether a part is a whole field."""
         return part.field in self.fields and part.bits == self.fields[part.field].bits
@@ -97,10 +104,20 @@ class ObjectLayout:
 
 def layouts(table: Table, dialect: DialectRow) -> dict[Text, ObjectLayout]:
     """Lay out every object of the table in `dialect`."""
-    cut = dialect.most_significant_first
-    return {
-        name: ObjectLayout(each.index, each.fields, most_significant_first(each.fields), FIRST_SLICES + cut.index(name))
-        if name in cut
-        else ObjectLayout(each.index, each.fields, whole_fields(each.fields), 0)
-        for name, each in table.objects_in(dialect).items()
-    }
+    return {name: layout(dialect, name, each) for name, each in table.objects_in(dialect).items()}
+
+
+def layout(dialect: DialectRow, name: Text, record: Record) -> ObjectLayout:
+    """Lay out the object `name` with the fields that it has in `dialect`."""
+    fields = in_pdo_order(record.fields, dialect.reserved_before(name))
+    if name not in dialect.most_significant_first:
+        return ObjectLayout(record.index, record.fields, whole_fields(fields), 0)
+    slices_index = FIRST_SLICES + dialect.most_significant_first.index(name)
+    return ObjectLayout(record.index, record.fields, most_significant_first(fields), slices_index)
+
+
+def in_pdo_order(fields: dict[Text, Field], reserved: dict[Text, Text]) -> dict[Text, Field]:
+    """Return the fields with the reserved bits, which are the last sub-indices, before those they belong before."""
+    named = (name for name in fields if name not in reserved.values())
+    order = (each for name in named for each in (reserved.get(name), name) if each is not None)
+    return {name: fields[name] for name in order}

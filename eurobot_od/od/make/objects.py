@@ -1,11 +1,11 @@
 """The object dictionary of one node in one dialect: every object that its EDS lists, and which CANopen tools may map.
 
-An object is a row of values, and each row of a standard's object names its clause (CiA 301 version 4.2.0, CiA 302-2).
+Objects are canopen's; each row of a standard's object names its clause (CiA 301 version 4.2.0, CiA 302-2).
 Nothing here knows how an EDS is written.
 
 Where the standard leaves room, this is the form that every tool accepts that was given the files:
 
-- A field has the type of exactly as many bytes as its bits need.
+- A field has the type of exactly as many bytes as it touches in its frame: canopen reads and writes it through these.
 - Every PDO has all five communication parameters. Every mapping record, even that of a message without data, has the
   same number of entries, filled up with zeros: a master can write only entries that are there.
 - Data that is received is `rww`, data that is sent `ro`, and all of it has limits.
@@ -14,18 +14,23 @@ Where the standard leaves room, this is the form that every tool accepts that wa
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TypeAlias, TypeVar, cast
+
+from canopen.objectdictionary import ODArray, ODRecord, ODVariable
 
 from eurobot_od.od import values
-from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.make.layout import ObjectLayout, Slice, layouts
 from eurobot_od.od.make.table import DialectRow, Field, MessageRow, NodeRow, Table
 from eurobot_od.od.values import DataType, PdoDirection
 from eurobot_od.yaml_places import PlacedNumber, Text
 
+DictionaryObject: TypeAlias = ODVariable | ODRecord | ODArray
+"""An object of canopen's: a VAR, or one with sub-indices."""
+
+Whole = TypeVar("Whole", ODRecord, ODArray)
+
 U8, U16, U32, STRING = values.UNSIGNED8, values.UNSIGNED16, values.UNSIGNED32, values.VISIBLE_STRING
-UNSIGNED = {1: U8, 2: U16, 3: values.DATA_TYPES[0x16], 4: U32}
+UNSIGNED = {1: U8, 2: U16, 3: values.DATA_TYPES[0x16], 4: U32, 5: values.DATA_TYPES[0x18]}
 """The unsigned type of each number of bytes."""
 
 ERROR_HISTORY = 8
@@ -42,111 +47,118 @@ ACCESS = {(True, False): "ro", (False, True): "rww", (True, True): "rw"}
 """Access to data by (sent, received) of its node: nobody else sets what it sends; only `rw` may be mapped both ways."""
 
 
-class SubObject(NamedTuple):
-    """A variable: a VAR object or a sub-index. A text as default of a number is a formula of the node-ID."""
-
-    name: str
-    type: DataType
-    access: str
-    default: int | str | None
-    low: int | None = None
-    high: int | None = None
-    mappable: bool = False
-
-
-@dataclass(frozen=True)
-class DictionaryObject:
-    """An object: a VAR has one entry, an ARRAY or a RECORD one for each sub-index from 0 on."""
-
-    index: int
-    name: str
-    code: ObjectCode
-    entries: tuple[SubObject, ...]
+def entry(
+    name: str,
+    type_: DataType,
+    access: str,
+    default: int | str | None,
+    low: int | None = None,
+    high: int | None = None,
+    mappable: bool = False,
+) -> ODVariable:
+    """Make a variable. A text as default of a number is a formula of the node-ID."""
+    made = ODVariable(name, 0)
+    made.data_type, made.access_type, made.pdo_mappable = type_.code, access, mappable
+    made.default = cast("int | None", default)  # canopen's own reader puts texts there, too
+    made.min, made.max = low, high
+    return made
 
 
-def variable(index: int, entry: SubObject) -> DictionaryObject:
+def variable(index: int, only: ODVariable) -> ODVariable:
     """Make a VAR object."""
-    return DictionaryObject(index, entry.name, ObjectCode.VAR, (entry,))
+    only.index = index
+    return only
 
 
-def record(index: int, name: str, *entries: SubObject, code: ObjectCode = ObjectCode.RECORD) -> DictionaryObject:
-    """Make a RECORD, or another object with sub-indices; its sub-index 0 says how many entries follow."""
-    count = SubObject("Highest sub-index supported", U8, "const", len(entries))
-    return DictionaryObject(index, name, code, (count, *entries))
+def record(index: int, name: str, *entries: ODVariable) -> ODRecord:
+    """Make a RECORD; its sub-index 0 says how many entries follow."""
+    return filled(ODRecord(name, index), highest(entries), *entries)
 
 
-def array(index: int, name: str, *entries: SubObject) -> DictionaryObject:
+def array(index: int, name: str, *entries: ODVariable) -> ODArray:
     """Make an ARRAY."""
-    return record(index, name, *entries, code=ObjectCode.ARRAY)
+    return filled(ODArray(name, index), highest(entries), *entries)
+
+
+def highest(entries: Sequence[ODVariable]) -> ODVariable:
+    """Make the sub-index 0 of a record or an array."""
+    return entry("Highest sub-index supported", U8, "const", len(entries))
+
+
+def filled(whole: Whole, *entries: ODVariable) -> Whole:
+    """Give a record or an array its members, from sub-index 0 on."""
+    for sub, each in enumerate(entries):
+        each.index, each.subindex = whole.index, sub
+        whole.add_member(each)
+    return whole
 
 
 # What is the same in every node. Not here: 0x1005 and 0x1012. Their defaults are 0x080 and 0x100, on the robot of 2014
 # identifiers of messages; a node with these objects would take them for SYNC and TIME.
 
-COMMON = (
-    variable(0x1000, SubObject("Device type", U32, "ro", 0)),  # 7.5.2.1: 0, no device profile
-    variable(0x1001, SubObject("Error register", U8, "ro", 0)),  # 7.5.2.2
-    DictionaryObject(  # 7.5.2.4: sub-index 0 counts the errors, 0 written to it clears them
-        0x1003,
-        "Pre-defined error field",
-        ObjectCode.ARRAY,
-        (
-            SubObject("Number of errors", U8, "rw", 0),
-            *(SubObject(f"Standard error field {n}", U32, "ro", 0) for n in range(1, ERROR_HISTORY + 1)),
+
+def common() -> tuple[DictionaryObject, ...]:
+    """Return the communication objects that are the same in every node."""
+    return (
+        variable(0x1000, entry("Device type", U32, "ro", 0)),  # 7.5.2.1: 0, no device profile
+        variable(0x1001, entry("Error register", U8, "ro", 0)),  # 7.5.2.2
+        filled(  # 7.5.2.4: sub-index 0 counts the errors, 0 written to it clears them
+            ODArray("Pre-defined error field", 0x1003),
+            entry("Number of errors", U8, "rw", 0),
+            *(entry(f"Standard error field {n}", U32, "ro", 0) for n in range(1, ERROR_HISTORY + 1)),
         ),
-    ),
-    # 7.5.2.13 and 7.5.2.14: all parameters at once; smaller portions are optional
-    array(0x1010, "Store parameters", SubObject("Save all parameters", U32, "rw", ON_COMMAND)),
-    array(0x1011, "Restore default parameters", SubObject("Restore all default parameters", U32, "rw", ON_COMMAND)),
-    variable(0x1014, SubObject("COB-ID EMCY", U32, "ro", f"{values.NODE_ID}+0x{values.EMCY_BASE:X}")),  # 7.5.2.17
-    variable(0x1015, SubObject("Inhibit time EMCY", U16, "rw", 0)),  # 7.5.2.18
-    array(  # 7.5.2.23: both 0, not configured
-        0x1020,
-        "Verify configuration",
-        SubObject("Configuration date", U32, "rw", 0),
-        SubObject("Configuration time", U32, "rw", 0),
-    ),
-    variable(0x1021, SubObject("Store EDS", values.DOMAIN, "ro", None)),  # 7.5.2.24
-    variable(0x1022, SubObject("Store format", U8, "ro", 0)),  # 7.5.2.25: 0, plain text
-    record(  # 7.5.2.33
-        0x1200,
-        "SDO server parameter",
-        SubObject("COB-ID client to server (rx)", U32, "ro", f"{values.NODE_ID}+0x{values.SDO_REQUEST_BASE:X}"),
-        SubObject("COB-ID server to client (tx)", U32, "ro", f"{values.NODE_ID}+0x{values.SDO_RESPONSE_BASE:X}"),
-    ),
-    variable(0x1F80, SubObject("NMT startup", U32, "rw", SELF_STARTING)),  # CiA 302-2
-)
+        # 7.5.2.13 and 7.5.2.14: all parameters at once; smaller portions are optional
+        array(0x1010, "Store parameters", entry("Save all parameters", U32, "rw", ON_COMMAND)),
+        array(0x1011, "Restore default parameters", entry("Restore all default parameters", U32, "rw", ON_COMMAND)),
+        variable(0x1014, entry("COB-ID EMCY", U32, "ro", f"{values.NODE_ID}+0x{values.EMCY_BASE:X}")),  # 7.5.2.17
+        variable(0x1015, entry("Inhibit time EMCY", U16, "rw", 0)),  # 7.5.2.18
+        array(  # 7.5.2.23: both 0, not configured
+            0x1020,
+            "Verify configuration",
+            entry("Configuration date", U32, "rw", 0),
+            entry("Configuration time", U32, "rw", 0),
+        ),
+        variable(0x1021, entry("Store EDS", values.DOMAIN, "ro", None)),  # 7.5.2.24
+        variable(0x1022, entry("Store format", U8, "ro", 0)),  # 7.5.2.25: 0, plain text
+        record(  # 7.5.2.33
+            0x1200,
+            "SDO server parameter",
+            entry("COB-ID client to server (rx)", U32, "ro", f"{values.NODE_ID}+0x{values.SDO_REQUEST_BASE:X}"),
+            entry("COB-ID server to client (tx)", U32, "ro", f"{values.NODE_ID}+0x{values.SDO_RESPONSE_BASE:X}"),
+        ),
+        variable(0x1F80, entry("NMT startup", U32, "rw", SELF_STARTING)),  # CiA 302-2
+    )
 
 
 def own_objects(table: Table, dialect: DialectRow, node: NodeRow) -> tuple[DictionaryObject, ...]:
     """Return the communication objects whose values differ between nodes or come from the table."""
     return (
         # 7.5.2.8 to 7.5.2.10
-        variable(0x1008, SubObject("Manufacturer device name", STRING, "const", node.product_name)),
-        variable(0x1009, SubObject("Manufacturer hardware version", STRING, "const", table.hardware_version)),
-        variable(0x100A, SubObject("Manufacturer software version", STRING, "const", table.software_version)),
+        variable(0x1008, entry("Manufacturer device name", STRING, "const", node.product_name)),
+        variable(0x1009, entry("Manufacturer hardware version", STRING, "const", table.hardware_version)),
+        variable(0x100A, entry("Manufacturer software version", STRING, "const", table.software_version)),
         array(0x1016, "Consumer heartbeat time", *watched(table, node)),  # 7.5.2.19
         # 7.5.2.20
-        variable(0x1017, SubObject("Producer heartbeat time", U16, "rw", own(node.heartbeat, table.heartbeat))),
+        variable(0x1017, entry("Producer heartbeat time", U16, "rw", own(node.heartbeat, table.heartbeat))),
         record(  # 7.5.2.21
             0x1018,
             "Identity object",
-            SubObject("Vendor-ID", U32, "ro", table.vendor.number),
-            SubObject("Product code", U32, "ro", node.product_number),
-            SubObject("Revision number", U32, "ro", dialect.revision_number),
-            SubObject("Serial number", U32, "ro", table.serial_number),
+            entry("Vendor-ID", U32, "ro", table.vendor.number),
+            entry("Product code", U32, "ro", node.product_number),
+            entry("Revision number", U32, "ro", dialect.revision_number),
+            entry("Serial number", U32, "ro", table.serial_number),
         ),
         # 7.5.2.32
-        array(0x1029, "Error behaviour", SubObject("Communication error", U8, "rw", node.communication_error, 0, 2)),
+        array(0x1029, "Error behaviour", entry("Communication error", U8, "rw", node.communication_error, 0, 2)),
     )
 
 
-def watched(table: Table, node: NodeRow) -> list[SubObject]:
+def watched(table: Table, node: NodeRow) -> list[ODVariable]:
     """Return an entry for each other node, at least one: its node-ID and the time to wait for it, or 0 for nobody."""
     nodes = (table.nodes[each] for each in node.watches)
     times = [each.node_id << 16 | own(each.heartbeat_timeout, table.heartbeat_timeout) for each in nodes]
     times += [0] * (max(1, len(table.nodes) - 1) - len(times))
-    return [SubObject(f"Consumer heartbeat time {n}", U32, "rw", time) for n, time in enumerate(times, start=1)]
+    return [entry(f"Consumer heartbeat time {n}", U32, "rw", time) for n, time in enumerate(times, start=1)]
 
 
 def own(number: int | None, common: int) -> int:
@@ -160,9 +172,9 @@ def clients(table: Table, node: NodeRow) -> list[DictionaryObject]:
         record(
             0x1280 + n,
             f"SDO client parameter {each}",
-            SubObject("COB-ID client to server (tx)", U32, "rw", values.SDO_REQUEST_BASE + table.nodes[each].node_id),
-            SubObject("COB-ID server to client (rx)", U32, "rw", values.SDO_RESPONSE_BASE + table.nodes[each].node_id),
-            SubObject("Node-ID of the SDO server", U8, "rw", table.nodes[each].node_id, 1, 127),
+            entry("COB-ID client to server (tx)", U32, "rw", values.SDO_REQUEST_BASE + table.nodes[each].node_id),
+            entry("COB-ID server to client (rx)", U32, "rw", values.SDO_RESPONSE_BASE + table.nodes[each].node_id),
+            entry("Node-ID of the SDO server", U8, "rw", table.nodes[each].node_id, 1, 127),
         )
         for n, each in enumerate(node.asks)
     ]
@@ -176,16 +188,16 @@ def pdo_records(index: int, name: str, cob_id: int, mapping: Sequence[int], entr
     yield record(
         index,
         name,
-        SubObject("COB-ID used by PDO", U32, "rw", cob_id),
-        SubObject("Transmission type", U8, "rw", EVENT_DRIVEN),
-        SubObject("Inhibit time", U16, "rw", 0),
-        SubObject("Compatibility entry", U8, "rw", 0),
-        SubObject("Event timer", U16, "rw", 0),
+        entry("COB-ID used by PDO", U32, "rw", cob_id),
+        entry("Transmission type", U8, "rw", EVENT_DRIVEN),
+        entry("Inhibit time", U16, "rw", 0),
+        entry("Compatibility entry", U8, "rw", 0),
+        entry("Event timer", U16, "rw", 0),
     )
-    count = SubObject("Number of mapped objects in PDO", U8, "rw", len(mapping), 0, entries)
+    count = entry("Number of mapped objects in PDO", U8, "rw", len(mapping), 0, entries)
     targets = enumerate([*mapping, *[0] * (entries - len(mapping))], start=1)
-    mapped = (SubObject(f"Application object {n}", U32, "rw", target) for n, target in targets)
-    yield DictionaryObject(index + values.MAPPING_OFFSET, f"{name} mapping", ObjectCode.RECORD, (count, *mapped))
+    mapped = (entry(f"Application object {n}", U32, "rw", target) for n, target in targets)
+    yield filled(ODRecord(f"{name} mapping", index + values.MAPPING_OFFSET), count, *mapped)
 
 
 def sent(table: Table, name: Text) -> dict[Text, MessageRow]:
@@ -224,23 +236,27 @@ def all_data(table: Table, name: Text, data: dict[Text, ObjectLayout]) -> Iterat
     come = {each.object for each in received(table, name).values()}
     for key in filter((out | come).__contains__, data):
         access, layout = ACCESS[key in out, key in come], data[key]
-        fields = (field_entry(field, each, access) for field, each in layout.fields.items())
-        yield record(layout.index, key, *(each._replace(mappable=True) for each in fields))
+        begins = layout.begins
+        fields = (field_entry(field, each, access, begins.get(field, 0)) for field, each in layout.fields.items())
+        whole = record(layout.index, key, *fields)
+        for each in (each for sub, each in whole.subindices.items() if sub):
+            each.pdo_mappable = True
+        yield whole
         if layout.cut:
             slices = (slice_entry(part, layout.fields.get(part.field), access) for part in layout.cut)
             yield record(layout.slices_index, f"{key} slices", *slices)
 
 
-def slice_entry(part: Slice, whole: Field | None, access: str) -> SubObject:
+def slice_entry(part: Slice, whole: Field | None, access: str) -> ODVariable:
     """Return the entry of a slice of a field; padding is a slice of no field."""
     highest = (1 << part.bits) - 1
     default = default_of(whole) >> part.low & highest if whole else 0
-    return SubObject(part.name, unsigned(part.bits), access, default, 0, highest, mappable=True)
+    return entry(part.name, unsigned(part.bits), access, default, 0, highest, mappable=True)
 
 
-def field_entry(name: str, whole: Field, access: str, node: NodeRow | None = None) -> SubObject:
+def field_entry(name: str, whole: Field, access: str, begin: int = 0, node: NodeRow | None = None) -> ODVariable:
     """Return the entry of a whole field, of a setting or of a reading."""
-    return SubObject(name, unsigned(whole.bits), access, default_of(whole, node), whole.low, whole.high)
+    return entry(name, unsigned(whole.bits, begin), access, default_of(whole, node), whole.low, whole.high)
 
 
 def default_of(whole: Field, node: NodeRow | None = None) -> int:
@@ -250,9 +266,9 @@ def default_of(whole: Field, node: NodeRow | None = None) -> int:
     return node.node_id if node and whole.default == values.NODE_ID else whole.codes[whole.default]
 
 
-def unsigned(bits: int) -> DataType:
-    """Return the type of exactly as many bytes as the bits need."""
-    return UNSIGNED[-(-bits // 8)]
+def unsigned(bits: int, begin: int = 0) -> DataType:
+    """Return the type of exactly as many bytes as the bits touch, the first of which is bit `begin` of a byte."""
+    return UNSIGNED[-(-(begin + bits) // 8)]
 
 
 # All of it
@@ -261,11 +277,11 @@ def unsigned(bits: int) -> DataType:
 def object_dictionary(table: Table, dialect: DialectRow, name: Text) -> list[DictionaryObject]:
     """Return all objects of the node `name`, in the order of their indices."""
     node, data = table.nodes[name], layouts(table, dialect)
-    objects = [*COMMON, *own_objects(table, dialect, node), *clients(table, node)]
+    objects = [*common(), *own_objects(table, dialect, node), *clients(table, node)]
     objects += [*pdos(table, name, data), *all_data(table, name, data)]
     for access, records in (("rw", {**table.settings, **node.settings}), ("ro", node.readings)):
         objects += [
-            record(each.index, key, *(field_entry(field, entry, access, node) for field, entry in each.fields.items()))
+            record(each.index, key, *(field_entry(field, f, access, node=node) for field, f in each.fields.items()))
             for key, each in records.items()
         ]
     return sorted(objects, key=lambda each: each.index)

@@ -10,13 +10,14 @@ import re
 from collections.abc import Callable, Container, Iterable, Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NewType, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NewType, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
 import yaml
 
-from eurobot_od import durations, yaml_places
+from eurobot_od import bounded, durations, yaml_places
 from eurobot_od.errors import EurobotError
 from eurobot_od.escaping import one_line
+from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
 from eurobot_od.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
 
@@ -85,6 +86,12 @@ class Field:
         return max((self.range[1], *self.codes.values()))
 
 
+def always_zero(bits: PlacedNumber) -> Field:
+    """Make a field that has no value but 0."""
+    zero = PlacedNumber(0, bits.place)
+    return Field(bits, (zero, zero), zero)
+
+
 @dataclass(frozen=True)
 class Record:
     """An object of the dictionary: its index and its fields, sub-indices 1, 2, ... in this order."""
@@ -131,18 +138,29 @@ class NodeRow:
 
 @dataclass(frozen=True)
 class DialectRow:
-    """How one dialect differs: its number in the identity, further fields, other widths, and its bit order."""
+    """How one dialect differs: its number in the identity, further fields, other widths, reserved bits, its bit order.
+
+    `reserved` says of an object how many bits of its PDO carry nothing, by the field that they stand before.
+    """
 
     revision_number: PlacedNumber
     fields: dict[Text, dict[Text, Field]] = field(default_factory=dict)
     widths: dict[Text, dict[Text, PlacedNumber]] = field(default_factory=dict)
+    reserved: dict[Text, dict[Text, PlacedNumber]] = field(default_factory=dict)
     most_significant_first: tuple[Text, ...] = ()
 
     def form_of(self, name: Text, plain: Record) -> Record:
-        """Return the object `name` with the further fields and the widths that it has here."""
-        widths = self.widths.get(name, {})
+        """Return the object `name` with the further fields, the widths and, behind its fields, the reserved bits."""
+        widths, reserved = self.widths.get(name, {}), self.reserved.get(name, {})
         every = {**plain.fields, **self.fields.get(name, {})}
-        return replace(plain, fields={key: replace(f, bits=widths.get(key, f.bits)) for key, f in every.items()})
+        fields = {key: replace(f, bits=widths.get(key, f.bits)) for key, f in every.items()}
+        fields |= {self.reserved_before(name)[field]: always_zero(bits) for field, bits in reserved.items()}
+        return replace(plain, fields=fields)
+
+    def reserved_before(self, name: Text) -> dict[Text, Text]:
+        """Return the names of the reserved bits of the object `name`, by the field that they stand before."""
+        fields = self.reserved.get(name, {})
+        return {each: Text(RESERVED + f" {n}" * (n > 1), each.place) for n, each in enumerate(fields, start=1)}
 
 
 @dataclass(frozen=True)
@@ -205,7 +223,7 @@ class Table:
         return dict(sorted(self.messages.items(), key=lambda item: item[1].identifier))
 
     def objects_in(self, dialect: DialectRow) -> dict[Text, Record]:
-        """Return the objects with the fields and widths of `dialect`."""
+        """Return the objects with the fields, widths and reserved bits of `dialect`."""
         return {name: dialect.form_of(name, each) for name, each in self.objects.items()}
 
 
@@ -215,7 +233,10 @@ class TableError(EurobotError):
     def __init__(self, file: str | Path, problems: Iterable[Problem]) -> None:
         """Sort the problems; one that shows in several nodes or dialects is still one."""
         self.problems = sorted(set(problems))
-        lines = (one_line(f"{file}:{line}:{column}: {what}") for (line, column), what in self.problems)
+        lines = (
+            one_line(f"{getattr(place, 'file', file)}:{place.line}:{place.column}: {what}")
+            for place, what in self.problems
+        )
         super().__init__("\n".join(lines))
 
 
@@ -254,17 +275,18 @@ def reader_of(kind: Any) -> NodeReader[Any]:
 
 
 def unknown_names(table: Table) -> Iterator[Problem]:
-    """Check that the nodes and objects that are named are there, and the fields whose width a dialect changes."""
+    """Check that the nodes and objects that are named are there, and the fields of which a dialect says something."""
     for message in table.messages.values():
         yield from unknown("node", [*message.senders, *message.receivers, *message.listeners], table.nodes)
         yield from unknown("object", [message.object] if message.object else [], table.objects)
     for node in table.nodes.values():
         yield from unknown("node", [*node.watches, *node.asks], table.nodes)
     for dialect in table.dialects.values():
-        named = [*dialect.fields, *dialect.widths, *dialect.most_significant_first]
+        named = [*dialect.fields, *dialect.widths, *dialect.reserved, *dialect.most_significant_first]
         yield from unknown("object", named, table.objects)
-        for name, each in table.objects_in(dialect).items():
-            yield from unknown("field", dialect.widths.get(name, {}), each.fields)
+        for name, each in table.objects.items():
+            about = [*dialect.widths.get(name, {}), *dialect.reserved.get(name, {})]
+            yield from unknown("field", about, {*each.fields, *dialect.fields.get(name, {})})
 
 
 def unknown(kind: str, names: Iterable[Text], known: Container[str]) -> Iterator[Problem]:
@@ -289,7 +311,9 @@ def repeated(kind: str, values: Iterable[PlacedNumber] | Iterable[Text]) -> Iter
         # an alias of YAML, or a setting that all nodes share, comes again with its first place: not a repetition
         if first.setdefault(each, each.place) != each.place:
             value = FORMS.get(kind, "{}").format(each)
-            yield Problem(each.place, f"{kind} {value} is used twice, first in line {first[each].line}")
+            where = getattr(first[each], "file", "")
+            where = f"{where}, line {first[each].line}" if where else f"line {first[each].line}"
+            yield Problem(each.place, f"{kind} {value} is used twice, first in {where}")
 
 
 def numbers_out_of_range(table: Table) -> Iterator[Problem]:
@@ -370,6 +394,15 @@ def default_problems(each: Field, names: list[str]) -> Iterator[Problem]:
         yield Problem(each.default.place, f"default {each.default} is not in {each.low}..{each.high}")
 
 
+def fields_that_would_carry_nothing(table: Table) -> Iterator[Problem]:
+    """Check that no field of a message has a name by which a mapped object carries nothing."""
+    own = (each.fields for each in table.objects.values())
+    further = (each for dialect in table.dialects.values() for each in dialect.fields.values())
+    for name in (name for each in (*own, *further) for name in each):
+        if carries_nothing(name):
+            yield Problem(name.place, f"'{name}' names bits that carry nothing; a dialect has them under reserved")
+
+
 def messages_too_long(table: Table) -> Iterator[Problem]:
     """Check that every message fits into a PDO in every dialect."""
     for objects in map(table.objects_in, table.dialects.values()):
@@ -393,24 +426,52 @@ def traffic_that_does_not_hold(table: Table) -> Iterator[Problem]:
                 yield from unknown("setting", [time], settings)
 
 
+def _composed(source: str, find: FindTable, problems: Problems) -> yaml.Node:
+    """Parse a table, and the one that it extends; raises ReadError, with the problems noted."""
+    own = yaml_places.compose(source, problems)
+    entries = own.value if isinstance(own, yaml.MappingNode) else ()
+    named = next(((key, value) for key, value in entries if key.value == EXTENDS), None)
+    if named is None:
+        return own
+    own.value = [pair for pair in own.value if pair[0] is not named[0]]
+    file = find(yaml_places.scalar(named[1], problems))
+    if file is None or not file.is_file():
+        refuse(named[1], problems, f"there is no table to build on that is called {yaml_places.shown(named[1])}")
+    base = _composed(bounded.read(file).decode(errors="replace"), find, problems)
+    return yaml_places.merged(yaml_places.elsewhere(base, str(file)), own)
+
+
 CHECKS = (
     unknown_names,
     repeated_values,
     numbers_out_of_range,
     bit_rates_that_no_node_has,
     fields_that_do_not_hold,
+    fields_that_would_carry_nothing,
     messages_too_long,
     traffic_that_does_not_hold,
 )
 
 
-def read_table(source: str, file: str | Path) -> Table:
-    """Read the table from the text of `file`; raises TableError with all problems, if there are any."""
+FindTable: TypeAlias = Callable[[str], "Path | None"]
+"""Finds the table that another one `extends`, by its name; None if there is none."""
+
+EXTENDS = "extends"
+
+
+def read_table(source: str, file: str | Path, find: FindTable = lambda _: None) -> Table:
+    """Read the table from the text of `file`; raises TableError with all problems, if there are any.
+
+    A table may build on another one, which it `extends`: `find` finds that. What it says itself comes beside it, or in
+    its place.
+    """
     problems: Problems = []
     try:
-        table: Table = yaml_places.read_yaml(source, reader_of(Table), problems)
+        table: Table = reader_of(Table)(_composed(source, find, problems), problems)
     except ReadError:
         raise TableError(file, problems) from None
+    if problems:
+        raise TableError(file, problems)
     found = [each for check in CHECKS for each in check(table)]
     if found:
         raise TableError(file, found)

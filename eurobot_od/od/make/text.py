@@ -17,15 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from canopen.objectdictionary import ODArray, ODVariable
+
 from eurobot_od.od.description import ObjectCode
 from eurobot_od.od.keys import OBJECT_LISTS
-from eurobot_od.od.make.objects import DictionaryObject, SubObject, object_dictionary
+from eurobot_od.od.make.objects import DictionaryObject, object_dictionary
 from eurobot_od.od.make.table import BIT_RATES, NodeRow, Table
-from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, MANUFACTURER, UNSIGNED32, PdoDirection
+from eurobot_od.od.normal import list_of
+from eurobot_od.od.objects import data_type
+from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, UNSIGNED32, PdoDirection
 from eurobot_od.yaml_places import Text
-
-MANDATORY = {0x1000, 0x1001, 0x1018}
-"""The objects of every device (CiA 301, 7.5.1)."""
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]
@@ -90,35 +91,37 @@ def object_lists(objects: Iterable[DictionaryObject]) -> Iterator[EdsSection]:
     """Give the three lists of objects (CiA 306-1, 4.6.1)."""
     lists: dict[str, list[int]] = {name: [] for name in OBJECT_LISTS}
     for index in (each.index for each in objects):
-        lists[OBJECT_LISTS[0 if index in MANDATORY else 2 if index in MANUFACTURER else 1]].append(index)
+        lists[list_of(index)].append(index)
     for name, indices in lists.items():
         numbered = ((str(n), f"0x{index:04X}") for n, index in enumerate(indices, start=1))
         yield name, [("SupportedObjects", len(indices)), *numbered]
 
 
-def object_sections(each: DictionaryObject) -> list[EdsSection]:
+def object_sections(whole: DictionaryObject) -> list[EdsSection]:
     """Return the section of an object, and those of its sub-indices."""
-    if each.code is ObjectCode.VAR:
-        return [(f"{each.index:04X}", entry_keys(each.entries[0]))]
-    head: list[tuple[str, object]] = [
-        ("ParameterName", each.name),
-        ("ObjectType", f"0x{each.code.value:X}"),
-        ("SubNumber", len(each.entries)),
+    if isinstance(whole, ODVariable):
+        return [(f"{whole.index:04X}", entry_keys(whole))]
+    code = ObjectCode.ARRAY if isinstance(whole, ODArray) else ObjectCode.RECORD
+    head: KeyValues = [
+        ("ParameterName", whole.name),
+        ("ObjectType", f"0x{code.value:X}"),
+        ("SubNumber", len(whole.subindices)),
     ]
-    subs = [(f"{each.index:04X}sub{n:X}", entry_keys(entry)) for n, entry in enumerate(each.entries)]
-    return [(f"{each.index:04X}", head), *subs]
+    subs = [(f"{whole.index:04X}sub{sub:X}", entry_keys(each)) for sub, each in whole.subindices.items()]
+    return [(f"{whole.index:04X}", head), *subs]
 
 
-def entry_keys(entry: SubObject) -> KeyValues:
+def entry_keys(variable: ODVariable) -> KeyValues:
     """Return the keys of a VAR or a sub-index; limits and default only where there are any."""
-    form = "0x{:08X}" if entry.type is UNSIGNED32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
-    values = {"LowLimit": entry.low, "HighLimit": entry.high, "DefaultValue": entry.default}
+    type_ = data_type(variable)
+    form = "0x{:08X}" if type_ is UNSIGNED32 else "{}"  # COB-IDs, mappings and identities are read in hexadecimal
+    values = {"LowLimit": variable.min, "HighLimit": variable.max, "DefaultValue": variable.default}
     given = ((key, value) for key, value in values.items() if value is not None)
     return [
-        ("ParameterName", entry.name),
+        ("ParameterName", variable.name),
         ("ObjectType", f"0x{ObjectCode.VAR.value:X}"),
-        ("DataType", f"0x{entry.type.code:04X}"),
-        ("AccessType", entry.access),
+        ("DataType", f"0x{type_.code:04X}"),
+        ("AccessType", variable.access_type),
         *((key, value if isinstance(value, str) else form.format(value)) for key, value in given),
-        ("PDOMapping", int(entry.mappable)),
+        ("PDOMapping", int(variable.pdo_mappable)),
     ]

@@ -12,10 +12,10 @@ from contextlib import suppress
 
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import NoAnswer, StateError
-from eurobot_od.robot.messages import GotoXY
+from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, TeamColour
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
-from eurobot_od.robot.values import Barriers, Obstacle, Passage, TeamColour, barrier_number
 
 BEFORE = 10.0
 """Seconds from the start configuration to the first goto: time to look at the position polling."""
@@ -33,7 +33,7 @@ ENEMY_DIAMETER = 30
 """cm."""
 
 UNDISTURBED = (
-    GotoXY(1300, 1750, 90, 100, Barriers.of({barrier_number("fire 2"): Passage.FORCED})),
+    GotoXY(1300, 1750, 90, 100, Barriers.of({2: Passage.FORCED})),
     GotoXY(700, 1150, 225, 60),
     GotoXY(1500, 900, 0, 80),
 )

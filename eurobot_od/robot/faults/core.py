@@ -8,10 +8,11 @@ from typing import Any
 from eurobot_od.device.flow import Call
 from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught
+from eurobot_od.faults.messages import MOVED, NOT_SENT, REVERSED, TWICE, sent_late
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.faults.message_faults import MOVED, NOT_SENT, REVERSED, TWICE, message_faults, sent_late
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.faults.message_faults import message_faults
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -31,9 +32,9 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, RobotError
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, RobotError
 
 
 class ShutdownForgotten(Core):

@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from typing import Any, ClassVar
 
+from eurobot_od.device.node import Node
 from eurobot_od.errors import Refused
 from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught
+from eurobot_od.faults.messages import MOVED, NOT_ANSWERED, NOT_SENT, READ_REVERSED, REVERSED, TWICE, sent_late
+from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.faults.message_faults import (
-    DRIVES_ON,
-    MOVED,
-    NOT_ANSWERED,
-    NOT_SENT,
-    READ_REVERSED,
-    REVERSED,
-    TWICE,
-    message_faults,
-    replaced_by,
-    sent_late,
-)
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.faults.message_faults import DRIVES_ON, message_faults, replaced_by
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviResponse,
@@ -39,9 +32,9 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.node import Objects
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Passage, Source, TeamColour
 
 WITHOUT_BARRIERS = 6
 """Bytes of a Goto XY that ends after the speed."""
@@ -189,6 +182,17 @@ def _swapped(flags: int) -> int:
     return (flags & 0x5555) << 1 | (flags & 0xAAAA) >> 1
 
 
+def _place_swapped(node: Node, frame: Frame) -> Iterable[Frame]:
+    limits = node.device.protocol.binding_of(frame.cob_id).limits
+    x, y = limits["x"].high, limits["y"].high
+    return hooks.meaning(lambda goto: goto._replace(x=min(goto.y, x), y=min(goto.x, y)))(node, frame)
+
+
+def _place_at_the_edge(node: Node, frame: Frame) -> Iterable[Frame]:
+    limits = node.device.protocol.binding_of(frame.cob_id).limits
+    return hooks.raw(x=partial(min, limits["x"].high), y=partial(min, limits["y"].high))(node, frame)
+
+
 def _without(flags: Barriers, passage: Passage, instead: Passage) -> Barriers:
     return Barriers.of({n: instead if p is passage else p for n, p in flags.set_barriers()})
 
@@ -235,7 +239,7 @@ FAULTS = {
     ),
     "goto-place-swapped": Caught("drive", "2.1 Goto: the place is reached").fault(
         "takes x for y and y for x",
-        hooks.arriving(GotoXY, hooks.meaning(lambda goto: goto._replace(x=min(goto.y, 3000), y=min(goto.x, 2000)))),
+        hooks.arriving(GotoXY, _place_swapped),
     ),
     "goto-x-one-bit-off": Caught("drive", "2.1 Goto: the place is reached").fault(
         "reads x one bit too low, so that it is halved", hooks.arriving(GotoXY, hooks.raw(x=lambda x: x >> 1))
@@ -286,7 +290,7 @@ FAULTS = {
     ),
     "places-outside-taken": Caught("bytes", "Table 1 Goto: x = 4000 is refused").fault(
         "drives to the edge when it is sent beyond it",
-        hooks.arriving(GotoXY, hooks.raw(x=lambda x: min(x, 3000), y=lambda y: min(y, 2000))),
+        hooks.arriving(GotoXY, _place_at_the_edge),
     ),
     "angle-360-taken": Caught("bytes", "Table 1 Goto: an angle of 360 degrees is refused").fault(
         "takes 360 degrees for 0", hooks.arriving(GotoXY, hooks.raw(angle=lambda angle: angle % 360))

@@ -6,16 +6,9 @@ from typing import Any
 
 from eurobot_od.faults import hooks
 from eurobot_od.faults.fault import Caught
-from eurobot_od.robot.faults.message_faults import (
-    NOT_ANSWERED,
-    NOT_SENT,
-    REVERSED,
-    TWICE,
-    message_faults,
-    replaced_by,
-    sent_late,
-)
-from eurobot_od.robot.messages import (
+from eurobot_od.faults.messages import NOT_ANSWERED, NOT_SENT, REVERSED, TWICE, sent_late
+from eurobot_od.robot.faults.message_faults import message_faults, replaced_by
+from eurobot_od.robot.model.messages import (
     CheckDriveResponse,
     CheckNaviRequest,
     CheckNaviResponse,
@@ -29,8 +22,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes import Navigation
-from eurobot_od.robot.values import Source
 
 SCATTER = 150
 """How far a bad beacon is off, mm."""

@@ -10,14 +10,15 @@ from typing import Any
 
 from eurobot_od.errors import WorldError
 from eurobot_od.live import BITRATE, Live
-from eurobot_od.robot.field import Pose
+from eurobot_od.live.event_loop import run
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee, Strategy
 from eurobot_od.robot.match.summary import FrameCounter, Summary
-from eurobot_od.robot.match.timeline import MatchEvent, Timeline
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world.remote import RemoteVehicle
+from eurobot_od.robot.world.timeline import MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS
 
 NOWHERE = Pose(nan, nan, nan)
@@ -44,7 +45,7 @@ class Led:
         """
         observer = Observer(self._core, self._timeline, self._truth)
         referee = Referee(self._core, options, self._timeline, self._truth)
-        asyncio.run(_as_long_as_it_runs(self._live, referee.play(strategy)))
+        run(_as_long_as_it_runs(self._live, referee.play(strategy)))
         self._truth()  # the points at the end, unless the world has gone
         errors = [error for error in observer.errors if not isnan(error)]
         summary = counter.summary(self._timeline.clock(), BITRATE)

@@ -5,26 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from eurobot_od import plugin
 from eurobot_od.frame import Frame
-from eurobot_od.robot.field import Point
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.picture.files import SeenMatch, save
+from eurobot_od.logs.meaning import Decoder
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.panel.files import SeenMatch, save
 from eurobot_od.robot.picture.recording import Recording, ScoredTask, TouchMark, Truth, record_frames
-from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS
 
 
+def _decoder(options: MatchOptions) -> Decoder:
+    robot = plugin.find(options.robot)
+    return Decoder(robot.dialects.load_all(options.dialect), robot.catalogue())
+
+
 def recorded(frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> Recording:
     """Return what is to be drawn of a match, from its frames with their times by the world's clock."""
-    return record_frames(frames, decoder(options.dialect), truth_of(world))
+    return record_frames(frames, _decoder(options), truth_of(world))
 
 
 def draw(file: Path, frames: Iterable[tuple[float, Frame]], options: MatchOptions, world: World) -> None:
     """Draw a match into a file; raises OSError, UnknownName for its suffix, LocalError for a PNG without the extra."""
-    decode = decoder(options.dialect)
+    decode = _decoder(options)
     seen = [(time, decode(frame)) for time, frame in frames]
-    save(SeenMatch(seen, decode, truth_of(world)), file, f"Match, seed {options.seed}")
+    save(SeenMatch(seen, decode, world.facts, truth_of(world)), file, f"Match, seed {options.seed}")
 
 
 def truth_of(world: World) -> Truth:

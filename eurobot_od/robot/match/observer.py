@@ -10,12 +10,14 @@ from concurrent.futures import CancelledError, Future
 from functools import partial
 from typing import Any
 
-from eurobot_od.robot.field import Point, Pose
-from eurobot_od.robot.match.timeline import EventKind, Timeline
-from eurobot_od.robot.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.device.flow import Call
+from eurobot_od.live.watchdog import caller
+from eurobot_od.robot.model.messages import GotoXY, KalmanPositionResponse
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.values import Outcome
+from eurobot_od.robot.world.timeline import EventKind, Timeline
 
 AHEAD = " ahead"
 """How the core ends the reason of a stop for what its distance sensor saw."""
@@ -32,14 +34,24 @@ class Observer:
         self._core, self._timeline, self._truth = core, timeline, truth
         core.observe = self._began
 
-    def _began(self, what: GotoXY | str, call: Future[Any]) -> None:
+    def _began(self, what: GotoXY | str, call: Call[Any]) -> None:
         begin = self._timeline.clock()
+        call.add_done_callback(partial(self._ask_for, "act" if isinstance(what, str) else "goto", caller()))
         if isinstance(what, str):
             call.add_done_callback(partial(self._did, what))
             return
         place = f"({what.x}, {what.y}) {what.angle} deg, {what.speed} %"
-        self._timeline.tell(EventKind.GOTO, place, goto=what._asdict() | {"barriers": str(what.barriers)})
+        self._timeline.tell(
+            EventKind.GOTO, place, goto=what._asdict() | {"barriers": self._core.facts.words(what.barriers)}
+        )
         call.add_done_callback(partial(self._ended, begin))
+
+    def _ask_for(self, name: str, where: str, call: Call[Any]) -> None:
+        """Warn of a call that has ended and that nobody has waited for."""
+        if not call.is_wanted:
+            self._timeline.tell(
+                EventKind.WARNING, f"{where}: nobody awaits this {name}; write `await core.{name}(...)`"
+            )
 
     def _did(self, task: str, call: Future[int]) -> None:
         if not call.cancelled() and call.exception() is None:

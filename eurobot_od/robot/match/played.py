@@ -5,24 +5,25 @@ Rule of this file: all of it depends on the options and the EDS files alone; who
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Iterable
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TextIO
 
-from eurobot_od.errors import RemoteError
+from eurobot_od.errors import ProgramFailed, RemoteError
 from eurobot_od.logs.recorder import recording
 from eurobot_od.robot.match.stage import EdsFiles, play_simulated
 from eurobot_od.robot.match.strategies import Players
 from eurobot_od.robot.match.summary import Summary
-from eurobot_od.robot.match.timeline import EventKind, MatchEvent
 from eurobot_od.robot.match.touches import RobotTouch, touches_of
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.values import Outcome, Passage
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.values import Outcome, Passage
 from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS
 
 ARRIVED = Outcome.ARRIVED.value
@@ -73,6 +74,7 @@ class PlayedMatch:
     moved: float = 0.0
     summary: Summary | None = None
     failure: str | None = None
+    warnings: list[str] = field(default_factory=list)
 
     @property
     def points(self) -> int:
@@ -89,11 +91,13 @@ class PlayedMatch:
         """What needs a look, nothing if all is well."""
         texts = [] if self.failure is None else [self.failure]
         if self.summary and self.summary.failure:
-            texts.append(f"the strategy raised {self.summary.failure.splitlines()[-1]}")
+            end = self.summary.failure.splitlines()[-1]
+            texts.append(end if end.startswith("the strategy ") else f"the strategy raised {end}")
         texts += [f"goto ({goto.x}, {goto.y}): {goto.end}" for goto in self.gotos if goto.end in UNMEANT]
         texts += [f"touched {touch.thing} at {touch.time:.1f} s" for touch in self.touches if touch.is_wrong]
         pushed = any(touch.driven_into for touch in self.touches)  # also when it stood, and by what it did not come at
         texts += [f"moved {self.moved:g} mm after it had stopped"] if self.moved and not pushed else []
+        texts += self.warnings
         return texts + [f"gatekeeper: {report}" for report in (self.summary.reports if self.summary else ())]
 
     def as_data(self) -> dict[str, Any]:
@@ -104,18 +108,38 @@ class PlayedMatch:
         return {"seed": self.seed, "wrong": self.wrong, **figures, **rows, "summary": summary}
 
 
+class Prefixed(io.TextIOBase):
+    """Writes each line with something before it."""
+
+    def __init__(self, stream: TextIO, prefix: str) -> None:
+        self._stream, self._prefix, self._begins = stream, prefix, True
+
+    def write(self, text: str) -> int:
+        """Write a part of a text."""
+        for line in text.splitlines(keepends=True):
+            self._stream.write(self._prefix + line if self._begins else line)
+            self._begins = line.endswith("\n")
+        return len(text)
+
+    def flush(self) -> None:
+        """Have the stream write what it holds."""
+        self._stream.flush()
+
+
 def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log: Path | None = None) -> PlayedMatch:
     """Play a match in simulated time; a node that does not answer is a result of the match, not an error.
 
-    What a strategy prints goes to standard error. All frames are written to `log`; raises as `logs.recorder.recording`.
+    What a strategy prints goes to standard error, with the seed. All frames are written to `log`; raises as
+    `logs.recorder.recording`.
     """
     events: list[MatchEvent] = []
     summary, failure = None, None
-    tell = partial(print, file=sys.stderr)
-    with recording(log, tell=tell) as write, redirect_stdout(sys.stderr):
+    printed = Prefixed(sys.stderr, f"seed {options.seed}: ")
+    tell = partial(print, file=printed)
+    with recording(log, tell=tell) as write, redirect_stdout(printed):
         try:
-            summary, _ = play_simulated(options, events.append, write, files, *players)
-        except RemoteError as error:
+            summary, _ = play_simulated(options, events.append, write, files, *players, tell)
+        except (RemoteError, ProgramFailed) as error:
             failure = str(error)
     return PlayedMatch(
         options.seed,
@@ -126,6 +150,7 @@ def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log
         next((event.data["moved"] for event in events if event.kind is EventKind.END), 0.0),
         summary,
         failure,
+        [event.text for event in events if event.kind is EventKind.WARNING],
     )
 
 

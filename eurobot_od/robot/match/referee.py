@@ -8,16 +8,20 @@ from __future__ import annotations
 import asyncio
 import traceback
 from collections.abc import Callable, Coroutine
-from math import inf
+from functools import partial
+from math import ceil, inf
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from eurobot_od.errors import LocalError, RemoteError, StateError
-from eurobot_od.robot.field import Pose
-from eurobot_od.robot.match.timeline import EventKind, Timeline
-from eurobot_od.robot.messages import KalmanPositionResponse
+from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
+from eurobot_od.live.event_loop import exited
+from eurobot_od.live.signals import ToldToEnd
+from eurobot_od.live.watchdog import Hang
+from eurobot_od.robot.model.messages import DIAMETERS, KalmanPositionResponse
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.nodes.core import Core
-from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
+from eurobot_od.robot.world.timeline import EventKind, Timeline
 
 Strategy: TypeAlias = Callable[[Core], Coroutine[Any, Any, Any]]
 """A team's program: a coroutine that awaits the core's calls. It begins with the match, and is cancelled at its end."""
@@ -33,6 +37,9 @@ FIRST_POSITION = 5.0
 
 SETTLED = 1.0
 """After a stop the robot stands still within this time, s."""
+
+SEEN_TO_STAND = 0.5
+"""How long it is looked at a robot that was seen to stand already, s."""
 
 LAST_LINES = 5
 """So many lines of a strategy's traceback are told: what it raised, and in which two lines."""
@@ -51,6 +58,16 @@ def _last_lines(error: BaseException) -> str:
     told.stack = traceback.StackSummary.from_list(foreign or told.stack)
     lines = "".join(told.format()).strip().splitlines()
     return "\n".join([line for line in lines if line.strip(CARETS)][-LAST_LINES:])
+
+
+async def _played(strategy: Strategy, core: Core) -> None:
+    """Let a strategy play; raises ProgramFailed for one that would end the whole program."""
+    try:
+        await strategy(core)
+    except ToldToEnd:
+        raise
+    except SystemExit as end:
+        raise ProgramFailed(exited(end)).with_traceback(end.__traceback__) from None
 
 
 def _count(number: int, one: str, several: str = "") -> str:
@@ -93,7 +110,8 @@ class Referee:
 
     async def _configure(self) -> None:
         options = self.options
-        diameters = [ENEMY_DIAMETER if number < options.enemies else 0 for number in range(2)]
+        enemies = (self.core.facts.others[each] for each in DIAMETERS)
+        diameters = [ceil(each.radius / 5) * (number < options.enemies) for number, each in enumerate(enemies)]  # cm
         took = await self.core.configure_start(options.team, options.enemies, options.confederates, *diameters)
         others = f"{_count(options.enemies, 'enemy', 'enemies')}, {_count(options.confederates, 'confederate')}"
         what = f"{options.team.name.lower()}, {others}"
@@ -118,11 +136,13 @@ class Referee:
         self._mushroom = inf if self.options.emergency_at is None else start + self.options.emergency_at
         self.timeline.tell(EventKind.MATCH, f"{self._duration:g} s begin", duration=self._duration)
         self.core.start_match(self._duration)
-        playing = asyncio.ensure_future(strategy(self.core))
+        loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
+        self.core.at_match_end = partial(loop.call_soon_threadsafe, playing.cancel)
         try:
             while not (self._over or self.core.match_over):
                 await self._watch(playing)
         finally:
+            self.core.at_match_end = lambda: None
             await self._end_strategy(playing)
 
     async def _watch(self, playing: asyncio.Future[Any]) -> None:
@@ -133,14 +153,20 @@ class Referee:
             self._mushroom, self._over = inf, True
             self.core.emergency_shutdown()
             self.timeline.tell(EventKind.EMERGENCY, "emergency shutdown: the mushroom was hit")
+        await self._look_at(playing)
+
+    async def _look_at(self, playing: asyncio.Future[Any]) -> None:
+        """See whether the strategy has failed."""
         if playing.done() and not playing.cancelled() and (error := playing.exception()) is not None:
             await self._fail(error)
 
     async def _fail(self, error: BaseException) -> None:
         """Stop the robot after an exception of the strategy, and keep what a team needs to find it."""
         self._over = True
-        self.failure = _last_lines(error)
-        self.timeline.tell(EventKind.FAILED, f"the strategy raised {type(error).__name__}: {error}")
+        hangs = isinstance(error, Hang)
+        self.failure = f"the strategy hangs: {error}" if hangs else _last_lines(error)
+        what = "hangs" if hangs else f"raised {type(error).__name__}"
+        self.timeline.tell(EventKind.FAILED, f"the strategy {what}: {error}")
         try:
             await self.core.stop()
         except (RemoteError, StateError) as unseen:
@@ -148,16 +174,24 @@ class Referee:
 
     async def _end_strategy(self, playing: asyncio.Future[Any]) -> None:
         """Cancel a strategy that is still going on, and let it clean up."""
-        playing.cancel()
-        await asyncio.wait([playing], timeout=SETTLED)
+        if playing.cancel():
+            await asyncio.wait([playing], timeout=SETTLED)
+            await self._look_at(playing)
+        if not playing.done():
+            self.failure = "the strategy goes on after the match: it swallows asyncio.CancelledError"
+            self.timeline.tell(EventKind.FAILED, self.failure)
         if self.core.match_over:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
 
     async def _stand_still(self) -> None:
-        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile."""
-        await asyncio.sleep(SETTLED)
-        told, rest = self.core.match_over, self._truth()
-        await asyncio.sleep(max(self._end + LOOKS - self.clock(), 0))
+        """Let the robot come to rest, wait for the end of the match, and tell whether anything moved meanwhile.
+
+        When the strategy has failed the robot was seen to stand already, and nothing else is to come.
+        """
+        settled, left = (SEEN_TO_STAND, 0.0) if self.failure else (SETTLED, self._end + LOOKS - self.clock())
+        await asyncio.sleep(settled)
+        told, rest = self.core.match_over or bool(self.failure), self._truth()
+        await asyncio.sleep(max(left - settled, 0.0))
         if not told:
             self.timeline.tell(EventKind.STOP, "stop drive: the match is over")
         now = self._truth()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import Callable, Coroutine
 from contextlib import ExitStack
@@ -10,11 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from eurobot_od.device.flow import Result
+from eurobot_od.errors import ProgramFailed
 from eurobot_od.frame import Frame
+from eurobot_od.live.event_loop import apart
+from eurobot_od.live.watchdog import Watchdog, passing
 from eurobot_od.logs.recorder import recording
 from eurobot_od.robot.match.stage import POWER_UP, EdsFiles, cast_for, switch_on
+from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core
-from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.simulation import loop
 from eurobot_od.simulation.network import Network
@@ -31,18 +35,37 @@ def rehearse(
 ) -> Result:
     """Run a team's strategy in simulated time against simulated nodes, and return its result.
 
-    The strategy starts when the nodes have booted. `log` is a file for all frames, in the format of its suffix,
-    `picture` one for the drawing: .svg, .html or .png; both are written also when the strategy raises. Raises what the
-    strategy raises, DictionaryError, OSError, LocalError for a suffix or an option.
+    It works in a notebook as well. The strategy starts when the nodes have booted. `log` is a file for all frames, in
+    the format of its suffix, `picture` one for the drawing: .svg, .html or .png; both are written also when the
+    strategy raises. Raises what the strategy raises, ProgramFailed if it hangs, DictionaryError, OSError, LocalError
+    for a suffix or an option.
     """
+    return apart(lambda: _rehearse(strategy, options, log, picture))
+
+
+async def rehearse_async(
+    strategy: Callable[[Core], Coroutine[Any, Any, Result]],
+    options: MatchOptions = DEFAULTS,
+    **files: str | Path | None,
+) -> Result:
+    """Do as `rehearse` does, for a program that has an event loop of its own, which goes on meanwhile."""
+    return await asyncio.to_thread(lambda: rehearse(strategy, options, **files))
+
+
+def _rehearse(
+    strategy: Callable[[Core], Coroutine[Any, Any, Result]],
+    options: MatchOptions,
+    log: str | Path | None,
+    picture: str | Path | None,
+) -> Result:
     network = Network()
     world = World(options, lambda: network.now)
-    nodes = cast_for(options, EdsFiles.read(options.dialect), world)
+    core, nodes = cast_for(options, EdsFiles.read(options), world)
     switch_on(nodes, network, options.seed)
     with ExitStack() as stack:
         if picture is not None:
             from eurobot_od.robot.match.drawing import draw
-            from eurobot_od.robot.picture.files import form
+            from eurobot_od.robot.panel.files import form
 
             form(Path(picture))  # complains of a suffix before anything is played
             frames: list[tuple[float, Frame]] = []
@@ -52,4 +75,18 @@ def rehearse(
             stack.enter_context(recording(None if log is None else Path(log), tell=partial(print, file=sys.stderr)))
         )
         network.run(POWER_UP)
-        return loop.run(network, strategy(nodes[0]))
+        with Watchdog(passing(lambda: network.now), partial(print, file=sys.stderr)) as watchdog:
+            try:
+                result = loop.run(network, strategy(core))
+            except BaseException:
+                _stop(core, network)
+                raise
+        if watchdog.hang:  # in a task that nobody has awaited
+            raise ProgramFailed(watchdog.hang)
+        return result
+
+
+def _stop(core: Core, network: Network) -> None:
+    """Have the robot stand after a strategy that has failed, as it does on the robot."""
+    if core.leave() is not None:
+        network.run(network.now + core.seconds("Standstill.Standstill wait"))

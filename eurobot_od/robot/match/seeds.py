@@ -12,14 +12,15 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from eurobot_od import plugin
 from eurobot_od.campaign import blocks
 from eurobot_od.campaign.executors import HERE, Workers
 from eurobot_od.campaign.files import digest_of
-from eurobot_od.robot import dialects
 from eurobot_od.robot.match.played import PlayedMatch, play
 from eurobot_od.robot.match.stage import EdsFiles, Performance
 from eurobot_od.robot.match.strategies import Players, StrategyFiles
-from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.robot_file import file_for
 from eurobot_od.robot.world import World
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class SeedPlayer:
 @lru_cache(1)
 def stage(player: SeedPlayer) -> tuple[EdsFiles, Players]:
     """Read the EDS files and the strategies: once in each process, unless they change."""
-    return EdsFiles.read(player.options.dialect), player.strategies.load()
+    return EdsFiles.read(player.options), player.strategies.load()
 
 
 def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]:
@@ -84,5 +85,6 @@ def settings(options: MatchOptions, strategies: StrategyFiles) -> dict[str, str]
 
 
 def _digest(options: MatchOptions, strategies: StrategyFiles) -> str:
-    """Return what tells the EDS files and the strategies from all others."""
-    return digest_of([*sorted(dialects.folder(options.dialect).glob("*.eds")), *strategies])
+    """Return what tells the EDS files, the robot's file and the strategies from all others."""
+    folder = plugin.find(options.robot).dialects.folder(options.dialect)
+    return digest_of([*sorted(folder.glob("*.eds")), file_for(folder), *strategies])

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from eurobot_od.client.objects import given
 from eurobot_od.device.storage import MemoryStore
 from eurobot_od.errors import UnknownName
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import given
 from eurobot_od.od.values import Address, Value
+from eurobot_od.robot.model.robot_file import SECTIONS
 
 
 def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dictionary]) -> dict[str, MemoryStore]:
@@ -21,7 +22,7 @@ def stores(settings: Iterable[tuple[str, str]], dictionaries: Mapping[str, Dicti
     for name, text in settings:
         node, _, thing = name.partition(".")
         if node not in values:
-            raise UnknownName("node", node, values)
-        address, value = given(thing, text, dictionaries[node])
+            raise UnknownName("node or fact", node, [*values, *SECTIONS])
+        address, value = given(thing, text, dictionaries[node].objects)
         values[node][address] = value
     return {node: MemoryStore(each) for node, each in values.items()}

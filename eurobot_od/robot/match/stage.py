@@ -13,31 +13,32 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from eurobot_od import live as runtime
+from eurobot_od import plugin
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Report
+from eurobot_od.live.event_loop import run_in, watched_loop
 from eurobot_od.live.signals import EndedBySigterm
+from eurobot_od.live.watchdog import Watchdog, passing
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot import dialects
-from eurobot_od.robot.assembly import equip
-from eurobot_od.robot.faults import faulty_kinds
-from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee, Strategy
 from eurobot_od.robot.match.settings import stores
 from eurobot_od.robot.match.summary import FrameCounter, Summary
-from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.match.touches import counts, touches_of
-from eurobot_od.robot.messages import CATALOGUE
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Core, Node
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.nodes.node import make
 from eurobot_od.robot.world import World
+from eurobot_od.robot.world.assembly import equip
 from eurobot_od.robot.world.contact import Touch
+from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
-from eurobot_od.simulation import loop
+from eurobot_od.simulation import loop as simulated_loop
 from eurobot_od.simulation.network import Network, processing_time
 from eurobot_od.simulation.several import Several
 
@@ -45,7 +46,10 @@ if TYPE_CHECKING:
     import can
 
 BOOT_TIMES = {"core": 0.0, "drive": 0.03, "navigation": 0.05}
-"""When each node has booted after power-on, s: no two at once."""
+"""When each node has booted after power-on, s: no two at once. Further nodes boot one by one after these."""
+
+BOOT_STEP = 0.001
+"""From one further node's boot-up to the next one's, s: there may be a hundred before the startup begins."""
 
 POWER_UP = 0.1
 """When the core begins with the startup (document 5.1), s."""
@@ -61,6 +65,10 @@ def _unseen(_: MatchEvent) -> None:
     """Show nothing of what a rival does."""
 
 
+def _untold(_: str) -> None:
+    """Tell nobody."""
+
+
 def _unwatched(_time: float, _frame: Frame) -> None:
     """Watch no frame."""
 
@@ -71,26 +79,33 @@ class EdsFiles(NamedTuple):
     dialect: str
     dictionaries: dict[str, Dictionary]
     protocol: Protocol
+    roles: dict[str, str]
 
     @classmethod
-    def read(cls, dialect: str | None) -> EdsFiles:
-        """Read the EDS files of a dialect; raises UnknownName, DictionaryError."""
-        dictionaries = {each.name: each for each in dialects.load_all(dialect)}
-        protocol = Protocol(((each, each.pdos) for each in dictionaries.values()), CATALOGUE)
-        return cls(dialects.folder(dialect).name, dictionaries, protocol)
+    def read(cls, options: MatchOptions) -> EdsFiles:
+        """Read the EDS files of a match; raises UnknownName, DictionaryError, LocalError for a node that is missing."""
+        robot = plugin.find(options.robot)
+        folder = robot.dialects.folder(options.dialect)
+        dictionaries = {each.name: each for each in robot.dialects.load_all(options.dialect)}
+        protocol = Protocol(((each, each.pdos) for each in dictionaries.values()), robot.catalogue())
+        roles = {name: robot.role_of(each) for name, each in dictionaries.items()}
+        for needed in BOOT_TIMES:
+            if not roles.get(needed):
+                raise LocalError(f"{folder}: a match needs a {needed}, and there is no {needed}.eds of a robot's")
+        return cls(folder.name, dictionaries, protocol, roles)
 
 
-def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, Node, Node]:
-    """Make core, drive and navigation of a robot in the world.
+def cast_for(options: MatchOptions, files: EdsFiles, world: World, name: str = OURS) -> tuple[Core, list[Node]]:
+    """Make the nodes of a robot in the world: its core, and all of them, the core first.
 
     Raises UnknownName for a fault, a node or an object that there is not, LocalError for a value that is not allowed.
     """
-    kinds, found = faulty_kinds(options.faults), stores(options.settings, files.dictionaries)
-    nodes = [kinds[role](files.dictionaries[role], store=found[role]) for role in BOOT_TIMES]
+    robot, found = plugin.find(options.robot), stores(options.of_nodes, files.dictionaries)
+    kinds = {each: robot.kind(files.roles[each], options.faults) for each in (*BOOT_TIMES, *files.dictionaries)}
+    nodes = [make(kind, files.dictionaries[each], found[each], world.facts) for each, kind in kinds.items()]
     seed = str(options.seed) if name == OURS else f"{options.seed} {name}"
     equip(nodes, world.vehicle(name), options.errors, seed)
-    core, drive, navigation = nodes
-    return cast(Core, core), drive, navigation
+    return cast(Core, nodes[0]), nodes
 
 
 class Performance:
@@ -109,10 +124,10 @@ class Performance:
         name: str = OURS,
     ) -> None:
         self._dialect, self.name, self._world = files.dialect, name, world
-        self.nodes = cast_for(options, files, world, name)
+        core, self.nodes = cast_for(options, files, world, name)
         self._counter, self._timeline = FrameCounter(files.protocol), Timeline(world.clock, show)
-        self._observer = Observer(self.nodes[0], self._timeline, self._truth)
-        self._referee = Referee(self.nodes[0], options, self._timeline, self._truth)
+        self._observer = Observer(core, self._timeline, self._truth)
+        self._referee = Referee(core, options, self._timeline, self._truth)
         self._watch = watch
         world.watchers.append(self._tell_touch)
 
@@ -157,8 +172,10 @@ class Performance:
 
 def switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
     """Attach nodes to a simulated bus; each boots in its time."""
-    for node in nodes:
-        network.attach(node, BOOT_TIMES[node.name], processing_time(seed, node.name))
+    last = max(BOOT_TIMES.values())
+    for number, node in enumerate(nodes, 1 - len(BOOT_TIMES)):
+        boots = BOOT_TIMES.get(node.name, last + number * BOOT_STEP)
+        network.attach(node, boots, processing_time(seed, node.name))
 
 
 def play_simulated(
@@ -168,15 +185,16 @@ def play_simulated(
     files: EdsFiles | None = None,
     strategy: Strategy = shipped.play,
     against: Strategy | None = None,
+    tell: Callable[[str], object] = _untold,
 ) -> tuple[Summary, World]:
     """Play a match in simulated time; without `files` the EDS files are read.
 
     `against` is the strategy of a second robot, which takes enemy 1's place on a bus of its own. Raises NoAnswer,
-    UnknownName, DictionaryError, LocalError.
+    UnknownName, DictionaryError, LocalError. `tell` gets a line about each line of a strategy that blocks.
     """
     if against is not None and not options.enemies:
         raise LocalError("a second robot takes the place of an enemy, and there is to be none")
-    files = files or EdsFiles.read(options.dialect)
+    files = files or EdsFiles.read(options)
     networks = [Network()] if against is None else [Network(), Network()]
     clock = networks[0] if against is None else Several(*networks)
     world = World(options, lambda: clock.now, rival=against is not None)
@@ -187,10 +205,11 @@ def play_simulated(
         network.observers.append(side.seen)
     bitrate = networks[0].bitrate
     plays = [side.play(each, bitrate, "simulated") for side, each in zip(sides, (strategy, against)) if each]
-    loop.run(clock, _together(plays))
+    with Watchdog(passing(lambda: clock.now), tell) as watchdog:
+        simulated_loop.run(clock, _together(plays))
     summary = match.result(clock.now, bitrate, networks[0].reports)
     points = {side.name: world.game.points(side.name) for side in sides}
-    failures = [side.failure for side in sides if side.failure]
+    failures = [side.failure for side in sides if side.failure] or [watchdog.hang]
     return replace(summary, points=points, failure="\n".join(failures) or None), world
 
 
@@ -203,7 +222,7 @@ def _rival(options: MatchOptions) -> MatchOptions:
         confederates=max(options.enemies - 1, 0),
         emergency_at=None,
         faults=(),
-        settings=(),
+        settings=tuple(each for each in options.settings if each not in options.of_nodes),
     )
 
 
@@ -217,6 +236,7 @@ def play_live(
     watch: Watcher,
     open_bus: Callable[[], can.BusABC],
     strategy: Strategy = shipped.play,
+    tell: Callable[[str], object] = _untold,
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
 
@@ -228,7 +248,7 @@ def play_live(
         return time.monotonic() - begin
 
     world = World(options, clock)
-    match = Performance(options, EdsFiles.read(options.dialect), world, show, watch)
+    match = Performance(options, EdsFiles.read(options), world, show, watch)
     reports: list[Report] = []
     with ExitStack() as stack:
         sigterm = stack.enter_context(EndedBySigterm())
@@ -236,5 +256,8 @@ def play_live(
         for node in reversed(match.nodes):  # the core leaves first: it stops the drive, and sees that it stands
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
         stack.callback(sigterm.hold)
-        asyncio.run(match.play(strategy, runtime.BITRATE, "in real time"))
-    return match.result(clock(), runtime.BITRATE, reports), world
+        loop, watchdog = watched_loop(tell)
+        with watchdog:
+            run_in(loop, match.play(strategy, runtime.BITRATE, "in real time"))
+    summary = match.result(clock(), runtime.BITRATE, reports)
+    return replace(summary, failure=summary.failure or watchdog.hang or None), world

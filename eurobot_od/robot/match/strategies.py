@@ -5,14 +5,11 @@ Rule of this file: whatever is wrong with a strategy before a match begins is on
 
 from __future__ import annotations
 
-import sys
-import traceback
-from contextlib import redirect_stdout
 from inspect import iscoroutinefunction, signature
 from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple, cast
 
+from eurobot_od import python_file
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Strategy
@@ -42,8 +39,7 @@ def load(file: Path) -> Strategy:
     What the file prints while it is loaded goes to standard error. Raises LocalError, with the line of the file, if it
     cannot be read, is no Python, raises, or has no coroutine function `play` that takes the core.
     """
-    module = _run(file)
-    play = getattr(module, "play", None)
+    play = getattr(python_file.load(file), "play", None)
     if play is None:
         raise LocalError(f"{file}: no `play` in it; write `async def play(core)`")
     code = getattr(play, "__code__", None)
@@ -55,32 +51,3 @@ def load(file: Path) -> Strategy:
     except TypeError as error:
         raise LocalError(f"{where}: `play` is called with the core and nothing else: {error}") from None
     return cast(Strategy, play)
-
-
-def _run(file: Path) -> ModuleType:
-    """Run a file as a module of its own; raises LocalError."""
-    module = ModuleType(f"strategy {file.resolve()}")
-    module.__file__ = str(file)
-    try:
-        source = file.read_bytes()
-    except OSError as error:
-        raise LocalError(f"{file}: {error.strerror}") from None
-    folder = str(file.resolve().parent)
-    if folder not in sys.path:
-        sys.path.append(folder)
-    sys.modules[module.__name__] = module  # where dataclasses look for the module that they are in
-    try:
-        with redirect_stdout(sys.stderr):
-            exec(compile(source, str(file), "exec", dont_inherit=True), module.__dict__)
-    except (Exception, SystemExit) as error:
-        raise LocalError(_complaint(file, error)) from None
-    return module
-
-
-def _complaint(file: Path, error: BaseException) -> str:
-    """Say on one line what a file raised, and where in it."""
-    what = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    if isinstance(error, SyntaxError):
-        return f"{error.filename or file}:{error.lineno or 1}: {type(error).__name__}: {error.msg}"
-    lines = [line for frame, line in traceback.walk_tb(error.__traceback__) if frame.f_code.co_filename == str(file)]
-    return f"{file}:{lines[-1] if lines else 1}: {what}"

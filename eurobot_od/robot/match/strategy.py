@@ -9,21 +9,21 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 from eurobot_od.errors import RemoteError, StateError
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import START_POSES, Point, Pose
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.tasks import Task, Worth
+from eurobot_od.robot.model.values import Barriers, Outcome, Passage, Source
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.route import Clearances, Disc, find_route
-from eurobot_od.robot.tasks import Task, Worth, tasks
-from eurobot_od.robot.values import BARRIER_NAMES, Barriers, Outcome, Passage, Source, barrier_number
 
 SPEED = 80  # percent: at more, the way to a standstill is longer than the sensor's stop distance
 PACE = 400.0  # mm/s on average, braking and turning included
 OVERHEAD = 1.5  # s for every goto
-RADIUS = 140.0  # of our own robot and, as nobody says it, of the confederate, mm
 MARGIN = 40.0  # mm between us and a barrier
 BERTH = 200.0  # mm between us and another robot: from nearer, the sensor would stop us
 BEND = 300.0  # mm more where we go round a barrier, as the drive may pass it on its other side
@@ -34,9 +34,7 @@ CLOSE = 40.0  # mm: who is so near has driven into us, or is about to
 PATIENCE = 6  # pauses in which one who is close may go first
 SPARE = 8.0  # s in hand at the end
 
-CLEARANCES = Clearances.of(RADIUS, MARGIN)
-PASSAGES = {name: Passage.FORCED if name.startswith("pool") else Passage.NORMAL for name in BARRIER_NAMES}
-FLAGS = Barriers.of({barrier_number(name): passage for name, passage in PASSAGES.items()})
+PASSAGES = {True: Passage.NORMAL, False: Passage.FORCED}  # of what can be pushed along, and what cannot
 
 
 class Strategy:
@@ -44,8 +42,10 @@ class Strategy:
 
     def __init__(self, core: Core) -> None:
         assert core.configuration is not None
-        self.core, self.start = core, core.configuration
-        self.todo, self.home = tasks(self.start.team_colour), START_POSES[self.start.team_colour]
+        self.core, self.start, self.facts = core, core.configuration, core.facts
+        self.todo, self.home = self.facts.tasks(self.start.team_colour), self.facts.start(self.start.team_colour)
+        self.clearances = Clearances.of(self.facts, self.facts.body.radius, MARGIN)
+        self.flags = flags(self.facts)
         self.put_off: dict[str, float] = {}
         self.fruit = 0
 
@@ -57,21 +57,26 @@ class Strategy:
 
     def others(self, berth: float = BERTH) -> Iterator[Disc]:
         """Yield where the other robots are, as far as it is known, as places to stay out of."""
-        radii = (self.start.enemy_1_diameter * 5.0, self.start.enemy_2_diameter * 5.0, RADIUS)
+        confederate = self.facts.others[Source.CONFEDERATE].radius
+        radii = (self.start.enemy_1_diameter * 5.0, self.start.enemy_2_diameter * 5.0, confederate)
         for robot, radius in zip((Source.ENEMY_1, Source.ENEMY_2, Source.CONFEDERATE), radii):
             seen = self.core.last_seen(robot)
             if seen and self.core.now - seen.time < STALE:
-                yield Disc(seen.point, RADIUS + radius + berth, math.inf)
+                yield Disc(seen.point, self.facts.body.radius + radius + berth, math.inf)
 
     def next_point(self, there: Point) -> Point | None:
         """Return the farthest point on the way that the drive can be sent to; it knows of barriers, not of robots."""
         here, others = self.here, [disc.left_from(self.here) for disc in self.others()]
-        for point in reversed(find_route(here, there, FLAGS, CLEARANCES, others) or ()):
-            legs = [*pairwise((here, *(find_route(here, point, FLAGS, CLEARANCES) or ())))]
+        for point in reversed(self.way(here, there, others)):
+            legs = [*pairwise((here, *self.way(here, point)))]
             bend = BEND if len(legs) > 1 else 0.0
             if not any(disc._replace(radius=disc.radius + bend).meets(*leg) for leg in legs for disc in others):
                 return point
         return None
+
+    def way(self, here: Point, there: Point, others: Iterable[Disc] = ()) -> tuple[Point, ...]:
+        """Return the way points from one place to another; none if there is no way."""
+        return find_route(here, there, self.flags, self.clearances, others) or ()
 
     def value(self, task: Task) -> float:
         """Weigh what a task brings against the time for it."""
@@ -102,7 +107,7 @@ class Strategy:
         await self.give_way()
         while (point := self.next_point(there.point)) is not None:
             angle = there.angle if point == there.point else Pose(*point, 0).bearing(there.point)
-            report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, FLAGS)
+            report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, self.flags)
             if point == there.point or report.outcome is not Outcome.ARRIVED:
                 return report.outcome is Outcome.ARRIVED
         return False
@@ -123,14 +128,16 @@ class Strategy:
     async def step(self) -> None:
         """Do the next thing; do nothing for a moment if there is none."""
         if self.core.shut_down:  # a node was lost, and the core has stopped everything
-            await self.core.check_nodes()
-            await self.core.configure_start(*self.start)
-            while messages.KalmanPositionResponse not in self.core.positions:
-                await asyncio.sleep(PAUSE)
+            await self.core.recover()
         elif (task := self.best()) is not None:
             await self.attempt(task)
         elif math.dist(self.here, self.home.point) <= MARGIN or not await self.drive(self.home):
             await asyncio.sleep(PAUSE)
+
+
+def flags(facts: Facts) -> Barriers:
+    """Keep off what stays where it is, and go round the rest if there is a way."""
+    return Barriers.of({each.number: PASSAGES[each.kind.pushed] for each in facts.barriers})
 
 
 def seconds(start: Point, end: Point) -> float:

@@ -12,9 +12,13 @@ Stop Drive. A stop leaves at once, ends the goto, and is repeated by a flow of i
 (see `standstill`); if it is not, Emergency Shutdown is sent until it is. Nothing but a goto or a start configuration
 ends that watch: a goto when it is really sent, and a configuration that fails gives it back.
 
-A node that was lost may have forgotten everything. So the next goto begins with its recovery: checks, configuration,
-and a look whether the drive is where it was seen last. `_place` is that place. It is kept apart from the sightings, as
-a drive that has booted says "unknown", and after its configuration the start place; `_astray` tells that it does.
+A node that was lost may have forgotten everything. So the next goto begins with its recovery: checks, a configuration
+if the drive has forgotten its own, and a look whether the drive is where it was seen last. `_place` is that place. It
+is kept apart from the sightings, as a drive that has booted says "unknown", and after its configuration the start
+place; `_astray` tells that it does.
+
+In a match the robot does without the navigation as long as it can: the drive goes by its wheels, and stands by itself
+when it knows its place too badly. Meanwhile a flow asks for the navigation, and takes it back when it answers.
 
 What the distance sensor sees is read while a goto is under way, as nobody tells when something comes into sight; what
 the robot drives into is stopped for, as the document has it (4.2.2 Obstacle). That is the core's part and not the
@@ -33,30 +37,31 @@ could come between the two, and the goto would drive after it.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from math import inf
 from typing import Any, ClassVar, get_args
 
 from eurobot_od.device.bound import BoundObject
-from eurobot_od.device.flow import START, Call, Flow, Pause, Result, Script, shielded
+from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script, shielded
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
 from eurobot_od.errors import StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import OutOfRange
-from eurobot_od.pdo.message import Message
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import Place, is_near
+from eurobot_od.pdo.message import Message, MessageT
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.places import Place, is_near
+from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
-from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, End, GotoReport, drive_position, until_ended
-from eurobot_od.robot.nodes.identity import Channel
+from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, NO_GOTO, End, GotoReport, drive_position, until_ended
+from eurobot_od.robot.nodes.identity import Channel, DialectMismatch
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.nodes.sightings import Seen, Sighting, Track
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
-from eurobot_od.robot.values import Barriers, Direction, Obstacle, Outcome, RobotError, Route, Source, TeamColour
 
 POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
     (messages.NaviPositionRequest(), "Position polling.Navi offset", Source.INTERNAL),
@@ -70,12 +75,28 @@ POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
 ANY_ANGLE = 180.0
 """Two headings are never further apart, degrees."""
 
+AT_START = 50.0
+"""A drive so near its start place, mm, after its configuration may not have been seen by the navigation since."""
+
 LOOKS = 3
 """So often the navigation is asked for a drive that has booted, which believes it when two positions agree: one of them
 may be unknown, or wrong."""
 
 LEAVING = "the core is being switched off"
 MATCH_OVER = "the match is over"
+
+
+CALLS: Mapping[type[Message], str] = {
+    messages.GotoXY: "goto",
+    messages.StartConfigurationSet: "configure_start",
+    messages.StopDrive: "stop",
+    messages.EmergencyStop: "emergency_stop",
+    messages.EmergencyShutdown: "emergency_shutdown",
+}
+"""The calls that send a message and see to what comes of it."""
+
+ANSWER_WAIT = 0.5
+"""Seconds that the answer to a message of a team's own may take, if nothing else is said."""
 
 
 class _Ended(Exception):
@@ -85,14 +106,22 @@ class _Ended(Exception):
         self.end = End(outcome, why)
 
 
+def _failed(error: Exception) -> Call[Any]:
+    """Return a call that raises when it is awaited: a loop that catches the error gives way, and can be cancelled."""
+    call: Call[Any] = Call()
+    call.set_exception(error)
+    return call
+
+
 class Core(RobotNode):
     """The core node (document 2.1 to 2.3, 4.2.2, 5).
 
     `positions` are the last sightings by response type; `configuration` the start configuration, None before the
-    first was confirmed; `shut_down` is True after an Emergency Shutdown until a new start configuration, `match_over`
-    from the end of a match until the next one is started. `is_commanding` tells whether a goto is under way.
+    first was confirmed; `readiness` says what a goto still needs; `shut_down` is True after an Emergency Shutdown until
+    a new start configuration, `match_over` from the end of a match until the next one is started. `is_commanding` tells
+    whether a goto is under way.
     `sensor` and `actuators` are what the robot has beside the bus, None if it has none. `observe` is called with each
-    goto and each task, and its call, when it begins.
+    goto and each task, and its call, when it begins, `at_match_end` when a match is over and the drive is told to stop.
     """
 
     def __init__(
@@ -102,10 +131,13 @@ class Core(RobotNode):
         actuators: Actuators | None = None,
         *,
         store: Store | None = None,
+        facts: Facts | None = None,
     ) -> None:
-        super().__init__(dictionary, store=store)
+        super().__init__(dictionary, store=store, facts=facts)
         self.sensor, self.actuators = sensor, actuators
         self.observe: Callable[[messages.GotoXY | str, Call[Any]], None] = lambda _what, _call: None
+        self._told: defaultdict[type[Message], list[Callable[[Any], object]]] = defaultdict(list)
+        self.at_match_end: Callable[[], object] = lambda: None
         self._flows: list[Flow[Any]] = []
         self._forget()
 
@@ -115,15 +147,17 @@ class Core(RobotNode):
         self._tracks: defaultdict[Source | OutOfRange, Track] = defaultdict(Track)
         self.shut_down = self.match_over = False
         self._driving: Flow[GotoReport] | None = None
-        self._configuring: Flow[float] | None = None
+        self._configuring: Flow[Any] | None = None
         self._standing: Flow[Standstill] | None = None
         self._keeping_on: Flow[None] | None = None
         self._acting: Flow[int] | None = None
+        self._taking_back: Flow[None] | None = None
         self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
+        self.readiness = startup.Readiness()
         self._lost = ""
         self._place: Place | None = None
-        self._astray = self._leaving = self._gone = False
+        self._astray = self._leaving = self._gone = self._forgotten = False
         self._match: Timer | None = None
         self._match_end: float | None = None
         self._polling = 0
@@ -151,8 +185,13 @@ class Core(RobotNode):
 
     @property
     def open_calls(self) -> int:
-        """How many calls have not ended; to go on stopping a robot that does not stand is nobody's call."""
-        return len(self._flows) - (self._keeping_on is not None)
+        """How many calls have not ended; to go on stopping, or asking for a node that is lost, is nobody's call."""
+        return len(self._flows) - (self._keeping_on is not None) - (self._taking_back is not None)
+
+    @property
+    def without(self) -> tuple[str, ...]:
+        """The nodes that the robot does without: the navigation, while it is lost in a match."""
+        return ("navigation",) if self._taking_back is not None else ()
 
     # Calls
 
@@ -162,7 +201,7 @@ class Core(RobotNode):
         NoAnswer names the node check that nobody answered: the start is blocked then (document 5.1). DialectMismatch
         names a node that is loaded from the EDS of another dialect.
         """
-        return self._begin(startup.check_nodes(self)).call
+        return self._begin(startup.check_nodes(self, self.readiness.checked)).call
 
     def configure_start(
         self,
@@ -192,12 +231,31 @@ class Core(RobotNode):
             self._end(self._configuring, StateError("replaced by a newer start configuration"))
             if self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.STOPPED, "a new start configuration")
-            watched = self._standing is not None
-            self._end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
-            self._end(self._keeping_on, StateError("a new start configuration"))
-            self.positions.clear()
-            self._configuring = self._begin(self._configure_start(configuration, watched))
+            self._configuring = self._begin(self._configure_start(configuration, self._no_longer_watched()))
             return self._configuring.call
+
+    def recover(self) -> Call[messages.KalmanPositionResponse]:
+        """Have the robot go on after an Emergency Shutdown: checks, the start configuration, a look where it is.
+
+        The result is the place, which the navigation has seen twice. Raises as `check_nodes` and `configure_start`, and
+        StateError before the first start configuration, and if the drive is not where it was seen last.
+        """
+        with self.guard:
+            self._check_present()
+            configuration = self.configuration
+            if configuration is None:
+                raise StateError("there is nothing to go back to: call check_nodes() and configure_start()")
+            self._end(self._configuring, StateError("replaced by a recovery"))
+            flow = self._configuring = self._begin(self._recover_all(configuration, self._no_longer_watched()))
+            return flow.call
+
+    def _no_longer_watched(self) -> bool:
+        """End the watch over a stop because of a new configuration; tell whether there was one."""
+        watched = self._standing is not None
+        self._end(self._standing, StateError("a new start configuration came before the robot was seen to stand"))
+        self._end(self._keeping_on, StateError("a new start configuration"))
+        self.positions.clear()
+        return watched
 
     def goto(
         self,
@@ -218,8 +276,9 @@ class Core(RobotNode):
 
         If a node has been lost since the last goto, the drive is stopped, and both are checked and configured anew
         first; that takes as long as their answers, at most all attempts of the checks and the configuration. Raises
-        FieldError before anything is sent; StateError after an Emergency Shutdown, after the match, when the core is
-        being switched off, and if the drive has lost its place; NoAnswer if the drive does not confirm or does not say
+        FieldError before anything is sent; StateError before both nodes are checked and a start configuration is
+        confirmed, after an Emergency Shutdown, after the match, when the core is being switched off, and if the drive
+        has lost its place; NoAnswer if the drive does not confirm or does not say
         its state, or a lost node its check; NotStanding if the robot does not stand before lost nodes are configured.
         """
         goto = messages.GotoXY(x, y, angle, speed, barriers, direction, route)
@@ -227,9 +286,11 @@ class Core(RobotNode):
             self._check_present()
             self.device.transmit(goto)  # raises what is wrong with it, and sends nothing yet
             if self.shut_down:
-                raise StateError("no goto after an emergency shutdown: configure the start first")
+                raise StateError("no goto after an emergency shutdown: `await core.recover()` ends it")
             if self.match_over:
-                raise StateError("no goto after the match")
+                return _failed(StateError("no goto after the match"))
+            if not self._has_to_recover and (missing := self.readiness.missing(self.without)):
+                raise StateError(f"no goto yet: {missing}")
             if self._has_to_recover and self.is_commanding:
                 self._stop(messages.StopDrive(), Outcome.REPLACED)  # nobody looks at the drive meanwhile
             self._end(self._driving, _Ended(Outcome.REPLACED))
@@ -281,6 +342,37 @@ class Core(RobotNode):
             self._end(self._acting, StateError("emergency shutdown"))
             return self._stop(messages.EmergencyShutdown())
 
+    def send(self, message: Message) -> None:
+        """Send a message of the robot's table, such as a team's own, and wait for nothing.
+
+        Raises StateError if the core has no TPDO for it, for one that a call of its own sends and watches, such as a
+        goto, and when the core is being switched off; FieldError.
+        """
+        with self.guard:
+            self._check_free(message)
+            super().send(message)
+
+    def ask(self, request: Message, answer: type[MessageT], timeout: float = ANSWER_WAIT) -> Call[MessageT]:
+        """Send a message, and wait for one that answers it, for `timeout` seconds at most.
+
+        Raises as `send`, StateError if the core has no RPDO for the answer; NoAnswer.
+        """
+        with self.guard:
+            self._check_free(request)
+            self.device.transmit(request)  # raises what is wrong with it, and sends nothing yet
+            self.device.check_received(answer)
+            return self._begin(self._ask(Ask(request, answer, timeout, 1))).call
+
+    def on(self, message: type[MessageT], function: Callable[[MessageT], object]) -> Callable[[], None]:
+        """Have a function called with each message of a type; return what ends that.
+
+        It is called where the core runs, which waits for it: it is to be quick. Raises StateError if the core has no
+        RPDO for such a message.
+        """
+        self.device.check_received(message)
+        self._told[message].append(function)
+        return lambda: self._told[message].remove(function)
+
     def start_match(self, duration: float | None = None) -> None:
         """Start the match: after `duration` seconds the drive is stopped, and no goto goes out any more.
 
@@ -317,6 +409,12 @@ class Core(RobotNode):
         flow.call.add_done_callback(lambda call: self._drop(flow) if call.cancelled() else None)
         return flow
 
+    def _check_free(self, message: Message) -> None:
+        """Raise StateError for a message that is not to be sent past the call that watches what comes of it."""
+        self._check_present()
+        if call := CALLS.get(type(message)):
+            raise StateError(f"{type(message).__name__} is sent by core.{call}(), which sees to what comes of it")
+
     def _check_present(self) -> None:
         if self._leaving:
             raise StateError(LEAVING)
@@ -344,6 +442,8 @@ class Core(RobotNode):
             self._keeping_on = None
         if flow is self._acting:
             self._acting = None
+        if flow is self._taking_back:
+            self._taking_back = None
 
     def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
         if flow is not None and flow in self._flows:
@@ -394,7 +494,8 @@ class Core(RobotNode):
         """Send Emergency Shutdown until the robot is seen to stand, however long that takes."""
         self._stopped = messages.EmergencyShutdown()
         self.offer(self._stopped)
-        self._keeping_on = self._begin(self._until_standing())
+        if self._keeping_on is None:
+            self._keeping_on = self._begin(self._until_standing())
 
     def _until_standing(self) -> Script[None]:
         yield from until_standing(self, self._latest_stop)
@@ -419,11 +520,11 @@ class Core(RobotNode):
         asked: float = yield START
         before, self._lost = self._lost, ""  # who is lost from here on may not have heard of it
         try:
-            confirmed = yield from startup.configure(self, configuration)
+            confirmed = yield from startup.configure(self, configuration, self.readiness, self.without)
         except BaseException:
             self._lost = self._lost or before
             raise
-        self.configuration, self.shut_down = configuration, False
+        self.configuration, self.shut_down, self._forgotten = configuration, False, False
         self._stopped = None if self._stopped is None else messages.StopDrive()
         self.clear_error(Standstill)
         self._start_polling(configuration, confirmed + self.seconds("Position polling.Start delay"))
@@ -456,7 +557,7 @@ class Core(RobotNode):
             raise
         else:
             if end.outcome is Outcome.LOST:
-                self._lost = end.why
+                self._lost, self._forgotten = end.why, end.why == NO_GOTO
                 self._halt(messages.StopDrive())
         finally:
             limit.cancel()
@@ -472,22 +573,57 @@ class Core(RobotNode):
         return bool(self._lost) and self.configuration is not None
 
     def _recover(self, configuration: messages.StartConfigurationSet) -> Script[None]:
-        """Check and configure the nodes anew after one was lost, and see that the drive knows where it is.
+        """Check the nodes anew after one was lost, and see that the drive knows where it is.
 
-        A drive that has booted believes in its team's start place, until the navigation says otherwise.
+        A drive that has forgotten its place is configured. It then believes in its team's start place, until the
+        navigation says otherwise; so one that knows its place is left alone.
         """
         self._astray = True
-        yield from startup.check_nodes(self)
-        yield from self._configure(configuration)
+        yield from startup.check_nodes(self, self.readiness.checked, self.without)
+        here = yield from drive_position(self)
+        if here.x is None or self._forgotten or not self.readiness.configured:
+            yield from self._configure(configuration)
+        elif "navigation" not in self.without:
+            yield from startup.tell_navigation(self, configuration)
+        self._lost = ""
+        yield from self._find_place(self._place)
+
+    def _find_place(self, there: Place | None) -> Script[messages.KalmanPositionResponse]:
+        """Have the navigation look where the drive is, and see that it is where it was seen last."""
         for _ in range(LOOKS):
             self.offer(messages.NaviPositionRequest())
             yield Pause(self.period("Goto handshake.State request period"))
-        here, there = (yield from drive_position(self))[:3], self._place
-        if there is not None and not is_near(there, here, self.setting("Recovery.Displacement"), ANY_ANGLE):
-            self._lost = "the drive has lost its place"
+        here = yield from drive_position(self)
+        if there is not None and (
+            not is_near(there, here[:3], self.setting("Recovery.Displacement"), ANY_ANGLE)
+            or (self._is_start(here[:3]) and not self._is_start(there))  # it was configured, and not seen since
+        ):
+            self._lost, self._place = "the drive has lost its place", there
             text = f"it was last seen at {there[:2]}, and is at {here[:2]} now; configure the start"
             raise StateError(f"{self._lost}: {text}")
         self._astray = False
+        return here
+
+    def _is_start(self, place: Place) -> bool:
+        assert self.configuration is not None  # nobody asks before
+        return is_near(self.facts.start(self.configuration.team_colour), place, AT_START, ANY_ANGLE)
+
+    def _recover_all(
+        self, configuration: messages.StartConfigurationSet, watched: bool
+    ) -> Script[messages.KalmanPositionResponse]:
+        there = self._place
+        yield from self._configure_start(configuration, watched)
+        self._place, self._astray = there, True
+        return (yield from self._find_place(there))
+
+    def _take_navigation_back(self, configuration: messages.StartConfigurationSet) -> Script[None]:
+        try:
+            yield from startup.take_back(self, configuration, self.readiness.checked)
+        except DialectMismatch as error:
+            self.alarm(str(error))
+            self._lost = str(error)
+        else:
+            self.alarm("the navigation is back")
 
     def _position(self) -> Script[messages.KalmanPositionResponse]:
         yield START
@@ -512,6 +648,10 @@ class Core(RobotNode):
         if self._looking is not None:
             self._looking.cancel()
             self._looking = None
+
+    def _ask(self, ask: Ask) -> Script[Any]:
+        yield START
+        return (yield ask)
 
     def _read_sensor(self) -> Script[Detection | None]:
         now: float = yield START
@@ -540,8 +680,10 @@ class Core(RobotNode):
 
     def _end_match(self, _: float) -> None:
         self.match_over = True
+        self._give_up_navigation()
         self._end(self._acting, StateError(MATCH_OVER))
         self._stop(messages.StopDrive(), Outcome.STOPPED, MATCH_OVER)
+        self.at_match_end()
 
     # Position polling
 
@@ -561,17 +703,45 @@ class Core(RobotNode):
     # The other nodes
 
     def heartbeat_lost(self, node_id: int) -> None:
-        """Stop the drive: a robot with a silent node does not go on."""
-        self._lost = f"node {node_id} has fallen silent"
+        """Stop the drive if it is silent, or if the navigation is before the match."""
+        why = f"node {node_id} has fallen silent"
+        if self._goes_on_without(node_id, why):
+            return
+        self._lost = why
         if self._stopped is not None:
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     def booted(self, node_id: int) -> None:
         """Configure a node that has booted before the next goto; a drive that has booted has lost its goto."""
-        self._lost = f"node {node_id} has booted"
-        drive = Channel.to("drive", self.device)
-        if self.is_commanding and drive is not None and drive.node_id == node_id:
+        why = f"node {node_id} has booted"
+        if self._goes_on_without(node_id, why):
+            return
+        self._lost = why
+        is_drive = self._is("drive", node_id)
+        self._forgotten = self._forgotten or is_drive
+        if self.is_commanding and is_drive:
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
+
+    def _is(self, node: str, node_id: int) -> bool:
+        channel = Channel.to(node, self.device)
+        return channel is not None and channel.node_id == node_id
+
+    def _goes_on_without(self, node_id: int, why: str) -> bool:
+        """Take back a node's check; tell whether it is the navigation, and the robot goes on without it."""
+        self.readiness.checked -= {node for node in self.readiness.checked if self._is(node, node_id)}
+        under_way = self._match_end is not None and not self.match_over and not self.shut_down
+        if self.configuration is None or not under_way or not self._is("navigation", node_id):
+            return False
+        if self._taking_back is None:
+            self.alarm(f"the navigation is lost, and the robot goes on by its wheels: {why}")
+            self._taking_back = self._begin(self._take_navigation_back(self.configuration))
+        return True
+
+    def _give_up_navigation(self) -> None:
+        """Ask no more for a navigation that is still lost when the match ends: the next goto recovers it first."""
+        if self._taking_back is not None:
+            self._lost = "the navigation is lost"
+            self._end(self._taking_back, StateError(MATCH_OVER))
 
     def halted(self) -> None:
         """Stop the drive when a master takes the node out of OPERATIONAL: it cannot ask for its state any more."""
@@ -589,6 +759,8 @@ class Core(RobotNode):
     def _act(self, message: Message) -> None:
         super()._act(message)
         self.answered(message)
+        for function in tuple(self._told.get(type(message), ())):
+            function(message)
 
     def answered(self, answer: Message | Frame) -> None:
         """Pass a message or an SDO answer to the flow that waits for it."""
@@ -618,6 +790,7 @@ class Core(RobotNode):
         if isinstance(position, messages.KalmanPositionResponse) and position.x is not None and not self._astray:
             self._place = position[:3]
 
+    FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {"Match.Match duration": lambda facts: facts.duration}
     OBJECTS: ClassVar[Objects] = {
         "Goto state": BoundObject(write=messages.GotoStateResponse),
         "Navi position": BoundObject(write=messages.NaviPositionResponse),

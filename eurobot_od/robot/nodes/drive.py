@@ -14,20 +14,21 @@ from typing import Any, ClassVar
 from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
-from eurobot_od.errors import Cause, Refused
+from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
-from eurobot_od.robot.kinds import Remaining
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.kinds import Remaining
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.kalman import Tuning
 from eurobot_od.robot.nodes.motion import AT_REST, Braking, Chassis, Command, IdealChassis, Motion, MotionLimits
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.nodes.route import Clearances, find_route
-from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, RobotError, Route, Source
 
 LATE = 0.1
 """Seconds that a control step may be late and be made up for: as long as a busy computer may take."""
@@ -57,10 +58,26 @@ class Drive(RobotNode):
     the obstacle as its reason; `safe` is True after an Emergency Shutdown until a new start configuration or NMT reset.
     """
 
-    def __init__(self, dictionary: Dictionary, chassis: Chassis | None = None, *, store: Store | None = None) -> None:
-        super().__init__(dictionary, store=store)
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        chassis: Chassis | None = None,
+        *,
+        store: Store | None = None,
+        facts: Facts | None = None,
+    ) -> None:
+        super().__init__(dictionary, store=store, facts=facts)
+        self._check_field()
         self.chassis: Chassis = chassis or IdealChassis()
         self._forget()
+
+    def _check_field(self) -> None:
+        """Raise DictionaryError for a field that is larger than what positions can say."""
+        size = self.facts.field.width, self.facts.field.height
+        for side, length, limits in zip("XY", size, self.coordinates("Kalman position")):
+            if length > limits.high:
+                what = f"the robot's file has a field of {length:g} mm along {side}, positions end at {limits.high} mm"
+                raise DictionaryError(self.device.dictionary.file, None, what)
 
     def _forget(self) -> None:
         self.configuration: messages.StartConfigurationSet | None = None
@@ -108,7 +125,7 @@ class Drive(RobotNode):
 
     def _way(self, goto: messages.GotoXY) -> tuple[Point, ...] | None:
         """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
-        if self.estimate.pose is None:
+        if self.estimate.pose is None or self._is_unsure():
             return None
         # What still rolls brakes first: the way begins where it comes to stand.
         start, goal = self._limits().standing(self.estimate.pose, self._rolling).point, Point(goto.x, goto.y)
@@ -135,7 +152,7 @@ class Drive(RobotNode):
         deviations = self.estimate.deviations
         unsure = deviations.worst * self.setting("Body.Position margin") / 10 if deviations else 0.0
         margin = self.setting("Body.Safety margin") + self._limits().deviation + unsure
-        return Clearances.of(self.setting("Body.Robot radius"), margin)
+        return Clearances.of(self.facts, self.setting("Body.Robot radius"), margin)
 
     def remaining(self) -> int | GotoFault | None:
         """Return a goto's remaining time in ms: 0 arrived, None unknown or no goto, or why there is none."""
@@ -207,6 +224,8 @@ class Drive(RobotNode):
         self.estimate.moved(rolled, now)
         if isinstance(motion, Motion):
             self._watch_wheels(rolled.follows(command, dt), dt)
+            if self._is_unsure():
+                self._give_up_unsure()
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         # Steps that are late by a moment are made up for; those missed by a node that hung are gone.
@@ -221,6 +240,15 @@ class Drive(RobotNode):
             self.raise_error(RobotError.DRIVE_BLOCKED, GotoFault.BLOCKED)
             self._brake()
 
+    def _is_unsure(self) -> bool:
+        """Tell whether the place is known too badly to drive on: without the navigation, the longer the worse."""
+        return self.estimate.spread > self.setting("Estimate.Largest deviation")
+
+    def _give_up_unsure(self) -> None:
+        self.fault = GotoFault.NOT_POSSIBLE
+        self.raise_error(RobotError.PLACE_UNSURE, Estimate)
+        self._brake()
+
     def _forget_obstruction(self) -> None:
         self._stuck = 0.0
         self.clear_error(GotoFault.BLOCKED)
@@ -233,6 +261,8 @@ class Drive(RobotNode):
             return
         self.estimate.tuning = self._tuning()
         self.estimate.corrected(Fix(position.x, position.y, position.angle), self.now)
+        if not self._is_unsure():
+            self.clear_error(Estimate)
 
     def _tuning(self) -> Tuning:
         return Tuning(**{field: self.setting(f"Estimate.{name}") * unit for field, (name, unit) in TUNING.items()})
@@ -246,7 +276,8 @@ class Drive(RobotNode):
         pose = self.estimate.pose
         if pose is None:
             return messages.KalmanPositionResponse(None, None, None, Source.INTERNAL)
-        x, y = (round(min(max(value, 0), size)) for value, size in zip(pose.point, (WIDTH, HEIGHT)))
+        limits = self.coordinates("Kalman position")
+        x, y = (round(min(max(value, each.low), each.high)) for value, each in zip(pose.point, limits))
         return messages.KalmanPositionResponse(x, y, round(pose.angle) % 360, Source.INTERNAL)
 
     def _configure(self, configuration: messages.StartConfigurationSet) -> Message:
@@ -255,10 +286,14 @@ class Drive(RobotNode):
         self.configuration, self.safe = configuration, False
         self._stop(messages.StopDrive())
         self.stopped_by = None
-        self.estimate = Estimate(self._tuning(), START_POSES[configuration.team_colour])
+        self.estimate = Estimate(self._tuning(), self.facts.start(configuration.team_colour))
         self.clear_error(messages.EmergencyShutdown)
+        self.clear_error(Estimate)
         return messages.StartConfigurationConfirm()
 
+    FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {
+        "Body.Robot radius": lambda facts: math.ceil(facts.body.radius),
+    }
     OBJECTS: ClassVar[Objects] = {
         "Goto XY": BoundObject(write=messages.GotoXY),
         "Emergency stop": BoundObject(write=messages.EmergencyStop),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple, Protocol
 
-from eurobot_od.robot.values import Obstacle
+from eurobot_od.robot.model.values import Obstacle
 
 
 class Detection(NamedTuple):

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.nodes.kalman import Belief, Deviations, Travel, Tuning, chance_up_to
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
@@ -62,6 +62,11 @@ class Estimate:
     def deviations(self) -> Deviations | None:
         """How well the pose is known; None without one."""
         return self._belief and self._belief.deviations
+
+    @property
+    def spread(self) -> float:
+        """How far from the pose the robot may be: the standard deviation of the distance, mm; 0 without a pose."""
+        return math.sqrt(self._belief.covariance[0][0] + self._belief.covariance[1][1]) if self._belief else 0.0
 
     def moved(self, odometry: Odometry, now: float) -> None:
         """Follow what the wheels report until `now`, s; the pose is unknown before the first one."""

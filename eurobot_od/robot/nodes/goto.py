@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from eurobot_od.device.flow import Pause, Script
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import is_near
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.places import is_near
+from eurobot_od.robot.model.values import FAULT_OUTCOME, Outcome
 from eurobot_od.robot.nodes.node import RobotNode
-from eurobot_od.robot.values import FAULT_OUTCOME, Outcome
 
 GOTO_SETTINGS = ("Goto handshake.Confirm wait", "Goto handshake.Transmissions")
 STATE_SETTINGS = ("Goto handshake.State answer wait", "Goto handshake.Transmissions")

@@ -12,12 +12,10 @@ from typing import NamedTuple
 from eurobot_od.device.device import Device
 from eurobot_od.errors import DictionaryError, RemoteError
 from eurobot_od.frame import Frame
-from eurobot_od.od.values import Address
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.standard import REVISION
 from eurobot_od.robot import dialects
-from eurobot_od.sdo.client import TransferError, upload
-
-REVISION: Address = (0x1018, 3)
-"""Where a node keeps the revision number of its EDS."""
+from eurobot_od.sdo.client import TransferError, download, upload
 
 CHANNEL_NAME = "SDO client parameter {}"
 """ParameterName of the record that says how to reach a node by SDO."""
@@ -42,7 +40,7 @@ class DialectMismatch(RemoteError):
 
 def _eds(node: str, revision: int) -> str:
     """Say in words what EDS has a revision number, by the dialect that has it."""
-    outlines = ((name, outline) for name in dialects.names() for outline in dialects.outlines(name))
+    outlines = ((name, outline) for name in dialects.names() for outline in dialects.load_all(name))
     known = [name for name, outline in outlines if (outline.name, outline.default(REVISION)) == (node, revision)]
     return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
 
@@ -66,6 +64,15 @@ class Channel(NamedTuple):
     def ask(self) -> Frame:
         """Return the request for the revision number."""
         (request,) = upload(REVISION, inf).start(0.0)
+        return Frame(self.request, request)
+
+    def order(self, dictionary: Dictionary, name: str, value: int) -> Frame:
+        """Return the request that writes a number of up to 4 bytes to an object; raises DictionaryError."""
+        address = dictionary.address(name)
+        variable = dictionary.variable(address)
+        assert variable is not None  # it has an address
+        content = value.to_bytes((len(variable) + 7) // 8, "little")
+        (request,) = download(address, content, inf).start(0.0)
         return Frame(self.request, request)
 
 

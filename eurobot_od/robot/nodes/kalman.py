@@ -19,7 +19,7 @@ from collections.abc import Iterable, Sequence
 from operator import mul
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.robot.field import Pose, normalise, turn
+from eurobot_od.robot.model.places import Pose, normalise, turn
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 

@@ -38,7 +38,7 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple, Protocol
 
-from eurobot_od.robot.field import Point, Pose, turn
+from eurobot_od.robot.model.places import Point, Pose, turn
 
 EXACTNESS = 0.25
 """A movement ends within this share of its tolerance, so that later small corrections need no new one."""

@@ -12,10 +12,10 @@ from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.storage import Store
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import HEIGHT, WIDTH
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.values import RobotError, Source
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
-from eurobot_od.robot.values import RobotError, Source
 
 AMBIGUOUS = 255
 """x = y = 255 mm with an unknown angle reads "position unknown" (document Table 2); such a place is sent 1 mm off."""
@@ -43,8 +43,15 @@ class Navigation(RobotNode):
     until a new start configuration or an NMT reset; it goes on answering, as nothing in it moves.
     """
 
-    def __init__(self, dictionary: Dictionary, beacons: Beacons | None = None, *, store: Store | None = None) -> None:
-        super().__init__(dictionary, store=store)
+    def __init__(
+        self,
+        dictionary: Dictionary,
+        beacons: Beacons | None = None,
+        *,
+        store: Store | None = None,
+        facts: Facts | None = None,
+    ) -> None:
+        super().__init__(dictionary, store=store, facts=facts)
         self.beacons = beacons
         self.configuration: messages.StartConfigurationSet | None = None
         self.safe = False
@@ -77,11 +84,14 @@ class Navigation(RobotNode):
             self._fixes[whom] = self.beacons.locate(whom, self.now) if self.beacons else None
         return self._fixes[whom]
 
-    def _position(self, response: type[messages.PositionResponse], whom: Source) -> messages.PositionResponse:
+    def _position(
+        self, record: str, response: type[messages.PositionResponse], whom: Source
+    ) -> messages.PositionResponse:
         # Before the start configuration anyone may be there.
         expected = self.configuration is None or self.configuration.includes(whom)
         fix = self._fix(whom) if expected else None
-        if fix is None or not (0 <= fix.x <= WIDTH and 0 <= fix.y <= HEIGHT):
+        across, along = self.coordinates(record)
+        if fix is None or not (across.low <= fix.x <= across.high and along.low <= fix.y <= along.high):
             return response(None, None, None, whom)
         x, y = round(fix.x), round(fix.y)
         if fix.angle is None:
@@ -89,16 +99,16 @@ class Navigation(RobotNode):
         return response(x, y, round(fix.angle) % 360, whom)
 
     def _own(self) -> messages.PositionResponse:
-        return self._position(messages.NaviPositionResponse, Source.INTERNAL)
+        return self._position("Navi position", messages.NaviPositionResponse, Source.INTERNAL)
 
     def _enemy_1(self) -> messages.PositionResponse:
-        return self._position(messages.Enemy1PositionResponse, Source.ENEMY_1)
+        return self._position("Enemy 1 position", messages.Enemy1PositionResponse, Source.ENEMY_1)
 
     def _enemy_2(self) -> messages.PositionResponse:
-        return self._position(messages.Enemy2PositionResponse, Source.ENEMY_2)
+        return self._position("Enemy 2 position", messages.Enemy2PositionResponse, Source.ENEMY_2)
 
     def _confederate(self) -> messages.PositionResponse:
-        return self._position(messages.ConfederatePositionResponse, Source.CONFEDERATE)
+        return self._position("Confederate position", messages.ConfederatePositionResponse, Source.CONFEDERATE)
 
     OBJECTS: ClassVar[Objects] = {
         "Navi position": BoundObject(read=_own),

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
-from eurobot_od.device.bound import BoundObject
+from eurobot_od.device.bound import Application, BoundObject
 from eurobot_od.device.flow import Ask
 from eurobot_od.device.node import Node
-from eurobot_od.errors import Cause, Refused
+from eurobot_od.device.objects import out_of_limits
+from eurobot_od.device.storage import Store
+from eurobot_od.errors import Cause, DictionaryError, Refused
+from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
+from eurobot_od.od.values import Address, Limits, Value
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot import messages
-from eurobot_od.robot.values import RobotError
+from eurobot_od.robot.model import messages, robot_file
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.values import RobotError
 
 Handlers: TypeAlias = Mapping[type[Message], Callable[[Any, Any], "Message | None"]]
 """What a node does with each message: a function of the node and the message; it returns the answer, or None."""
@@ -21,9 +27,50 @@ Objects: TypeAlias = Mapping[str, BoundObject]
 
 
 class RobotNode(Node):
-    """A node of the robot."""
+    """A node of the robot; `facts` are those of the robot and its match, by default of the file beside the EDS.
+
+    `FACTS` has the settings that are such facts: they count in place of the EDS's defaults, but not of what was stored,
+    or what a DCF says. Raises DictionaryError for one that is outside of the setting's limits.
+    """
 
     CATALOGUE = messages.CATALOGUE
+    FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {}
+
+    def __init__(self, dictionary: Dictionary, *, store: Store | None = None, facts: Facts | None = None) -> None:
+        self.facts = robot_file.read(robot_file.file_for(dictionary.file)) if facts is None else facts
+        self._coordinates: dict[str, tuple[Limits, Limits]] = {}
+        super().__init__(dictionary, store=store)
+
+    def coordinates(self, record: str) -> tuple[Limits, Limits]:
+        """Return the limits of x and y that the EDS gives a record such as `Kalman position`, mm."""
+        if record not in self._coordinates:
+            x, y = map(self._limits_of, (f"{record}.X position", f"{record}.Y position"))
+            self._coordinates[record] = x, y
+        return self._coordinates[record]
+
+    def _limits_of(self, name: str) -> Limits:
+        dictionary = self.device.dictionary
+        variable = dictionary.variable(dictionary.address(name))
+        assert variable is not None  # it has an address
+        type_ = data_type(variable)
+        low, high = variable.min, variable.max
+        return Limits(type_.low if low is None else low, type_.high if high is None else high)
+
+    def _application(self, dictionary: Dictionary) -> Application:
+        return super()._application(dictionary)._replace(given=self._given(dictionary))
+
+    def _given(self, dictionary: Dictionary) -> dict[Address, Value]:
+        given: dict[Address, Value] = {}
+        for name, fact in self.FACTS.items():
+            address, value = dictionary.address(name), fact(self.facts)
+            variable = dictionary.variable(address)
+            if variable is None or variable.value is not None:
+                continue
+            if out_of_limits(variable, value):
+                what = f"{name} = {value}, as the robot's file says, is not in {variable.min}..{variable.max}"
+                raise DictionaryError(dictionary.file, address[0], what)
+            given[address] = value
+        return given
 
     def check_configuration(self, configuration: messages.StartConfigurationSet) -> None:
         """Raise Refused, and report it by EMCY until a good one comes, if a start configuration contradicts itself."""
@@ -43,3 +90,10 @@ class RobotNode(Node):
     def asking(self, request: Message, answer: type[Message], wait: str, attempts: str) -> Ask:
         """Ask by two settings, read when they are needed: what a master wrote holds from the next question on."""
         return Ask(request, answer, self.seconds(wait), self.setting(attempts))
+
+
+def make(kind: type[Node], dictionary: Dictionary, store: Store | None, facts: Facts | None) -> Node:
+    """Make a node of any class; one of the robot gets the facts."""
+    if issubclass(kind, RobotNode):
+        return kind(dictionary, store=store, facts=facts)
+    return kind(dictionary, store=store)

@@ -9,12 +9,13 @@ discs of eight corners the graph of all legs is small enough to be searched anew
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from heapq import heappop, heappush
 from typing import NamedTuple
 
-from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Point
-from eurobot_od.robot.values import Barriers, Passage
+from eurobot_od.robot.model.facts import Barrier, Facts
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import Barriers, Passage
 
 TOLLS = {
     Passage.NORMAL: 100_000.0,
@@ -33,25 +34,26 @@ ROUNDING = 1e-6
 
 
 class Clearances(NamedTuple):
-    """How far the robot's centre stays away, mm: from the centre of a fire and of a pool, and from the field's edge.
+    """How far the robot's centre stays away, mm: from the centres of barriers, by kind, and from the field's edge.
 
-    `edge` is for way points; a goal may be nearer, as near as `border`, where the robot just fits.
+    `facts` are those of the field. `edge` is for way points; a goal may be nearer, as near as `border`, where the robot
+    just fits.
     """
 
-    fire: float
-    pool: float
+    facts: Facts
+    kinds: Mapping[str, float]
     edge: float
     border: float = 0.0
 
     @classmethod
-    def of(cls, radius: float, margin: float) -> Clearances:
+    def of(cls, facts: Facts, radius: float, margin: float) -> Clearances:
         """Compute them from the robot's radius and a margin for what it may be off, mm."""
         reach = radius + margin
-        return cls(reach + RADII[BarrierKind.FIRE], reach + RADII[BarrierKind.POOL], reach, radius)
+        return cls(facts, {each.kind.name: reach + each.kind.radius for each in facts.barriers}, reach, radius)
 
-    def around(self, kind: BarrierKind) -> float:
-        """Tell the radius of the disc to avoid around a barrier of this kind, mm."""
-        return self.fire if kind is BarrierKind.FIRE else self.pool
+    def around(self, barrier: Barrier) -> float:
+        """Tell the radius of the disc to avoid around a barrier, mm."""
+        return self.kinds[barrier.kind.name]
 
 
 class Disc(NamedTuple):
@@ -102,14 +104,14 @@ def find_route(
     nearer to it, but one where the robot does not fit is out of reach; the start may be anywhere. `others` are more
     places to stay out of, such as where other robots are.
     """
+    field = clearances.facts.field
     discs = [
-        Disc(Point(barrier.x, barrier.y), clearances.around(barrier.kind), TOLLS[passage])
-        for barrier in BARRIERS
-        if (passage := barriers.passage(barrier.number)) is not Passage.FREE
+        Disc(barrier.point, clearances.around(barrier), TOLLS[passage])
+        for barrier, passage in clearances.facts.flagged(barriers)
     ]
     discs += others
     forced = any(disc.toll == math.inf for disc in discs if disc.contains(goal))
-    if forced or not _on_field(goal, clearances.border):
+    if forced or not field.contains(goal, clearances.border):
         return None
     # A normal disc with the goal in it has to be entered in any case, so it is not in the way.
     avoided = [disc.left_from(start) for disc in discs if not disc.contains(goal)]
@@ -120,13 +122,9 @@ def find_route(
         corner
         for disc in avoided
         for corner in disc.corners()
-        if _on_field(corner, clearances.edge) and not any(each.contains(corner) for each in closed)
+        if field.contains(corner, clearances.edge) and not any(each.contains(corner) for each in closed)
     ]
     return _cheapest(start, goal, corners, avoided)
-
-
-def _on_field(point: Point, edge: float) -> bool:
-    return edge <= point.x <= WIDTH - edge and edge <= point.y <= HEIGHT - edge
 
 
 def _cheapest(start: Point, goal: Point, corners: list[Point], discs: list[Disc]) -> tuple[Point, ...] | None:

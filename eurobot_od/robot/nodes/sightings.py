@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import Point
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.places import Point
 
 TOP_SPEED = 800.0
 """No robot drives faster, mm/s."""

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from eurobot_od.device.flow import START, Ask, Pause, Script
 from eurobot_od.errors import NoAnswer, RemoteError
-from eurobot_od.robot import messages
-from eurobot_od.robot.field import is_near
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.places import is_near
+from eurobot_od.robot.model.values import GotoFault
 from eurobot_od.robot.nodes.node import RobotNode
-from eurobot_od.robot.values import GotoFault
 
 
 class Standstill(NamedTuple):

@@ -6,13 +6,15 @@ is why a configuration ends with a second check of both nodes.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from contextlib import suppress
 
 from eurobot_od.device.flow import START, Ask, Script
-from eurobot_od.errors import NoAnswer
+from eurobot_od.errors import DictionaryError, NoAnswer
+from eurobot_od.od.standard import REVISION
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot import messages
-from eurobot_od.robot.nodes.identity import REVISION, Channel, DialectMismatch, revision_in
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.nodes.identity import Channel, DialectMismatch, revision_in
 from eurobot_od.robot.nodes.node import RobotNode
 
 NODE_CHECKS: tuple[tuple[str, Message, type[Message]], ...] = (
@@ -28,17 +30,46 @@ CONFIGURATION_SETTINGS = (
 )
 """How long to wait for an answer, and how often to ask."""
 
+CONFIGURED = ("Team colour", "Enemies", "Confederates", "Enemy 1 diameter", "Enemy 2 diameter")
+"""The sub-indices of the object `Start configuration`, in the order of the message's fields."""
 
-def check_nodes(core: RobotNode) -> Script[dict[str, float]]:
-    """Check both nodes; return the seconds that each took to answer. Raises NoAnswer, DialectMismatch."""
+
+class Readiness:
+    """What has to be there before the first goto: both nodes checked, a start configuration confirmed.
+
+    `checked` has the nodes that have answered in the dialect of this core, and have neither booted nor been lost since;
+    `configured` is whether the latest start configuration was confirmed.
+    """
+
+    def __init__(self) -> None:
+        self.checked: set[str] = set()
+        self.configured = False
+
+    def missing(self, without: Collection[str] = ()) -> str:
+        """Say what is missing and what to call, '' if nothing is; the check of some nodes may be done `without`."""
+        unchecked = [f"the {node}" for node, *_ in NODE_CHECKS if node not in {*self.checked, *without}]
+        texts = [f"{' and '.join(unchecked)} must answer a check: call check_nodes()"] if unchecked else []
+        texts += [] if self.configured else ["a start configuration must be confirmed: call configure_start()"]
+        return "; ".join(texts)
+
+
+def check_nodes(core: RobotNode, checked: set[str], without: Collection[str] = ()) -> Script[dict[str, float]]:
+    """Check both nodes; return the seconds that each took to answer. Raises NoAnswer, DialectMismatch.
+
+    `checked` has the nodes that have answered in the dialect of this core; it is made anew. Nodes to do `without` are
+    not checked.
+    """
     took = {}
+    checked.clear()
     yield START
     for node, request, answer in NODE_CHECKS:
+        if node in without:
+            continue
         asked = core.now
         yield core.asking(request, answer, *CHECK_SETTINGS)
         took[node] = core.now - asked
-    for node in took:
         yield from _compare(core, node)
+        checked.add(node)
     return took
 
 
@@ -54,11 +85,50 @@ def _compare(core: RobotNode, node: str) -> Script[None]:
             raise DialectMismatch(node, channel.node_id, theirs, ours)
 
 
-def configure(core: RobotNode, configuration: messages.StartConfigurationSet) -> Script[float]:
-    """Set the start configuration, and check both nodes again; return when it was confirmed. Raises NoAnswer."""
+def configure(
+    core: RobotNode,
+    configuration: messages.StartConfigurationSet,
+    readiness: Readiness,
+    without: Collection[str] = (),
+) -> Script[float]:
+    """Set the start configuration, and check both nodes again; return when it was confirmed.
+
+    Raises NoAnswer, DialectMismatch.
+    """
     yield START
+    readiness.configured = False
     yield core.asking(configuration, messages.StartConfigurationConfirm, *CONFIGURATION_SETTINGS)
     confirmed = core.now
-    for _, request, answer in NODE_CHECKS:
-        yield core.asking(request, answer, *CHECK_SETTINGS)
+    yield from check_nodes(core, readiness.checked, without)
+    readiness.configured = True
     return confirmed
+
+
+def take_back(core: RobotNode, configuration: messages.StartConfigurationSet, checked: set[str]) -> Script[None]:
+    """Ask a navigation that was lost until it answers, and configure it: the drive drives on meanwhile.
+
+    Raises DialectMismatch.
+    """
+    node, request, answer = NODE_CHECKS[1]
+    yield START
+    while True:
+        with suppress(NoAnswer):
+            yield core.asking(request, answer, *CHECK_SETTINGS)
+            break
+    yield from _compare(core, node)
+    yield from tell_navigation(core, configuration)
+    checked.add(node)
+
+
+def tell_navigation(core: RobotNode, configuration: messages.StartConfigurationSet) -> Script[None]:
+    """Configure the navigation alone.
+
+    A Start Configuration Set would send the drive's estimate back to its start place, so each sub-index is written by
+    SDO; a navigation without SDO goes without.
+    """
+    channel = Channel.to("navigation", core.device)
+    if channel is not None:
+        with suppress(NoAnswer, DictionaryError):  # no SDO; a file that has the configuration in other pieces
+            for name, value in zip(CONFIGURED, configuration):
+                order = channel.order(core.device.dictionary, f"Start configuration.{name}", int(value))
+                yield Ask(order, channel.answer, core.seconds("Node check.Identity wait"), 1)

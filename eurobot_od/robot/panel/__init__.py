@@ -5,21 +5,29 @@ What the messages say of the match is worked out by `picture.recording`, as for 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from threading import Event as Signal
 from typing import Any, ClassVar
 
 from eurobot_od.pdo.kinds import words_of
 from eurobot_od.pdo.message import Message, describe
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, Point
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.messages import (
+    SOURCES,
     GotoXY,
+    KalmanPositionRequest,
     KalmanPositionResponse,
     NaviPositionResponse,
     StartConfigurationSet,
 )
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import Outcome, Route
 from eurobot_od.robot.nodes.route import Clearances, find_route
+from eurobot_od.robot.nodes.startup import NODE_CHECKS
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import RING, ground
 from eurobot_od.robot.picture.recording import (
@@ -33,27 +41,24 @@ from eurobot_od.robot.picture.recording import (
     Truth,
     at,
 )
-from eurobot_od.robot.values import Outcome, Route
-from eurobot_od.robot.world.bodies import ROBOT_RADIUS
-from eurobot_od.web.panel import Event, Panel
+from eurobot_od.web.panel import Control, Event, Panel
 
 HERE = Path(__file__).parent
 
 SPEED = 50
 """Per cent of the drive's maximum that a goto of the page has, unless somebody says another."""
 
-CLEARANCES = Clearances.of(ROBOT_RADIUS, 0.0)
-"""For the way that is drawn to a goto's place: the drive keeps a margin besides, by how well it knows where it is."""
-
-
 POSE_UNITS = {"x": "mm", "y": "mm", "angle": "deg"}
+
+PATIENCE = 1.0
+"""Seconds that a node has to answer before a goto of the page."""
 
 KEPT = 1000
 """Sightings of each robot that are kept: the page has its own, here they tell where a goto began."""
 
 
 class FieldPanel(Panel):
-    """The playing field of one source."""
+    """The playing field of one source, by the facts of the robot's file."""
 
     name: ClassVar[str] = "field"
     title: ClassVar[str] = "Field"
@@ -63,31 +68,68 @@ class FieldPanel(Panel):
 
     def __init__(self) -> None:
         self._recorder = Recorder()
+        # The drive keeps a margin besides, by how well it knows where it is.
+        self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
         self._told: dict[str, Event] = {}
         self._routes: dict[int, list[Point]] = {}
         self._stops = 0
+        self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
+        self._place_known = False
 
-    @staticmethod
-    def fits(protocol: Protocol) -> bool:
+    @classmethod
+    def facts(cls) -> Facts:
+        """Return the facts of the robot: those of the shipped one, unless `field_panel` says otherwise."""
+        return robot_file.read()
+
+    @classmethod
+    def fits(cls, protocol: Protocol) -> bool:
         """Tell whether a network has what there is to see on the field."""
         return {KalmanPositionResponse, GotoXY} <= {each.type for each in protocol.bindings}
 
     @classmethod
+    def of(cls, protocol: Protocol) -> type[Panel]:
+        """Return the panel of the robot whose files those of a network are."""
+        return field_panel(robot_file.read(robot_file.file_for(protocol.bindings[0].file)))
+
+    @classmethod
     def setup(cls) -> Mapping[str, Any]:
+        facts = cls.facts()
         return {
-            "width": WIDTH,
-            "height": HEIGHT,
-            "ground": ground(None, {}),
+            "width": facts.field.width,
+            "height": facts.field.height,
+            "ground": ground(facts, None, {}),
             "ring": RING,
             "speed": SPEED,
-            "barriers": {each.number: (each.name, each.x, each.y, RADII[each.kind]) for each in BARRIERS},
-            "robots": list(_robots()),
+            "barriers": {each.number: (each.name, each.x, each.y, each.kind.radius) for each in facts.barriers},
+            "robots": list(_robots(facts)),
             "teams": {words_of(team): colour for team, colour in style.TEAM.items()},
             "start": StartConfigurationSet.__name__,
             "ink": style.INK,
         }
 
+    def objection(self, message: Message, control: Control) -> str:
+        """Say why no goto is sent from the page: there is no core of ours to check and configure the nodes."""
+        if not isinstance(message, GotoXY):
+            return ""
+        for node, request, answer in NODE_CHECKS:
+            if not self._answers(request, answer, control):
+                return f"no goto: the {node} does not answer its check"
+            if not control.is_as_in_its_file(node):
+                return f"no goto: the {node} speaks another dialect than the page's EDS files"
+        if not self._answers(KalmanPositionRequest(), KalmanPositionResponse, control):
+            return "no goto: the drive does not say where it is"
+        return "" if self._place_known else "no goto: the drive's place is unknown; have a core configure the start"
+
+    def _answers(self, request: Message, answer: type[Message], control: Control) -> bool:
+        heard = self._heard[answer] = Signal()
+        control.send_message(request)
+        return heard.wait(PATIENCE)
+
     def take(self, time: float, message: Message) -> Iterable[Event]:
+        if isinstance(message, KalmanPositionResponse):
+            self._place_known = message.x is not None
+        if type(message) in self._heard:
+            self._heard[type(message)].set()
         recording = self._recorder.recording
         before = max(len(recording.gotos) - 1, 0)
         self._recorder.take(time, message)
@@ -131,26 +173,38 @@ class FieldPanel(Panel):
     def _route(self, goto: RecordedGoto) -> list[Point]:
         """Return the way points of a goto as the drive may plan them, from where the robot was when it was sent."""
         if goto.number not in self._routes:
-            self._routes[goto.number] = _way(at(self._recorder.recording.path, goto.sent), goto.message)
+            self._routes[goto.number] = self._way(at(self._recorder.recording.path, goto.sent), goto.message)
         return self._routes[goto.number]
 
+    def _way(self, start: PathPoint | None, goto: GotoXY) -> list[Point]:
+        here, there = start and Point(start.x, start.y), Point(goto.x, goto.y)
+        if here is None:
+            return [there]
+        planned = goto.route is Route.PLANNED and find_route(here, there, goto.barriers, self._clearances)
+        return [here, *(planned or (there,))]
 
-def _way(start: PathPoint | None, goto: GotoXY) -> list[Point]:
-    here, there = start and Point(start.x, start.y), Point(goto.x, goto.y)
-    if here is None:
-        return [there]
-    planned = goto.route is Route.PLANNED and find_route(here, there, goto.barriers, CLEARANCES)
-    return [here, *(planned or (there,))]
+
+def field_panel(facts: Facts) -> type[FieldPanel]:
+    """Return the panel of a robot with other facts."""
+    return type(FieldPanel.__name__, (FieldPanel,), {"facts": classmethod(lambda _: facts)})
 
 
-def _robots() -> Iterator[dict[str, Any]]:
-    ours: dict[str, Any] = {"radius": ROBOT_RADIUS, "dashes": None, "diameter": None}
+def _robots(facts: Facts) -> Iterator[dict[str, Any]]:
+    body = facts.body
+    ours: dict[str, Any] = {"radius": body.radius, "outline": body.outline, "dashes": None, "diameter": None}
     yield ours | {"name": OURS, "message": KalmanPositionResponse.__name__, "colour": None}
-    yield ours | {"name": "raw position", "message": NaviPositionResponse.__name__, "colour": None, "radius": 0}
+    yield ours | {
+        "name": "raw position",
+        "message": NaviPositionResponse.__name__,
+        "colour": None,
+        "radius": 0,
+        "outline": (),
+    }
     for whom, (name, colour, dashes) in style.OTHERS.items():
         diameter = f"{name.replace(' ', '_')}_diameter"
         known = diameter if diameter in StartConfigurationSet._fields else None
-        yield ours | {"name": name, "message": whom.__name__, "colour": colour, "dashes": dashes, "diameter": known}
+        size = {"radius": facts.others[SOURCES[whom]].radius, "outline": (), "diameter": known}
+        yield {"name": name, "message": whom.__name__, "colour": colour, "dashes": dashes, **size}
 
 
 def _stop(start: float, stop: RecordedStop) -> Event:

@@ -18,7 +18,9 @@ panel("field", (setup, source) => {
   }, ground, rings, trails, routes, marks, bodies, aim);
 
   const robots = setup.robots.map(robot => {
-    const body = s("circle", {r: robot.radius || 40, "stroke-dasharray": robot.dashes});
+    const corners = robot.outline.map(([x, y]) => `${x},${-y}`).join(" ");
+    const shape = corners ? ["polygon", {points: corners}] : ["circle", {r: robot.radius || 40}];
+    const body = s(shape[0], {...shape[1], "stroke-dasharray": robot.dashes});
     const front = s("line", {x2: robot.radius || 40});
     const name = s("text", {y: -(robot.radius || 40) - 20}, robot.name);
     const group = s("g", {class: robot.radius ? "robot" : "robot raw", visibility: "hidden"}, body, front, name);
@@ -111,7 +113,8 @@ panel("field", (setup, source) => {
     robot.group.setAttribute("transform", `translate(${place.x} ${across(place.y)})`);
     robot.group.style.color = colour;
     robot.trail.style.color = colour;
-    robot.body.setAttribute("r", radius);
+    if (robot.outline.length) robot.body.setAttribute("transform", `rotate(${-(place.angle || 0)})`);
+    else robot.body.setAttribute("r", radius);
     robot.label.setAttribute("y", -radius - 20);
     robot.front.setAttribute("visibility", place.angle === null ? "hidden" : "inherit");
     robot.front.setAttribute("x2", radius);

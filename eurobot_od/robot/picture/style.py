@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterable, Mapping
 
 from eurobot_od import svg
-from eurobot_od.robot import messages
-from eurobot_od.robot.values import Outcome, Passage, TeamColour
+from eurobot_od.robot.model import messages
+from eurobot_od.robot.model.values import Outcome, Passage, TeamColour
 from eurobot_od.svg import PaperPoint
 
 MOST_TICKS = 60
@@ -21,7 +21,7 @@ FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 TEXT, SMALL = 38, 31
 
 PAPER, SURFACE, GRID, INK, PALE = "#ffffff", "#fbfaf4", "#e6e3d8", "#22262b", "#6b7178"
-FIRE, POOL, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
+PUSHED, FIXED, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
 TREE, TOUCH = "#558b2f", "#d500f9"
 TEAM = {TeamColour.RED: "#d32f2f", TeamColour.YELLOW: "#f2b705"}
 
@@ -67,6 +67,9 @@ def colour_at(share: float) -> str:
 
 
 # Marks
+
+TYRE = 24
+"""How wide a wheel is drawn, mm."""
 
 MARK = 29
 """Radius of the numbered discs and signs."""
@@ -125,9 +128,13 @@ def touch_mark(centre: PaperPoint, at_fault: bool, *content: str) -> str:
     return svg.group(*content, svg.polygon(spikes, fill=fill, stroke=edge, stroke_width=4, stroke_linejoin="round"))
 
 
-def robot_mark(centre: PaperPoint, radius: float, angle: float | None, colour: str) -> str:
-    """Draw a robot as a disc with a line to its front."""
-    disc = svg.circle(centre, radius, fill=colour, fill_opacity=0.25, stroke=colour, stroke_width=8)
+def robot_mark(
+    centre: PaperPoint, radius: float, angle: float | None, colour: str, outline: Iterable[PaperPoint] = ()
+) -> str:
+    """Draw a robot by its outline, or as a disc, with a line to its front."""
+    look = {"fill": colour, "fill_opacity": 0.25, "stroke": colour, "stroke_width": 8}
+    corners = list(outline)
+    disc = svg.polygon(corners, **look) if corners else svg.circle(centre, radius, **look)
     if angle is None:
         return svg.group(disc)
     direction = math.radians(angle)

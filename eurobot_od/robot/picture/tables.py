@@ -10,15 +10,18 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from eurobot_od import svg
-from eurobot_od.robot.field import WIDTH, BarrierKind
-from eurobot_od.robot.messages import Enemy1PositionResponse
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.messages import Enemy1PositionResponse
+from eurobot_od.robot.model.values import Outcome, Passage
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
 from eurobot_od.robot.picture.recording import OURS, RecordedGoto, RecordedStop, Recording, ScoredTask
-from eurobot_od.robot.values import Outcome, Passage
 from eurobot_od.svg import PaperPoint
 
 ROW, LEGEND_ROW = 45, 58
+WIDTH = 3000
+"""Of the time line."""
+
 HEIGHT = 2640
 """From the legend's first line to the foot of the page."""
 
@@ -29,9 +32,9 @@ TIME_TICK = 10
 """Seconds between two marks on the time line."""
 
 
-def column(recording: Recording) -> str:
+def column(recording: Recording, facts: Facts) -> str:
     """Draw legend and tables, one below the other."""
-    legend = list(_legend(recording))
+    legend = list(_legend(recording, facts))
     below = LEGEND_ROW * len(legend) + 90
     rows = (HEIGHT - below) // ROW - HEADS
     stops = min(len(recording.stops), max(rows // 3, rows - len(recording.gotos)))
@@ -49,7 +52,7 @@ SAMPLE = (45.0, 30.0)
 """Middle of the sample next to a line of the legend."""
 
 
-def _legend(recording: Recording) -> Iterator[str]:
+def _legend(recording: Recording, facts: Facts) -> Iterator[str]:
     pieces = ((step * 10, step / 8) for step in range(9))
     ramp = (svg.line((x, 30), (x + 11, 30), stroke=style.colour_at(share), stroke_width=15) for x, share in pieces)
     yield _explained("our path, darker is later", *ramp)
@@ -64,9 +67,10 @@ def _legend(recording: Recording) -> Iterator[str]:
             yield _explained(f"{name}, seen last as a disc", _stroke(colour, 7, dashes))
     if recording.touches:
         yield _explained("touch; filled: we drove into it", style.touch_mark(SAMPLE, at_fault=True))
-    yield _explained("fire", barrier_shape(BarrierKind.FIRE, SAMPLE, 30))
-    yield _explained("fire pool", barrier_shape(BarrierKind.POOL, SAMPLE, 26))
-    yield _explained("tree", svg.circle(SAMPLE, 26, fill=style.TREE))
+    for kind in dict.fromkeys(each.kind for each in facts.barriers):
+        yield _explained(kind.name, barrier_shape(kind, SAMPLE, 28))
+    if facts.field.trees.places:
+        yield _explained("tree", svg.circle(SAMPLE, 26, fill=style.TREE))
     for passage in sorted(set(recording.passages.values())):
         yield _explained(f"{style.PASSAGES[passage][0]}, in some goto", passage_ring(SAMPLE, 22, Passage(passage)))
 

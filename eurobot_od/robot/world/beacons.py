@@ -9,10 +9,11 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-from eurobot_od.robot.field import HEIGHT, WIDTH, Pose
+from eurobot_od.robot.model.facts import Field
+from eurobot_od.robot.model.options import Errors
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.options import Errors
-from eurobot_od.robot.values import Source
 from eurobot_od.robot.world.vehicle import Vehicle
 
 
@@ -23,9 +24,9 @@ class Beacons:
     """
 
     def __init__(
-        self, vehicle: Vehicle, errors: Errors, deviations: Callable[[], tuple[float, float]], seed: str
+        self, vehicle: Vehicle, field: Field, errors: Errors, deviations: Callable[[], tuple[float, float]], seed: str
     ) -> None:
-        self._vehicle, self._errors, self._deviations = vehicle, errors, deviations
+        self._vehicle, self._field, self._errors, self._deviations = vehicle, field, errors, deviations
         self._chance = {source: random.Random(f"{seed} {source.name}") for source in Source}
 
     def locate(self, whom: Source, _now: float) -> Fix | None:
@@ -35,7 +36,8 @@ class Beacons:
         if pose is None or chance.random() < errors.beacon_dropouts:
             return None
         if chance.random() < errors.beacon_outliers:
-            pose = Pose(chance.uniform(0, WIDTH), chance.uniform(0, HEIGHT), chance.uniform(0, 360))
+            field = self._field
+            pose = Pose(chance.uniform(0, field.width), chance.uniform(0, field.height), chance.uniform(0, 360))
         place, angle = self._deviations()
         x, y = pose.x + chance.gauss(0, place), pose.y + chance.gauss(0, place)
         return Fix(x, y, pose.angle + chance.gauss(0, angle) if whom is Source.INTERNAL else None)

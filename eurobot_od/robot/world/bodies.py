@@ -7,13 +7,16 @@ that it slides off what it meets at an angle, and stands still where it meets it
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from enum import Enum, auto
+from functools import partial
+from itertools import pairwise
+from typing import NamedTuple
 
-from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Point, Pose
-
-ROBOT_RADIUS = 140.0
-"""Radius of a robot, mm, unless its diameter is known."""
+from eurobot_od.robot.model.facts import Barrier, Field
+from eurobot_od.robot.model.facts import Body as RobotShape
+from eurobot_od.robot.model.places import Point, Pose
 
 BORDER = "border"
 """What a robot touches that stands at the edge of the field."""
@@ -32,12 +35,31 @@ class Weight(Enum):
 
 @dataclass
 class Body:
-    """A disc on the field: its centre and radius in mm."""
+    """A disc on the field: its centre and radius in mm; with a `shape` that has an outline, the circle around that."""
 
     name: str
     point: Point
     radius: float
     weight: Weight
+    shape: RobotShape | None = None
+
+
+class Contact(NamedTuple):
+    """How an outline and a disc meet: the direction from the one to the other, and how far they are apart, mm."""
+
+    x: float
+    y: float
+    gap: float
+
+    @classmethod
+    def of(cls, corners: list[Point], centre: Point, radius: float) -> Contact:
+        """Work out how a disc meets an outline."""
+        near = nearest_on(corners, centre)
+        x, y, apart = centre.x - near.x, centre.y - near.y, math.dist(centre, near)
+        outwards = -1.0 if contains(corners, centre) else 1.0
+        if not apart:  # the centre on the edge: any direction is as good
+            return cls(1.0, 0.0, -radius)
+        return cls(outwards * x / apart, outwards * y / apart, outwards * apart - radius)
 
 
 @dataclass
@@ -68,16 +90,88 @@ class RobotBody(Body):
         self.point, self.angle = point, angle
         self.trace.append((now, self.pose))
 
+    def corners(self, pose: Pose) -> list[Point]:
+        """Return the corners of its outline at a pose; none if it is round."""
+        return self.shape.corners(pose) if self.shape else []
+
+    def gap(self, pose: Pose, other: Body) -> float:
+        """Tell how far it would be from a body at a pose, edge to edge, mm; negative if they overlap."""
+        contact = self._contact(pose, other)
+        return gap(pose.point, self.radius, other) if contact is None else contact.gap
+
+    def out_of(self, pose: Pose, other: Body) -> Point:
+        """Return the nearest place to a pose where it only touches a body that it overlaps."""
+        contact = self._contact(pose, other)
+        if contact is None:
+            return pushed_out(pose.point, self.radius, other)
+        return Point(pose.x + contact.gap * contact.x, pose.y + contact.gap * contact.y)
+
+    def pushes(self, pose: Pose, other: Body) -> Point:
+        """Return where a body is that it pushes out of itself at a pose."""
+        contact = self._contact(pose, other)
+        if contact is None:
+            return pushed_out(other.point, other.radius, Body(self.name, pose.point, self.radius, self.weight))
+        return Point(other.point.x - contact.gap * contact.x, other.point.y - contact.gap * contact.y)
+
+    def inside(self, pose: Pose, field: Field, margin: float = 0.0) -> Point:
+        """Return the nearest place to a pose where it is within the border of the field."""
+        corners = self.corners(pose)
+        if not corners:
+            return inside(pose.point, self.radius + margin, field)
+        x, y = zip(*corners)
+        low, high = Point(pose.x - min(x), pose.y - min(y)), Point(max(x) - pose.x, max(y) - pose.y)
+        return Point(
+            min(max(pose.x, low.x + margin), field.width - high.x - margin),
+            min(max(pose.y, low.y + margin), field.height - high.y - margin),
+        )
+
+    def edge(self, towards: Point) -> Point:
+        """Return the place on its edge that is nearest to a point."""
+        corners = self.corners(self.pose)
+        if corners:
+            return nearest_on(corners, towards)
+        return Pose(*self.point, self.pose.bearing(towards)).moved(self.radius, 0).point
+
+    def _contact(self, pose: Pose, other: Body) -> Contact | None:
+        """Return how it would meet a body at a pose if either has an outline; of two that have, the other is round."""
+        if self.shape is None and other.shape is None:  # as nearly always
+            return None
+        if corners := self.corners(pose):
+            return Contact.of(corners, other.point, other.radius)
+        if isinstance(other, RobotBody) and (corners := other.corners(other.pose)):
+            x, y, apart = Contact.of(corners, pose.point, self.radius)
+            return Contact(-x, -y, apart)
+        return None
+
     def approach(self, other: Body) -> float:
         """Tell how fast it drives towards another body, mm/s; negative if away from it."""
         bearing = math.radians(self.angle - self.pose.bearing(other.point))
         return self.speed * math.cos(bearing)
 
 
-def things() -> list[Body]:
-    """Return what stands on the field at the begin of a match: fires and pools."""
-    weights = {BarrierKind.FIRE: Weight.LIGHT, BarrierKind.POOL: Weight.FIXED}
-    return [Body(each.name, Point(each.x, each.y), RADII[each.kind], weights[each.kind]) for each in BARRIERS]
+def standing(barriers: Iterable[Barrier]) -> list[Body]:
+    """Return what stands on the field at the begin of a match."""
+    weights = {True: Weight.LIGHT, False: Weight.FIXED}
+    return [Body(each.name, each.point, each.kind.radius, weights[each.kind.pushed]) for each in barriers]
+
+
+def nearest_on(corners: list[Point], point: Point) -> Point:
+    """Return the place on an outline that is nearest to a point."""
+    return min((_on_side(*side, point) for side in pairwise([*corners, corners[0]])), key=partial(math.dist, point))
+
+
+def _on_side(start: Point, end: Point, point: Point) -> Point:
+    dx, dy = end.x - start.x, end.y - start.y
+    along = ((point.x - start.x) * dx + (point.y - start.y) * dy) / (dx * dx + dy * dy or 1.0)
+    share = min(max(along, 0.0), 1.0)
+    return Point(start.x + share * dx, start.y + share * dy)
+
+
+def contains(corners: list[Point], point: Point) -> bool:
+    """Tell whether a point is inside of an outline: a ray from it crosses an odd number of sides."""
+    sides = [side for side in pairwise([*corners, corners[0]]) if (side[0].y > point.y) != (side[1].y > point.y)]
+    crossings = (one.x + (point.y - one.y) / (two.y - one.y) * (two.x - one.x) for one, two in sides)
+    return sum(x > point.x for x in crossings) % 2 == 1
 
 
 def gap(point: Point, radius: float, other: Body) -> float:
@@ -95,6 +189,6 @@ def pushed_out(point: Point, radius: float, other: Body) -> Point:
     return Point(other.point.x + (point.x - other.point.x) * share, other.point.y + (point.y - other.point.y) * share)
 
 
-def inside(point: Point, radius: float) -> Point:
+def inside(point: Point, radius: float, field: Field) -> Point:
     """Return the nearest place where a disc is within the border of the field."""
-    return Point(min(max(point.x, radius), WIDTH - radius), min(max(point.y, radius), HEIGHT - radius))
+    return Point(min(max(point.x, radius), field.width - radius), min(max(point.y, radius), field.height - radius))

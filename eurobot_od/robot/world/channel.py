@@ -13,9 +13,9 @@ from dataclasses import asdict
 from typing import Any, NamedTuple
 
 from eurobot_od.errors import EurobotError, FieldError, LocalError, UnknownName
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.values import Source
 from eurobot_od.robot.world.world import OURS, LocalVehicle, World
 
 VERSION = 1
@@ -29,16 +29,6 @@ ROBOT = "robot"
 ANSWER = "answer"
 ERROR = "error"
 """The keys that every request, or every answer, may have."""
-
-
-class Address(NamedTuple):
-    """Where a world is reached."""
-
-    host: str
-    port: int
-
-    def __str__(self) -> str:
-        return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
 WHOM = {source.name.lower(): source for source in Source}

@@ -13,8 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from eurobot_od.robot.field import Point, Pose
-from eurobot_od.robot.world.bodies import BORDER, Body, RobotBody, Weight, gap, inside, pushed_out
+from eurobot_od.robot.model.facts import Field
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.world.bodies import BORDER, Body, RobotBody, Weight, gap, inside
 
 SHOVE = 0.3
 """Share by which a robot yields to one that drives into it."""
@@ -55,18 +56,20 @@ class Contacts:
 
     def __init__(
         self,
+        field: Field,
         things: list[Body],
         robots: Mapping[str, RobotBody],
         clock: Callable[[], float],
         touched: Callable[[Touch], None],
         pushed: Callable[[Body], None],
     ) -> None:
-        self.things = things
+        self.field, self.things = field, things
         self._robots, self._clock, self._touched, self._pushed = robots, clock, touched, pushed
 
     def move(self, body: RobotBody, wanted: Pose) -> None:
         """Move a robot to a pose, or as near as it comes."""
-        body.go(self._clear(body, wanted.point), wanted.angle, self._clock())
+        there = self._clear(body, wanted)
+        body.go(there.point, there.angle, self._clock())
         if body.touching:
             self._release(body)
 
@@ -75,19 +78,20 @@ class Contacts:
         for robot in self._robots.values():
             robot.room = 0.0
 
-    def _clear(self, body: RobotBody, wanted: Point) -> Point:
-        """Return the nearest place to the wanted one where a robot is in nothing else; push what can be pushed."""
-        point = inside(wanted, body.radius)
-        if point != wanted:
-            self._touch(body, BORDER, wanted)
+    def _clear(self, body: RobotBody, wanted: Pose) -> Pose:
+        """Return the nearest pose to the wanted one where a robot is in nothing else; push what can be pushed."""
+        point = body.inside(wanted, self.field)
+        if point != wanted.point:
+            self._touch(body, BORDER, wanted.point)
+        pose = Pose(*point, wanted.angle)
         near = self._near(body, point)
-        met = [each for each in near if gap(point, body.radius, each) < 0]
+        met = [each for each in near if body.gap(pose, each) < 0]
         for each in met:
-            point = self._meet(body, point, each)
+            pose = Pose(*self._meet(body, pose, each), wanted.angle)
         heavy = [each for each in near if each.weight is not Weight.LIGHT] if met else []
-        if any(gap(point, body.radius, each) < -WEDGED for each in heavy):
-            return body.point
-        return inside(point, body.radius) if met else point
+        if any(body.gap(pose, each) < -WEDGED for each in heavy):
+            return Pose(*body.point, body.angle if body.shape else wanted.angle)
+        return Pose(*body.inside(pose, self.field), wanted.angle) if met else pose
 
     def _near(self, body: RobotBody, point: Point) -> list[Body]:
         """Return what a robot can meet on its way to a place: the other robots, and what stands near."""
@@ -98,29 +102,28 @@ class Contacts:
         body.room = min((gap(point, body.radius, each) for each in self.things), default=0.0)
         return [*robots, *self.things]
 
-    def _meet(self, body: RobotBody, point: Point, other: Body) -> Point:
-        """Have a robot meet a body at a place; return where the robot is then."""
+    def _meet(self, body: RobotBody, pose: Pose, other: Body) -> Point:
+        """Have a robot meet a body at a pose; return where the robot is then."""
         self._touch(body, other.name, other.point)
         if other.weight is Weight.LIGHT:
-            self._push(body, point, other)
-            return point
+            self._push(body, pose, other)
+            return pose.point
         if isinstance(other, RobotBody):
-            self._shove(body, point, other)
-        return pushed_out(point, body.radius, other)
+            self._shove(body, pose, other)
+        return body.out_of(pose, other)
 
-    def _push(self, body: RobotBody, point: Point, other: Body) -> None:
-        here = Body(body.name, point, body.radius, body.weight)
-        other.point = inside(pushed_out(other.point, other.radius, here), 0)
+    def _push(self, body: RobotBody, pose: Pose, other: Body) -> None:
+        other.point = inside(body.pushes(pose, other), 0, self.field)
         self.stir()
         self._pushed(other)
 
-    def _shove(self, body: RobotBody, point: Point, other: RobotBody) -> None:
+    def _shove(self, body: RobotBody, pose: Pose, other: RobotBody) -> None:
         """Have a robot yield a little to one that drives into it; its wheels do not notice."""
-        out = pushed_out(other.point, other.radius, Body(body.name, point, body.radius, body.weight))
-        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, out))
+        x, y = (old + SHOVE * (new - old) for old, new in zip(other.point, body.pushes(pose, other)))
+        there = Pose(x, y, other.angle)
         fixed = [each for each in self.things if each.weight is Weight.FIXED]
-        if all(gap(Point(x, y), other.radius, each) >= 0 for each in fixed):
-            other.go(inside(Point(x, y), other.radius), other.angle, self._clock())
+        if all(other.gap(there, each) >= 0 for each in fixed):
+            other.go(other.inside(there, self.field), other.angle, self._clock())
             other.room = 0.0
 
     def _touch(self, body: RobotBody, thing: str, towards: Point) -> None:
@@ -128,7 +131,7 @@ class Contacts:
         if thing in body.touching:
             return
         body.touching.add(thing)
-        place = Pose(*body.point, body.pose.bearing(towards)).moved(body.radius, 0).point
+        place = body.edge(towards)
         other, speed, met = self._robots.get(thing), abs(body.speed), 0.0
         if other is not None:
             other.touching.add(body.name)
@@ -138,7 +141,7 @@ class Contacts:
     def _release(self, body: RobotBody) -> None:
         """Forget the contacts that are over."""
         bodies = [*self.things, *self._robots.values()]
-        near = {each.name for each in bodies if gap(body.point, body.radius, each) < RELEASED}
-        if inside(body.point, body.radius + RELEASED) != body.point:
+        near = {each.name for each in bodies if body.gap(body.pose, each) < RELEASED}
+        if body.inside(body.pose, self.field, RELEASED) != body.point:
             near.add(BORDER)
         body.touching &= near

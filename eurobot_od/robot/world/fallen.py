@@ -34,7 +34,7 @@ class FallenThing:
             self._end(now - self._fell)
         elif robot.speed >= FAST:
             point = robot.pose.moved(robot.radius + AHEAD + RADIUS, 0).point
-            if inside(point, FROM_BORDER) == point:
+            if inside(point, FROM_BORDER, self._contacts.field) == point:
                 self._fell, self.body = now, Body("fallen thing", point, RADIUS, Weight.LIGHT)
                 self._contacts.things.append(self.body)
                 self._contacts.stir()

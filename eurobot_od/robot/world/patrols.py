@@ -11,15 +11,9 @@ import math
 import random
 from collections.abc import Sequence
 
-from eurobot_od.robot.field import WIDTH, Point, Pose
-from eurobot_od.robot.values import Source, TeamColour
-
-ROUNDS: dict[Source, Sequence[Point]] = {
-    Source.ENEMY_1: (Point(2750, 1750), Point(1750, 1700), Point(1500, 1350), Point(2550, 1250)),
-    Source.ENEMY_2: (Point(2750, 300), Point(1500, 300), Point(1500, 500), Point(2600, 500)),
-    Source.CONFEDERATE: (Point(300, 300), Point(1200, 300), Point(1200, 500), Point(450, 500)),
-}
-"""Where the others drive when our team is red, clear of the pools; yellow is the mirror image."""
+from eurobot_od.robot.model.facts import Facts
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Source, TeamColour
 
 STRAY = 60
 """How far a patrol's way points differ from one seed to another, mm."""
@@ -77,9 +71,10 @@ class Patrol:
         self._leg = (self._leg + self._step) % len(self._points)
 
     @classmethod
-    def of(cls, who: Source, team: TeamColour, chance: random.Random) -> Patrol:
+    def of(cls, who: Source, facts: Facts, team: TeamColour, chance: random.Random) -> Patrol:
         """Make the rounds of a robot in a match of ours as `team`; chance moves the way points a little."""
-        points = [Point(x + chance.uniform(-STRAY, STRAY), y + chance.uniform(-STRAY, STRAY)) for x, y in ROUNDS[who]]
-        mirrored = points if team is TeamColour.RED else [Point(WIDTH - x, y) for x, y in points]
+        rounds = facts.others[who].rounds
+        points = [Point(x + chance.uniform(-STRAY, STRAY), y + chance.uniform(-STRAY, STRAY)) for x, y in rounds]
+        seen = [facts.field.seen_by(team, point) for point in points]
         speed, careless = chance.uniform(*SPEEDS), chance.random() < CARELESS
-        return cls(mirrored, speed, careless and who is not Source.CONFEDERATE)
+        return cls(seen, speed, careless and who is not Source.CONFEDERATE)

@@ -14,13 +14,14 @@ from math import inf
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
+from eurobot_od.address import Address
 from eurobot_od.errors import LocalError, WorldError
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.model.options import Errors, MatchOptions
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import Errors, MatchOptions
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
-from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, VERSION, Address
+from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, VERSION
 from eurobot_od.robot.world.world import OURS
 
 Value = TypeVar("Value")

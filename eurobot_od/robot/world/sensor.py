@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import random
 
+from eurobot_od.robot.model.options import Errors
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.options import Errors
-from eurobot_od.robot.values import Obstacle
 from eurobot_od.robot.world.vehicle import Vehicle
 
 

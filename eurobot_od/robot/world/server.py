@@ -7,16 +7,21 @@ until it does.
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 from typing import cast
 
+from eurobot_od.address import Address
 from eurobot_od.errors import WorldError
-from eurobot_od.robot.match.timeline import EventKind, MatchEvent
-from eurobot_od.robot.world.channel import LINE_LIMIT, Address, Channel
+from eurobot_od.robot.world.channel import LINE_LIMIT, Channel
+from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS, World
 
 LOOKS = 0.1
 """How often the server looks what is new, s."""
+
+HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|PATCH|TRACE|CONNECT) ")
+"""Begins a request of a browser, which ends the connection; a line of ours begins with a brace."""
 
 REMEMBERED = 10_000
 """So many steps of each robot are kept, or a world that goes on for days would grow without end."""
@@ -37,6 +42,9 @@ class _Client(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         *lines, rest = (self._rest + data).split(b"\n")
+        if any(map(HTTP.match, (*lines, rest))):  # a web page can have its browser send this, with a body of our lines
+            self._transport.abort()
+            return
         self._rest = rest[: LINE_LIMIT + 1]  # enough of a line that is too long to be refused when its end comes
         self._transport.write(b"".join(map(self._answer, lines)))  # writelines() of 3.12 cannot pause
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from eurobot_od.robot.field import turn
+from eurobot_od.robot.model.places import turn
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.values import Obstacle
 from eurobot_od.robot.world.bodies import Body, RobotBody
 
 

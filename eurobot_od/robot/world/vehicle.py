@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.equipment import Actuators, Detection
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.values import Source
 
 
 class Vehicle(Actuators, Protocol):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 import random
 
+from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.nodes.motion import Command, Odometry
-from eurobot_od.robot.options import Errors
 from eurobot_od.robot.world.vehicle import Vehicle
 
 BLOCKED = 0.5

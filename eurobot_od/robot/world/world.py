@@ -17,13 +17,12 @@ from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
 
-from eurobot_od.robot.field import START_POSES, Point, Pose
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import ENEMY_DIAMETER, MatchOptions
-from eurobot_od.robot.tasks import tasks
-from eurobot_od.robot.values import Source, TeamColour
-from eurobot_od.robot.world.bodies import ROBOT_RADIUS, RobotBody, Weight, inside, things
+from eurobot_od.robot.world.bodies import RobotBody, Weight, inside, standing
 from eurobot_od.robot.world.contact import Contacts, Touch
 from eurobot_od.robot.world.fallen import FallenThing
 from eurobot_od.robot.world.game import Game, find
@@ -57,27 +56,32 @@ SEEN_BY = {
 class World:
     """A match's world: the true poses of all `robots` by name, the `touches` between them, and the `game`.
 
+    `facts` are those of our robot and its match: what the options say.
+
     `clock` gives the time in seconds; `watchers` are called with each touch. With a `rival`, enemy 1 is driven by nodes
     as ours is, and not on its rounds.
     """
 
     def __init__(self, options: MatchOptions, clock: Callable[[], float], *, rival: bool = False) -> None:
         self._options, self.clock, self._now = options, clock, 0.0
+        self.facts = options.facts()
         self.game = Game(options.seed)
         self.touches: list[Touch] = []
         self.watchers: list[Callable[[Touch], None]] = []
-        self.things = things()
+        self.things = standing(self.facts.barriers)
         self.robots: dict[str, RobotBody] = {}
         self._patrols: dict[str, Patrol] = {}
-        self._contacts = Contacts(self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name))
+        self._contacts = Contacts(
+            self.facts.field, self.things, self.robots, clock, self._tell, lambda body: self.game.fall(body.name)
+        )
         self._go = self._contacts.move if options.solid else self._pass
         self._fallen = FallenThing(self._contacts)
         self._teams = {OURS: options.team, RIVAL: TeamColour(1 - options.team)}
-        self._put(OURS, START_POSES[options.team], ROBOT_RADIUS)
+        self._put(OURS)
         who = [Source.ENEMY_1, Source.ENEMY_2][: options.enemies] + [Source.CONFEDERATE] * options.confederates
         for source in who:
             if rival and NAMES[source] == RIVAL:
-                self._put(RIVAL, START_POSES[self._teams[RIVAL]], ROBOT_RADIUS)
+                self._put(RIVAL)
             else:
                 self._send(source)
 
@@ -85,10 +89,13 @@ class World:
         """Return a stream of chance of its own: with one for all, one more question would change all that follows."""
         return random.Random(f"{self._options.seed} {name}")
 
-    def _put(self, name: str, start: Pose, radius: float) -> None:
+    def _put(self, name: str) -> None:
+        """Put a robot that nodes drive where its team starts."""
+        start = self.facts.start(self._teams[name])
         chance = self._stream(f"placement {name}" if name != OURS else "placement")
         spreads = (PLACEMENT, PLACEMENT, PLACEMENT_ANGLE)
-        body = RobotBody(name, Point(0, 0), radius, Weight.ROBOT)
+        shape = self.facts.body
+        body = RobotBody(name, Point(0, 0), shape.radius, Weight.ROBOT, shape=shape if shape.outline else None)
         body.place(Pose(*(exact + chance.gauss(0, by) for exact, by in zip(start, spreads))))
         body.trace.append((0.0, body.pose))
         self.robots[name] = body
@@ -96,9 +103,8 @@ class World:
     def _send(self, source: Source) -> None:
         """Send a robot on its rounds."""
         name = NAMES[source]
-        patrol = Patrol.of(source, self._options.team, self._stream(f"patrol {source.name}"))
-        radius = ROBOT_RADIUS if source is Source.CONFEDERATE else ENEMY_DIAMETER * 5.0
-        body = RobotBody(name, Point(0, 0), radius, Weight.ROBOT)
+        patrol = Patrol.of(source, self.facts, self._options.team, self._stream(f"patrol {source.name}"))
+        body = RobotBody(name, Point(0, 0), self.facts.others[source].radius, Weight.ROBOT)
         body.place(patrol.pose)
         body.trace.append((0.0, body.pose))
         self.robots[name], self._patrols[name] = body, patrol
@@ -140,7 +146,7 @@ class World:
 
     def _pass(self, body: RobotBody, wanted: Pose) -> None:
         """Move a robot to a pose whatever is there; the border holds it."""
-        body.go(inside(wanted.point, 0), wanted.angle, self.clock())
+        body.go(inside(wanted.point, 0, self.facts.field), wanted.angle, self.clock())
 
     def _tell(self, touch: Touch) -> None:
         self.touches.append(touch)
@@ -191,12 +197,14 @@ class World:
 
     def begin(self, name: str, task: str) -> float:
         """Begin with a task; return how many seconds it takes. Raises UnknownName."""
-        return find(tasks(self._teams[name]), task).seconds
+        return find(self.facts.tasks(self._teams[name]), task).seconds
 
     def finish(self, name: str, task: str) -> int:
         """Finish a task where the robot truly is; return what it came to."""
         self._catch_up()
-        return self.game.finish(name, find(tasks(self._teams[name]), task), self.robots[name].pose, self.clock())
+        return self.game.finish(
+            name, find(self.facts.tasks(self._teams[name]), task), self.robots[name].pose, self.clock()
+        )
 
 
 class LocalVehicle:

@@ -19,6 +19,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import address_of
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, Address, Value
 from eurobot_od.robot import dialects
 from tests.check.conformance.devices import MODULE, NODE_ID, SAMPLES, steps, suites
@@ -133,7 +134,7 @@ def written(several: tuple[Step, ...]) -> Iterator[Address]:
     for each in several:
         yield from written(getattr(each.action, "steps", ()))
         if isinstance(each.action, SdoWrite) and each.action.abort is None:
-            yield each.action.address
+            yield address_of(each.action.variable)
 
 
 def test_nothing_is_stored_unless_it_is_asked_for() -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
+from pathlib import Path
 
+import pytest
+import yaml
+
+from eurobot_od import yaml_places
 from eurobot_od.od.make.table import TableError, read_table
 from tests.marks import marked
 from tests.od.make.tables import TABLE
@@ -85,6 +89,24 @@ INVALID = {
     "default outside": ("[0, 100], default: 0", "[0, 100], default: ^101", "default 101 is not in 0..100"),
     "default without code": ("default: unknown", "default: ^lost", "unknown default 'lost'; known: unknown"),
     "Node-ID in a message": ("default: unknown", "default: ^$NODEID", "unknown default '$NODEID'; known: unknown"),
+    "unknown object of reserved bits": ("plain: {", "plain: {reserved: {^Goal: {Speed: 4}}, ", "unknown object 'Goal'"),
+    "reserved bits before nothing": ("plain: {", "plain: {reserved: {Target: {^Mass: 4}}, ", "unknown field 'Mass'"),
+    "reserved bits before themselves": (
+        "plain: {",
+        "plain: {reserved: {Target: {^Reserved: 4}}, ",
+        "unknown field 'Reserved'",
+    ),
+    "no reserved bits": ("plain: {", "plain: {reserved: {Target: {Speed: ^0}}, ", "bits 0 is not in 1..32"),
+    "name of reserved bits": (
+        "      One bit: ",
+        "      ^Reserved 2: ",
+        "'Reserved 2' names bits that carry nothing; a dialect has them under reserved",
+    ),
+    "name of padding in a dialect": (
+        "plain: {",
+        "plain: {fields: {Target: {^Padding: {bits: 1, range: [0, 1], default: 0}}}, ",
+        "'Padding' names bits that carry nothing; a dialect has them under reserved",
+    ),
     "message over 64 bits": ("object: Target", "object: ^Long", "'Long' has 65 bits, a PDO at most 64"),
     "reading at the index of a setting": (
         "settings: {}",
@@ -136,3 +158,45 @@ def test_tells_all_problems_at_once() -> None:
 )
 def test_tells_a_file_without_a_table(text: str, what: str) -> None:
     assert complaints(text) == [f"table.yaml:1:1: {what}"]
+
+
+BASE = """
+a: &shared {x: 1, y: 2}
+b: *shared
+c: [1, 2]
+d: {e: 3}
+"""
+MERGED = [
+    # what is said beside the base, and what both come to
+    ("a: {y: 5}", {"a": {"x": "1", "y": "5"}, "b": {"x": "1", "y": "2"}, "c": ["1", "2"], "d": {"e": "3"}}),
+    ("{b: , c: [7], f: 8}", {"a": {"x": "1", "y": "2"}, "c": ["7"], "d": {"e": "3"}, "f": "8"}),
+    ("d: 9", {"a": {"x": "1", "y": "2"}, "b": {"x": "1", "y": "2"}, "c": ["1", "2"], "d": "9"}),
+]
+
+
+def plain(node: yaml.Node) -> object:
+    if isinstance(node, yaml.MappingNode):
+        return {key.value: plain(value) for key, value in node.value}
+    return [plain(each) for each in node.value] if isinstance(node, yaml.SequenceNode) else node.value
+
+
+@pytest.mark.parametrize(("own", "both"), MERGED)
+def test_a_table_that_extends_another_says_only_what_is_different(own: str, both: object) -> None:
+    base = yaml_places.compose(BASE, [])
+    assert plain(yaml_places.merged(base, yaml_places.compose(own, []))) == both
+
+
+def test_what_is_wrong_in_the_table_beneath_has_its_file(tmp_path: Path) -> None:
+    beneath = tmp_path / "base.yaml"
+    beneath.write_text("bit_rate: [1]\nnodse: {}\n")
+    with pytest.raises(TableError) as error:
+        read_table("extends: base\nserial_number: x\n", "own.yaml", lambda name: tmp_path / f"{name}.yaml")
+    lines = str(error.value).splitlines()
+    assert any(line.startswith(f"{beneath}:2:1: unknown key 'nodse'") for line in lines)
+    assert any(line.startswith(f"{beneath}:1:11: expected a whole number") for line in lines)
+    assert any(line.startswith("own.yaml:2:16: expected a whole number") for line in lines)
+
+
+def test_a_table_beneath_that_is_not_there_is_told_with_its_place() -> None:
+    with pytest.raises(TableError, match=r"^own\.yaml:1:10: there is no table to build on that is called 'none'$"):
+        read_table("extends: none\n", "own.yaml")

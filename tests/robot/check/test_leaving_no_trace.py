@@ -15,11 +15,10 @@ from eurobot_od.check.suite import Suite
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.check.drill import drill
-from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.check.shipped import NETWORKS, shipped_suites
 from eurobot_od.robot.nodes import Core, Drive, Node
+from eurobot_od.robot.plugin import ROBOT
 
-SUITES: list[Suite] = SuiteReader(NETWORKS).read_files(shipped_suites().values())
+SUITES: list[Suite] = SuiteReader(ROBOT.networks()).read_files(ROBOT.shipped_suites().values())
 
 
 class Left(NamedTuple):
@@ -50,7 +49,7 @@ def test_a_suite_puts_back_what_it_changes(suite: Suite) -> None:
 
     def all_nodes(_: Mapping[str, Dictionary], seed: int, clock: Callable[[], float]) -> Sequence[NodeUnderTest]:
         """Make the others, too, which a suite may touch; they do nothing by themselves."""
-        nodes[:] = [made.node for made in nodes_under_test(suite.dictionaries, seed, clock)]
+        nodes[:] = [made.node for made in ROBOT.under_test(suite.dictionaries, seed, clock)]
         before.update({node.name: left(node)._replace(state=NmtState.OPERATIONAL) for node in nodes})
         tested = (partial(drill, node) if isinstance(node, Core) and "core" in suite.nodes else None for node in nodes)
         return [NodeUnderTest(node, program) for node, program in zip(nodes, tested)]

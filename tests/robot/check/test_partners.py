@@ -5,17 +5,17 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.device.simulated import SimulatedDevice
-from eurobot_od.robot import dialects, faults
-from eurobot_od.robot.check.partners import nodes_under_test
-from eurobot_od.robot.nodes import ANY_DEVICE, Core, Drive, Navigation
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model.values import Source
+from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.motion import Command
-from eurobot_od.robot.values import Source
+from eurobot_od.robot.plugin import ROBOT
 
 DICTIONARIES = {each.name: each for each in dialects.load_all()}
 
 
 def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
-    core, drive, navigation = nodes_under_test(DICTIONARIES, 1, lambda: 0.0)
+    core, drive, navigation = ROBOT.under_test(DICTIONARIES, 1, lambda: 0.0)
     assert isinstance(core.node, Core)
     assert isinstance(drive.node, Drive)
     assert isinstance(navigation.node, Navigation)
@@ -32,21 +32,22 @@ def test_all_nodes_are_in_one_world_and_only_the_core_has_a_program() -> None:
 
 
 def test_the_nodes_that_can_have_a_fault_have_it() -> None:
-    kinds = faults.faulty_kinds(["goto-not-confirmed"])
-    nodes = [each.node for each in nodes_under_test(DICTIONARIES, 1, lambda: 0.0, kinds)]
-    assert [type(node) for node in nodes] == [Core, kinds["drive"], Navigation]
-    assert issubclass(kinds["drive"], Drive)
-    assert kinds["drive"] is not Drive
+    core, drive, navigation = (
+        type(each.node) for each in ROBOT.under_test(DICTIONARIES, 1, lambda: 0.0, ["goto-not-confirmed"])
+    )
+    assert (core, navigation) == (Core, Navigation)
+    assert issubclass(drive, Drive)
+    assert drive is not Drive
 
 
 def test_a_node_that_the_robot_does_not_have_is_run_from_its_file() -> None:
     lift = DICTIONARIES["drive"].renumbered(7)
     lift.name = "lift"
-    (tested,) = nodes_under_test({"lift": lift}, 1, lambda: 0.0)
+    (tested,) = ROBOT.under_test({"lift": lift}, 1, lambda: 0.0)
     assert type(tested.node) is SimulatedDevice
 
 
 def test_a_fault_of_any_device_is_one_of_a_device_from_its_file() -> None:
-    kind = faults.faulty_kinds(["heartbeat-missing"])[ANY_DEVICE]
+    kind = ROBOT.kind("", ["heartbeat-missing"])
     assert issubclass(kind, SimulatedDevice)
     assert kind is not SimulatedDevice

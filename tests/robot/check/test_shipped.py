@@ -10,8 +10,8 @@ import pytest
 from fault_matrix import Run
 
 from eurobot_od.check.suite import Suite
-from eurobot_od.robot import dialects, faults
-from eurobot_od.robot.check.shipped import shipped_suites
+from eurobot_od.robot import dialects
+from eurobot_od.robot.plugin import ROBOT
 
 SUITES = [(dialect, name) for dialect in dialects.names() for name in fault_matrix.shipped(dialect)]
 SAMPLE = fault_matrix.robot_faults()[::15]
@@ -89,8 +89,8 @@ def test_a_suite_is_green_without_a_fault(dialect: str, name: str) -> None:
 
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_the_steps_that_faults_name_are_there(dialect: str) -> None:
-    caught = {name: faults.find(name)[1].caught_by for name in faults.names()}
-    assert {suite for suite, _ in caught.values()} - shipped_suites().keys() == {"conformance"}
+    caught = {name: ROBOT.find_fault(name)[1].caught_by for name in ROBOT.fault_names()}
+    assert {suite for suite, _ in caught.values()} - ROBOT.shipped_suites().keys() == {"conformance"}
     steps = {name: names(suite) for name, suite in fault_matrix.shipped(dialect).items()}
     shipped = fault_matrix.robot_faults()
     assert [name for name in shipped if caught[name].step not in steps[caught[name].suite]] == []
@@ -99,7 +99,7 @@ def test_the_steps_that_faults_name_are_there(dialect: str) -> None:
 @pytest.mark.parametrize("dialect", dialects.names())
 @pytest.mark.parametrize("name", SAMPLE)
 def test_a_fault_turns_the_step_red_that_names_its_cause(dialect: str, name: str) -> None:
-    outcome = fault_matrix.do(Run(dialect, faults.find(name)[1].caught_by.suite, name))
+    outcome = fault_matrix.do(Run(dialect, ROBOT.find_fault(name)[1].caught_by.suite, name))
     assert fault_matrix.named_red(name, outcome), outcome.red
 
 

@@ -13,10 +13,10 @@ from eurobot_od.faults.hooks import Mixin
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot import dialects, faults
+from eurobot_od.robot import dialects
 from eurobot_od.robot.faults.drive import JUMP
 from eurobot_od.robot.faults.message_faults import foreign
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviResponse,
@@ -30,10 +30,11 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation, Node
+from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Obstacle, Source, TeamColour
-from tests.robot.nodes.harness import Bench
+from tests.robot.nodes.harness import Bench, as_if_started
 
 PROTOCOL = EurobotProtocol.load()
 DICTIONARIES = {name: dialects.load(name) for name in ROLES}
@@ -191,22 +192,22 @@ def test_hooks_add_up() -> None:
 FITTING = [
     (role, name)
     for role in ROLES.values()
-    for owner, rows in faults.FAULTS.items()
+    for owner, rows in ROBOT.all_faults().items()
     if issubclass(role, owner)
     for name in rows
 ]
 
 
 def test_there_are_faults_for_every_node() -> None:
-    assert {owner for owner, rows in faults.FAULTS.items() if len(rows) >= 20} == {Core, Drive, Navigation, Node}
+    assert {owner for owner, rows in ROBOT.all_faults().items() if len(rows) >= 20} == {Core, Drive, Navigation, Node}
 
 
 def test_names_of_faults_are_unique() -> None:
-    assert len(set(faults.names())) == len(faults.names())
+    assert len(set(ROBOT.fault_names())) == len(ROBOT.fault_names())
 
 
 def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
-    texts = {name: faults.find(name)[1].text for name in faults.names()}
+    texts = {name: ROBOT.find_fault(name)[1].text for name in ROBOT.fault_names()}
     assert [name for name in texts if not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name)] == []
     assert [text for text in texts.values() if not re.fullmatch(r"[a-z].*[^.]", text)] == []
 
@@ -222,29 +223,29 @@ def test_a_fault_has_a_name_for_the_command_line_and_a_sentence() -> None:
 )
 def test_a_fault_that_a_node_cannot_have_is_refused(role: type[Node], name: str, error: type[LocalError]) -> None:
     with pytest.raises(error):
-        faults.faulty(role, name)
+        ROBOT.faulty(role, name)
 
 
 def test_a_near_name_is_suggested() -> None:
     with pytest.raises(UnknownName, match="did you mean goto-not-confirmed"):
-        faults.find("goto-not-confirmd")
+        ROBOT.find_fault("goto-not-confirmd")
 
 
 def test_the_healthy_node_stays_healthy() -> None:
     before = dict(vars(Drive))
-    faults.faulty(Drive, "goto-not-confirmed")
+    ROBOT.faulty(Drive, "goto-not-confirmed")
     assert dict(vars(Drive)) == before
     assert answers(drive(), GOTO)[:1] == [PROTOCOL.encode(GotoConfirm())]
 
 
 @pytest.mark.parametrize("role", ROLES.values())
 def test_every_node_can_have_the_faults_of_any_node(role: type[Node]) -> None:
-    assert [name for name in faults.FAULTS[Node] if not issubclass(faults.faulty(role, name), role)] == []
+    assert [name for name in ROBOT.all_faults()[Node] if not issubclass(ROBOT.faulty(role, name), role)] == []
 
 
 @pytest.mark.parametrize(("role", "name"), FITTING)
 def test_a_faulty_node_survives_any_frame(role: type[Node], name: str) -> None:
-    node = faults.faulty(role, name)(DICTIONARIES[role.__name__.lower()])
+    node = ROBOT.faulty(role, name)(DICTIONARIES[role.__name__.lower()])
     node.start(0.0)
     for command in (None, NmtCommand.STOP, NmtCommand.RESET_NODE):
         if command is not None:
@@ -256,7 +257,7 @@ def test_a_faulty_node_survives_any_frame(role: type[Node], name: str) -> None:
 
 
 def test_a_node_can_have_two_faults() -> None:
-    role = faults.faulty(faults.faulty(Drive, "drive-check-answered-twice"), "state-not-answered")
+    role = ROBOT.faulty(ROBOT.faulty(Drive, "drive-check-answered-twice"), "state-not-answered")
     node = role(DICTIONARIES["drive"])
     node.start(0.0)
     assert answers(node, GotoStateRequest(), CheckDriveRequest()) == [CHECKED, CHECKED]
@@ -264,7 +265,7 @@ def test_a_node_can_have_two_faults() -> None:
 
 def faulty_drive(name: str) -> Drive:
     """Return a drive with a fault, switched on and configured."""
-    node = faults.faulty(Drive, name)(DICTIONARIES["drive"])
+    node = ROBOT.faulty(Drive, name)(DICTIONARIES["drive"])
     node.start(0.0)
     answers(node, START)
     return node
@@ -303,10 +304,11 @@ GOING = GotoXY(2000, 1750, 0, 60)
 def stopped_with(name: str) -> Bench:
     """Have a core with a fault send a drive off, and stop it."""
     bench = Bench()
-    bench.replace("core", faults.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.replace("core", ROBOT.faulty(Core, name)(DICTIONARIES["core"]))
     bench.run(0.1)
     bench.core.configure_start(*START)
     bench.run(0.5)
+    as_if_started(bench.core)
     bench.core.goto(*GOING)
     bench.run(1.0)
     bench.core.emergency_stop(Obstacle.ENEMY)
@@ -325,8 +327,9 @@ def test_a_core_that_asks_on_asks_for_a_second_after_the_stop(name: str, asks: b
 @pytest.mark.parametrize(("name", "stops"), [("late-confirm-ignored", 1), ("position-not-polled", 2)])
 def test_a_core_that_ignores_a_late_confirm_sends_no_second_stop(name: str, stops: int) -> None:
     bench = Bench("drive", "navigation")
-    bench.replace("core", faults.faulty(Core, name)(DICTIONARIES["core"]))
+    bench.replace("core", ROBOT.faulty(Core, name)(DICTIONARIES["core"]))
     bench.run(0.1)
+    as_if_started(bench.core)
     bench.core.goto(*GOING)
     bench.run(0.01)
     bench.core.stop()

@@ -5,22 +5,12 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.faults.fault import Caught
+from eurobot_od.faults.messages import MOVED, NOT_ANSWERED, NOT_SENT, READ_REVERSED, REVERSED, TWICE, Wrong, sent_late
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.faults.message_faults import (
-    MOVED,
-    NOT_ANSWERED,
-    NOT_SENT,
-    READ_REVERSED,
-    REVERSED,
-    TWICE,
-    Wrong,
-    message_faults,
-    replaced_by,
-    sent_late,
-)
-from eurobot_od.robot.messages import CheckNaviResponse, GotoConfirm, GotoStateRequest, GotoStateResponse, GotoXY
+from eurobot_od.robot.faults.message_faults import message_faults, replaced_by
+from eurobot_od.robot.model.messages import CheckNaviResponse, GotoConfirm, GotoStateRequest, GotoStateResponse, GotoXY
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.protocol import EurobotProtocol
 

@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from eurobot_od.robot.field import Point, Pose
 from eurobot_od.robot.match.drawing import truth_of
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.picture.recording import ScoredTask
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.game import Score

@@ -9,25 +9,26 @@ import pytest
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import StateError
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import Pose
 from eurobot_od.robot.match.observer import Observer
-from eurobot_od.robot.match.timeline import EventKind, MatchEvent, Timeline
-from eurobot_od.robot.messages import GotoXY
+from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Outcome
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.values import Outcome
+from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 DICTIONARY = dialects.load("core")
 
 
-def told(what: GotoXY | str, end: object) -> list[MatchEvent]:
+def told(what: GotoXY | str, end: object, *, is_wanted: bool = True) -> list[MatchEvent]:
     """Return what is told of something from 1 s to 3 s: a result, an exception, or None if it was cancelled."""
     events: list[MatchEvent] = []
     now, call = [1.0], Call[Any]()
     core = Core(DICTIONARY)
     Observer(core, Timeline(lambda: now[0], events.append), lambda: Pose(0, 0, 0))
     core.observe(what, call)
+    call.is_wanted = is_wanted
     now[0] = 3.0
     if end is None:
         call.cancel()
@@ -57,6 +58,13 @@ ENDS = [
     (StateError("no way"), [given_up("failed after 2.00 s: no way", "failed", "no way", 2.0)]),
     (None, [given_up("cancelled after 2.00 s", "cancelled", None, 2.0)]),
 ]
+
+
+@pytest.mark.parametrize(("what", "name"), [(GOTO, "goto"), ("fire 1", "act")])
+def test_a_call_that_nobody_awaits_is_told(what: GotoXY | str, name: str) -> None:
+    (warning,) = (event for event in told(what, StateError("no"), is_wanted=False) if event.kind is EventKind.WARNING)
+    assert warning.text.endswith(f": nobody awaits this {name}; write `await core.{name}(...)`")
+    assert "test_observer.py:" in warning.text
 
 
 @pytest.mark.parametrize(("end", "events"), ENDS)

@@ -17,20 +17,22 @@ from eurobot_od.client.scan import scan
 from eurobot_od.frame import Frame
 from eurobot_od.live import Live, Watch
 from eurobot_od.od import dcf
+from eurobot_od.od.description import DescribedDevice
+from eurobot_od.od.document import parse
 from eurobot_od.od.values import Address, PdoDirection, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, stage
 from eurobot_od.robot.match.observer import Observer
 from eurobot_od.robot.match.referee import Referee
-from eurobot_od.robot.match.timeline import Timeline
 from eurobot_od.robot.nodes import Core, Node
 from eurobot_od.robot.world import World
+from eurobot_od.robot.world.timeline import Timeline
 from tests.client.peers import master_on, new_channel, open_bus
 
 NOW = datetime(2014, 5, 28, 12, 0)
 SHORT = MatchOptions(duration=6.0, falling=False)
 MOVED = 0x018
-WIDE_X = 0x20000110
+FEW_RESERVED = 0x20000602
 
 
 def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
@@ -57,10 +59,10 @@ def test_a_scan_of_a_running_match_finds_its_three_nodes() -> None:
 
 
 def goto_changes(node: Node) -> dict[Address, Value]:
-    """Say what moves Goto XY to another COB-ID and makes its x 16 bits wide, in the node that has it."""
+    """Say what moves Goto XY to another COB-ID and leaves 2 of its 6 reserved bits, in the node that has it."""
     [pdo] = [each for each in node.device.dictionary.pdos if each.name == "Goto XY"]
     no_rtr = 0x40000000 if pdo.direction is PdoDirection.TPDO else 0
-    return {(pdo.index, 1): MOVED | no_rtr, (pdo.mapping_index, 1): WIDE_X}
+    return {(pdo.index, 1): MOVED | no_rtr, (pdo.mapping_index, 5): FEW_RESERVED}
 
 
 async def drive_there(core: Core) -> None:
@@ -69,7 +71,11 @@ async def drive_there(core: Core) -> None:
 
 def configured_from_dcf(channel: str, node: Node, file: Path) -> Configured:
     eds = dialects.eds_folder() / dialects.DEFAULT / f"{node.name}.eds"
-    file.write_text(dcf.with_values(eds.read_text(), goto_changes(node), node.device.node_id, node.name, 500))
+    file.write_text(
+        dcf.with_values(
+            DescribedDevice(parse(eds.read_text())), goto_changes(node), node.device.node_id, node.name, 500
+        )
+    )
     with master_on(channel) as master:
         return configure(master.node(node.device.node_id), from_file(file), NOW)
 
@@ -82,18 +88,20 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
         return time.monotonic() - begin
 
     world = World(SHORT, clock)
-    nodes = stage.cast_for(SHORT, stage.EdsFiles.read(None), world)
+    core, nodes = stage.cast_for(SHORT, stage.EdsFiles.read(MatchOptions()), world)
     seen: list[Frame] = []
     timeline = Timeline(clock, lambda _: None)
-    observer = Observer(nodes[0], timeline, lambda: world.robot)
-    referee = Referee(nodes[0], SHORT, timeline, lambda: world.robot)
+    observer = Observer(core, timeline, lambda: world.robot)
+    referee = Referee(core, SHORT, timeline, lambda: world.robot)
     with ExitStack() as stack:
         stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
         for node in reversed(nodes):  # the core leaves first
             stack.enter_context(Live.node(open_bus(channel), node, clock))
         for node in nodes:
             if node.name in changed:
-                assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Configured(2, stored=True)
+                assert configured_from_dcf(channel, node, tmp_path / f"{node.name}.dcf") == Configured(
+                    2, stored=True, verified=True
+                )
         asyncio.run(referee.play(drive_there))
     assert observer.errors, "no place was reached"
     assert {frame.cob_id for frame in seen} & {0x008, MOVED} == {MOVED}

@@ -16,7 +16,7 @@ from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.world import OURS
 
-FILES = EdsFiles.read(None)
+FILES = EdsFiles.read(MatchOptions())
 SHORT = MatchOptions(duration=8.0)
 GOTO = MatchEvent(
     0.0, EventKind.GOTO, "", {"goto": {"x": 1, "y": 2, "angle": 3, "barriers": "fire 2:normal, pool 1:forced"}}
@@ -80,7 +80,7 @@ def test_a_strategy_that_raises_is_a_result() -> None:
 
 def test_what_a_strategy_prints_does_not_get_into_the_output(capsys: pytest.CaptureFixture[str]) -> None:
     play(MatchOptions(duration=0.5), FILES, Players(say))
-    assert capsys.readouterr() == ("", "done\n")
+    assert capsys.readouterr() == ("", "seed 1: done\n")
 
 
 def test_a_goto_that_the_mushroom_ended_was_stopped() -> None:

@@ -9,10 +9,10 @@ import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.match import MatchOptions, rehearse
-from eurobot_od.robot.messages import GotoXY
+from eurobot_od.robot.model.messages import GotoXY
+from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Outcome, TeamColour
 
 ALONE = MatchOptions(enemies=0, confederates=0)
 

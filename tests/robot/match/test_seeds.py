@@ -40,7 +40,7 @@ def run(program: str, last: int) -> list[str]:
 
 def test_each_seed_is_played_once_and_in_order() -> None:
     matches = list(play_many(SHORT, range(3, 6)))
-    assert matches == [play(MatchOptions(seed=seed, duration=3.0), EdsFiles.read(None)) for seed in (3, 4, 5)]
+    assert matches == [play(MatchOptions(seed=seed, duration=3.0), EdsFiles.read(MatchOptions())) for seed in (3, 4, 5)]
 
 
 def test_several_processes_come_to_the_same() -> None:

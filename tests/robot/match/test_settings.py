@@ -7,16 +7,16 @@ import pytest
 from eurobot_od.errors import FieldError, LocalError, UnknownName
 from eurobot_od.robot.match.settings import stores
 from eurobot_od.robot.match.stage import EdsFiles, cast_for
-from eurobot_od.robot.options import MatchOptions
+from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.world import World
 
-FILES = EdsFiles.read(None)
+FILES = EdsFiles.read(MatchOptions())
 
 
 def value(setting: str, *settings: tuple[str, str]) -> int:
     """Return a setting of the node that has it, in a match with some settings."""
     options = MatchOptions(settings=settings)
-    nodes = {node.name: node for node in cast_for(options, FILES, World(options, lambda: 0.0))}
+    nodes = {node.name: node for node in cast_for(options, FILES, World(options, lambda: 0.0))[1]}
     name, _, thing = setting.partition(".")
     return nodes[name].setting(thing)
 
@@ -42,8 +42,13 @@ def test_the_last_of_two_counts() -> None:
 @pytest.mark.parametrize(
     ("name", "text", "error", "complaint"),
     [
-        ("rive.Motion.Maximum speed", "1", UnknownName, "unknown node 'rive'; did you mean drive?"),
-        ("Maximum speed", "1", UnknownName, "unknown node 'Maximum speed'; known: core, drive, navigation"),
+        ("rive.Motion.Maximum speed", "1", UnknownName, "unknown node or fact 'rive'; did you mean drive?"),
+        (
+            "Maximum speed",
+            "1",
+            UnknownName,
+            "unknown node or fact 'Maximum speed'; known: core, drive, navigation, body, match",
+        ),
         ("drive.Motion.Speed", "1", UnknownName, "unknown object 'Motion.Speed'"),
         ("drive.Motion", "1", LocalError, "'Motion' is not one object but a record"),
         ("drive.Motion.Maximum speed", "fast", FieldError, "Motion.Maximum speed = 'fast' is not allowed"),

@@ -10,17 +10,19 @@ import pytest
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import HEIGHT, WIDTH
 from eurobot_od.robot.match import EventKind, MatchEvent, MatchOptions, Summary
 from eurobot_od.robot.match.stage import EdsFiles, cast_for, play_simulated
-from eurobot_od.robot.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.messages import EmergencyShutdown, GotoXY, StartConfigurationSet
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.motion import Command
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import TeamColour
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS, RIVAL
 from tests.robot.document import NAMES
+
+FACTS = robot_file.read()
 
 PROTOCOL = EurobotProtocol.load()
 
@@ -76,7 +78,7 @@ def test_nothing_is_lost_and_the_summary_counts_every_frame() -> None:
     match = play(NORMAL)
     assert match.summary.reports == []
     assert sum(match.summary.frames.values()) + sum(match.summary.others.values()) == len(match.frames)
-    assert match.summary.others == {"Boot-up": 3, "SDO": 4, "Heartbeat": pytest.approx(559, abs=6)}
+    assert match.summary.others == {"Boot-up": 3, "SDO": 8, "Heartbeat": pytest.approx(559, abs=6)}
 
 
 def test_gotos_are_confirmed_answered_and_reach_their_places() -> None:
@@ -90,7 +92,7 @@ def test_gotos_are_confirmed_answered_and_reach_their_places() -> None:
 
 def test_the_robot_stays_on_the_field_and_stands_still_at_the_end() -> None:
     match = play(NORMAL)
-    assert all(0 <= pose.x <= WIDTH and 0 <= pose.y <= HEIGHT for _, pose in match.world.path)
+    assert all(0 <= pose.x <= FACTS.field.width and 0 <= pose.y <= FACTS.field.height for _, pose in match.world.path)
     assert match.told(EventKind.END)[0].data["moved"] == 0
 
 
@@ -202,7 +204,7 @@ def test_the_instruments_of_two_robots_err_each_in_its_own_way() -> None:
     def rolled(name: str) -> float:
         """Return how far a robot comes that is told 300 mm."""
         world = World(MatchOptions(enemies=1), lambda: 0.0, rival=True)
-        _, drive, _ = cast_for(MatchOptions(enemies=1), EdsFiles.read(None), world, name)
+        _, (_, drive, _) = cast_for(MatchOptions(enemies=1), EdsFiles.read(MatchOptions()), world, name)
         before = world.robots[name].pose
         assert isinstance(drive, Drive)
         drive.chassis.advance(Command(300.0, 0.0), 1.0)

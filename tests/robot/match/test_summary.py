@@ -8,7 +8,7 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.robot.match.summary import FrameCounter, Summary
-from eurobot_od.robot.messages import GotoXY, StopDrive
+from eurobot_od.robot.model.messages import GotoXY, StopDrive
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation.bits import frame_bits
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.robot.match.touches import RobotTouch, Touched, counts, kind_of, touches_of
-from eurobot_od.robot.world.bodies import BORDER, things
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.world.bodies import BORDER, standing
 from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.world import NAMES, OURS
+
+FACTS = robot_file.read()
 
 FAST, STANDS = 300.0, 0.0
 
 
-@pytest.mark.parametrize("name", [*(each.name for each in things()), BORDER, OURS, *NAMES.values()])
+@pytest.mark.parametrize("name", [*(each.name for each in standing(FACTS.barriers)), BORDER, OURS, *NAMES.values()])
 def test_everything_on_the_field_has_a_kind(name: str) -> None:
     assert kind_of(name) is not Touched.OTHER
 

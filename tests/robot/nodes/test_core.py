@@ -17,7 +17,8 @@ from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import ERROR_CONTROL_BASE, NMT_COB_ID
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
+from eurobot_od.robot import dialects
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -39,10 +40,12 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Direction, GotoFault, Obstacle, Outcome, Source, TeamColour
+from eurobot_od.robot.nodes import ROLES
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
-from eurobot_od.robot.values import Direction, GotoFault, Obstacle, Outcome, Source, TeamColour
-from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
+from eurobot_od.robot.nodes.identity import DialectMismatch
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench, as_if_started
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 ON_THE_WIRE = 0.0005
@@ -62,6 +65,7 @@ def gaps(times: list[float]) -> list[float]:
 
 def goto(bench: Bench) -> Future[GotoReport]:
     """Have the core begin with a goto."""
+    as_if_started(bench.core)
     call = bench.core.goto(*GOTO)
     bench.run(0.002)
     return call
@@ -191,6 +195,105 @@ def test_no_step_of_time_is_0_whatever_the_eds_says(spoil_eds: Callable[..., Pat
     core = Core(Dictionary.load(folder / "core.eds"))
     assert core.setting(name) == 0
     assert core.period(name) == 0.001
+
+
+# No goto before the start
+
+
+def refused(core: Core) -> str:
+    with pytest.raises(StateError) as error:
+        core.goto(*GOTO)
+    return str(error.value)
+
+
+NOT_CHECKED = "the drive and the navigation must answer a check: call check_nodes()"
+NOT_CONFIGURED = "a start configuration must be confirmed: call configure_start()"
+
+
+def test_no_goto_leaves_a_core_that_has_done_nothing(bench: Bench) -> None:
+    assert refused(bench.core) == f"no goto yet: {NOT_CHECKED}; {NOT_CONFIGURED}"
+    bench.run(1.0)
+    assert bench.messages() == []
+
+
+@pytest.mark.parametrize(
+    ("silent", "missing"),
+    [("drive", NOT_CHECKED), ("navigation", "the navigation must answer a check: call check_nodes()")],
+)
+def test_no_goto_leaves_while_a_node_is_missing(silent: str, missing: str) -> None:
+    bench = Bench(silent)
+    call = bench.core.check_nodes()
+    bench.run(30.0)
+    assert isinstance(call.exception(0), NoAnswer)
+    assert refused(bench.core) == f"no goto yet: {missing}; {NOT_CONFIGURED}"
+
+
+@pytest.mark.parametrize("silent", ["drive", "navigation"])
+def test_no_goto_leaves_when_a_node_has_died_after_its_check(silent: str) -> None:
+    bench = Bench()
+    bench.core.check_nodes()
+    bench.run(1.0)
+    bench.network.detach(bench.stations[silent])
+    call = bench.core.configure_start(*RED)
+    bench.run(30.0)
+    assert isinstance(call.exception(0), NoAnswer)
+    assert NOT_CONFIGURED in refused(bench.core)
+    bench.run(1.0)
+    assert bench.sent(GotoXY) == []
+
+
+def test_no_goto_leaves_before_the_start_is_configured() -> None:
+    bench = Bench()
+    bench.core.check_nodes()
+    bench.run(1.0)
+    assert refused(bench.core) == f"no goto yet: {NOT_CONFIGURED}"
+
+
+@pytest.mark.parametrize("other", ["drive", "navigation"])
+@pytest.mark.parametrize("checked", [True, False])
+def test_no_goto_leaves_with_a_node_of_another_dialect(other: str, checked: bool) -> None:
+    bench = Bench()
+    bench.replace(other, ROLES[other](dialects.load(other, "firmware2014")))
+    calls: list[Future[Any]] = [bench.core.check_nodes()] if checked else []
+    bench.run(1.0)
+    configured = bench.core.configure_start(*RED)
+    bench.run(5.0)
+    for call in (*calls, configured):
+        error = call.exception(0)
+        assert isinstance(error, (DialectMismatch, NoAnswer))  # a drive refuses what it reads of a configuration
+    assert f"{other}" in refused(bench.core)
+    bench.run(1.0)
+    assert bench.sent(GotoXY) == []
+
+
+def test_a_core_that_boots_starts_anew() -> None:
+    bench = Bench()
+    bench.configure()
+    bench.core.restart(bench.now)
+    assert refused(bench.core) == f"no goto yet: {NOT_CHECKED}; {NOT_CONFIGURED}"
+
+
+def test_a_configuration_that_fails_takes_the_one_before_with_it() -> None:
+    bench = Bench()
+    bench.configure()
+    bench.lose(StartConfigurationConfirm)
+    bench.core.configure_start(*RED)
+    bench.run(10.0)
+    assert refused(bench.core) == f"no goto yet: {NOT_CONFIGURED}"
+
+
+@pytest.mark.parametrize("booted", ["drive", "navigation"])
+def test_a_node_that_boots_before_the_first_goto_is_checked_again(booted: str) -> None:
+    bench = Bench()
+    bench.configure()
+    bench.replace(booted, ROLES[booted](DICTIONARIES[booted]))
+    bench.run(1.0)
+    checks = len(bench.sent(CheckDriveRequest)), len(bench.sent(CheckNaviRequest))
+    bench.core.goto(*GOTO)
+    bench.run(1.0)
+    first = bench.times(GotoXY)[0]
+    again = [time for time in bench.times(CheckDriveRequest, CheckNaviRequest) if time < first]
+    assert len(again) > sum(checks)
 
 
 # Position polling (document 4.2.2, 5.2; periods and offsets of the 2014 robot)
@@ -367,6 +470,7 @@ def test_a_new_goto_ends_the_one_before(bench: Bench) -> None:
 
 
 def test_two_gotos_at_once_send_the_newer_only(bench: Bench) -> None:
+    as_if_started(bench.core)
     first, second = bench.core.goto(*GOTO), bench.core.goto(500, 500, 0, 50)
     bench.run(0.1)
     assert first.result(0).outcome is Outcome.REPLACED
@@ -470,7 +574,7 @@ def test_a_stop_that_overtakes_its_goto_on_the_bus_still_stops_the_drive(
 ) -> None:
     bench = Bench()
     bench.configure()
-    bench.core.send(GOTO)
+    bench.core.offer(GOTO)
     call(bench.core)  # in the same instant: the stop has the lower COB-ID and leaves first
     bench.run(2.0)
     driving = [message for message in bench.messages() if isinstance(message, (GotoXY, GotoConfirm, type(stop)))]
@@ -492,6 +596,7 @@ def test_a_confirm_after_the_next_goto_stops_nothing(bench: Bench) -> None:
 def test_a_node_that_falls_silent_stops_the_drive(silent: int) -> None:
     core = Core(DICTIONARIES["core"])
     core.start(0.0)
+    as_if_started(core)
     core.goto(*GOTO)
     core.receive(Frame(silent, b"\x05"), 0.5)
     sent: list[Frame] = []
@@ -536,7 +641,7 @@ def test_a_start_configuration_under_way_is_not_sent_again_after_a_shutdown(benc
 
 def test_a_shutdown_that_overtakes_a_start_configuration_is_sent_again() -> None:
     bench = Bench()
-    bench.core.send(RED)
+    bench.core.offer(RED)
     bench.core.emergency_shutdown()  # in the same instant: it leaves first
     bench.run(1.0)
     assert bench.messages()[:4] == [EmergencyShutdown(), RED, StartConfigurationConfirm(), EmergencyShutdown()]
@@ -649,6 +754,7 @@ def test_a_cancelled_goto_is_not_sent_again_and_the_next_one_is(bench: Bench) ->
 )
 @pytest.mark.parametrize("running", [0.0, 0.1])
 def test_an_nmt_reset_ends_every_call(bench: Bench, call: Callable[[Core], Future[Any]], running: float) -> None:
+    as_if_started(bench.core)
     future = call(bench.core)
     bench.run(running)
     bench.command("drive", NmtCommand.RESET_NODE, bench.core.device.node_id)
@@ -664,3 +770,48 @@ def test_an_nmt_reset_forgets_configuration_and_positions(bench: Bench) -> None:
     bench.core.emergency_shutdown()
     bench.command("drive", NmtCommand.RESET_NODE)
     assert (bench.core.configuration, bench.core.positions, bench.core.shut_down) == (None, {}, False)
+
+
+WATCHED = [GOTO, RED, StopDrive(), EmergencyStop(Obstacle.ENEMY), EmergencyShutdown()]
+
+
+@pytest.mark.parametrize("message", WATCHED, ids=lambda message: type(message).__name__)
+def test_what_a_call_watches_is_not_sent_past_it(bench: Bench, message: Message) -> None:
+    with pytest.raises(StateError, match=r"is sent by core\.\w+\(\), which sees to what comes of it"):
+        bench.core.send(message)
+    with pytest.raises(StateError, match="is sent by core"):
+        bench.core.ask(message, GotoConfirm)
+    bench.run(0.1)
+    assert bench.messages() == []
+
+
+def test_any_other_message_is_sent_asked_for_and_told(bench: Bench) -> None:
+    told: list[Message] = []
+    end = bench.core.on(GotoStateResponse, told.append)
+    call = bench.core.ask(GotoStateRequest(), GotoStateResponse)
+    bench.run(0.01)
+    bench.say("drive", GotoStateResponse(5))
+    assert (call.result(0), told) == (GotoStateResponse(5), [GotoStateResponse(5)])
+    end()
+    bench.core.send(GotoStateRequest())
+    bench.say("drive", GotoStateResponse(6))
+    assert (bench.sent(GotoStateRequest), told) == ([GotoStateRequest()] * 2, [GotoStateResponse(5)])
+
+
+def test_an_answer_that_does_not_come_in_time_is_an_error(bench: Bench) -> None:
+    call = bench.core.ask(GotoStateRequest(), GotoStateResponse, timeout=0.2)
+    bench.run(0.19)
+    assert not call.done()
+    bench.run(0.02)
+    with pytest.raises(NoAnswer, match="no GotoStateResponse within 200 ms after GotoStateRequest"):
+        call.result(0)
+
+
+def test_what_the_core_can_neither_send_nor_receive_is_told_with_its_file(bench: Bench) -> None:
+    with pytest.raises(StateError, match=r"core has no TPDO for GotoConfirm; .*core\.eds says what it can send"):
+        bench.core.send(GotoConfirm())
+    for receive in (lambda: bench.core.ask(GotoStateRequest(), GotoXY), lambda: bench.core.on(GotoXY, print)):
+        with pytest.raises(StateError, match=r"core has no RPDO for GotoXY; .*core\.eds says what it can receive"):
+            receive()
+    bench.run(0.1)
+    assert bench.messages() == []

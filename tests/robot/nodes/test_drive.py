@@ -14,8 +14,8 @@ from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, MessageT
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import BARRIERS, RADII, START_POSES, Point, Pose
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     EmergencyShutdown,
@@ -31,15 +31,18 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from eurobot_od.robot.nodes.drive import Drive
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
 
+FACTS = robot_file.read()
+
 YELLOW = RED._replace(team_colour=TeamColour.YELLOW)
-START = START_POSES[TeamColour.RED]
+START = FACTS.start(TeamColour.RED)
 GOTO = GotoXY(1500, 1000, 90, 100)
 DT = 0.01
 """The control period, s."""
@@ -250,8 +253,8 @@ def test_what_a_goal_has_to_stay_clear_of_follows_from_the_body(setting: str, va
 
 def room(path: list[Pose], barriers: Barriers) -> float:
     """Return how much was left at least between the robot's body and the forced barriers, mm."""
-    forced = [barrier for barrier in BARRIERS if barriers.passage(barrier.number) is Passage.FORCED]
-    return min(pose.distance(Point(each.x, each.y)) - RADII[each.kind] - 140 for pose in path for each in forced)
+    forced = [barrier for barrier in FACTS.barriers if barriers.passage(barrier.number) is Passage.FORCED]
+    return min(pose.distance(Point(each.x, each.y)) - each.kind.radius - 140 for pose in path for each in forced)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -498,7 +501,7 @@ def test_a_start_configuration_puts_the_robot_at_its_teams_place(colour: TeamCol
     seat = Seat()
     answer = seat.ask(RED._replace(team_colour=colour), StartConfigurationConfirm)
     assert answer == StartConfigurationConfirm()
-    assert seat.pose == START_POSES[colour]
+    assert seat.pose == FACTS.start(colour)
 
 
 def test_a_new_start_configuration_drops_a_goto() -> None:

@@ -10,9 +10,9 @@ import pytest
 
 from eurobot_od.device.flow import Call
 from eurobot_od.errors import StateError, UnknownName
-from eurobot_od.robot.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, StopDrive
+from eurobot_od.robot.model.messages import EmergencyShutdown, EmergencyStop, GotoConfirm, GotoXY, StopDrive
+from eurobot_od.robot.model.values import Obstacle, Outcome
 from eurobot_od.robot.nodes.equipment import Approach, Detection
-from eurobot_od.robot.values import Obstacle, Outcome
 from tests.robot.nodes.harness import Bench
 
 GOTO = GotoXY(1500, 1000, 90, 80)

@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from eurobot_od.robot.field import Pose, turn
+from eurobot_od.robot.model.places import Pose, turn
 from eurobot_od.robot.nodes.estimate import AGREEING, LONGEST_LATENCY, Estimate
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from eurobot_od.robot.field import Point, Pose, normalise, turn
+from eurobot_od.robot.model.places import Point, Pose, normalise, turn
 from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.motion import (
     AT_REST,

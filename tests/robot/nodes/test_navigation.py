@@ -8,7 +8,7 @@ from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.frame import Frame
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckNaviRequest,
     CheckNaviResponse,
     ConfederatePositionRequest,
@@ -24,8 +24,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.navigation import Beacons, Fix, Navigation
-from eurobot_od.robot.values import Source, TeamColour
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Seen
 
 EVERYONE = Seen(

@@ -17,8 +17,8 @@ from eurobot_od.live import Live
 from eurobot_od.od.values import Address
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
-from eurobot_od.robot.field import START_POSES
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.messages import (
     ConfederatePositionRequest,
     ConfederatePositionResponse,
     EmergencyShutdown,
@@ -38,14 +38,16 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StartConfigurationSet,
 )
+from eurobot_od.robot.model.values import Obstacle, Outcome, RobotError, Source, TeamColour
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Obstacle, Outcome, RobotError, Source, TeamColour
 from eurobot_od.sdo.wire import AbortCode
 from eurobot_od.simulation.network import Network
 from tests.device.master import SYNC_COB_ID, NodeWire, dictionary_with_sync
-from tests.robot.nodes.harness import DICTIONARIES, RED, Peer
+from tests.robot.nodes.harness import DICTIONARIES, RED, Peer, as_if_started
+
+FACTS = robot_file.read()
 
 DIALECTS = ["canopen", "firmware2014"]
 GOTO = GotoXY(1500, 1000, 90, 100)
@@ -154,8 +156,8 @@ def test_what_is_measured_is_not_written(role: str, name: str) -> None:
 
 def test_a_core_reads_what_it_sent_last() -> None:
     master = Master("core")
-    master.node.send(GOTO)
-    assert master.values_of("Goto XY") == [1500, 1000, 90, 100, 0]
+    master.node.offer(GOTO)
+    assert master.values_of("Goto XY") == [1500, 1000, 90, 100, 0, 0]  # the last are the reserved bits
     assert master.refused((master.index("Goto XY"), 1), 0, size=2) == AbortCode.READ_ONLY
 
 
@@ -168,7 +170,7 @@ def test_the_robot_is_configured_driven_and_stopped_by_sdo_alone(dialect: str) -
     drive = master.node
     assert isinstance(drive, Drive)
     master.put("Start configuration", TeamColour.RED, 1, 0, 30, 0)
-    assert drive.estimate.pose == START_POSES[TeamColour.RED]
+    assert drive.estimate.pose == FACTS.start(TeamColour.RED)
     master.put("Goto XY", 1500, 1000, 90, 100, 0, *([0, 1] if dialect == "firmware2014" else []))
     assert master.answers() == [StartConfigurationConfirm(), GotoConfirm()]
     master.run(1.0)
@@ -206,6 +208,7 @@ def test_a_core_takes_what_is_written_as_if_it_had_come() -> None:
     for name, (response, source) in sources.items():
         master.put(f"{name} position", 700, 800, 45, source)
         assert core.positions[response].position == response(700, 800, 45, source)
+    as_if_started(core)
     call = core.goto(*GOTO)
     master.run(0.01)
     master.say(GotoConfirm())
@@ -431,7 +434,7 @@ def test_stock_canopen_drives_the_robot_by_sdo_alone(live_drive: tuple[Drive, An
     drive, remote = live_drive
     for subindex, value in enumerate((TeamColour.RED, 1, 0, 30, 0), 1):
         remote.sdo["Start configuration"][subindex].raw = value
-    assert [remote.sdo["Kalman position"][n].raw for n in range(1, 4)] == list(START_POSES[TeamColour.RED])
+    assert [remote.sdo["Kalman position"][n].raw for n in range(1, 4)] == list(FACTS.start(TeamColour.RED))
     for subindex, value in enumerate((1500, 1000, 90, 1, 0), 1):
         remote.sdo[0x2000][subindex].raw = value
     assert drive.moving

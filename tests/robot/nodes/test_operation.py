@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.errors import NoAnswer
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -22,10 +22,10 @@ from eurobot_od.robot.messages import (
     NaviPositionResponse,
     StartConfigurationConfirm,
 )
+from eurobot_od.robot.model.values import Obstacle, Outcome, Source
 from eurobot_od.robot.nodes.core import Core
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.values import Obstacle, Outcome, Source
 from tests.robot.nodes.harness import RED, Bench, Seen
 
 

@@ -7,12 +7,15 @@ import math
 
 import pytest
 
-from eurobot_od.robot.field import BARRIERS, Point
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.values import Barriers, Passage
 from eurobot_od.robot.nodes.route import Clearances, find_route
-from eurobot_od.robot.values import Barriers, Passage, barrier_number
 
-USUAL = Clearances(fire=200.0, pool=240.0, edge=100.0)
-WIDE = Clearances(fire=420.0, pool=420.0, edge=200.0)
+FACTS = robot_file.read()
+
+USUAL = Clearances(FACTS, {"fire": 200.0, "pool": 240.0}, edge=100.0)
+WIDE = Clearances(FACTS, {"fire": 420.0, "pool": 420.0}, edge=200.0)
 """So wide that fires 1 and 5 and the pool between them close the field from edge to edge."""
 
 LEFT, RIGHT = Point(200.0, 900.0), Point(1500.0, 900.0)
@@ -20,7 +23,7 @@ ALL = range(1, 9)
 
 
 def flags(passage: Passage, *barriers: int | str) -> Barriers:
-    return Barriers.of({each if isinstance(each, int) else barrier_number(each): passage for each in barriers})
+    return Barriers.of({each if isinstance(each, int) else FACTS.barrier(each).number: passage for each in barriers})
 
 
 def length(start: Point, route: tuple[Point, ...] | None) -> float:
@@ -71,7 +74,7 @@ def test_a_barrier_in_the_way_is_driven_round(start: Point, goal: Point, barrier
     assert start not in route
 
 
-FITTING = Clearances.of(radius=140.0, margin=20.0)
+FITTING = Clearances.of(FACTS, radius=140.0, margin=20.0)
 PLACES = [
     (Point(140.0, 1860.0), Barriers(0), True),  # it just fits between two edges: goals have no margin there
     (Point(139.0, 1000.0), Barriers(0), False),
@@ -106,11 +109,11 @@ def test_normal_barriers_without_a_way_round_are_crossed() -> None:
 
 
 def test_a_normal_barrier_is_crossed_rather_than_a_forced_one() -> None:
-    forced = {barrier_number(name): Passage.FORCED for name in ("fire 1", "pool 1")}
-    closed = Barriers.of({**forced, barrier_number("fire 5"): Passage.NORMAL})
+    forced = {FACTS.barrier(name).number: Passage.FORCED for name in ("fire 1", "pool 1")}
+    closed = Barriers.of({**forced, FACTS.barrier("fire 5").number: Passage.NORMAL})
     route = find_route(LEFT, RIGHT, closed, WIDE)
     assert route is not None
-    assert min(point.y for point in route) < 900.0 - WIDE.pool  # below the pool, where fire 5 stands
+    assert min(point.y for point in route) < 900.0 - WIDE.kinds["pool"]  # below the pool, where fire 5 stands
     assert max(point.y for point in route) <= 900.0
 
 
@@ -119,8 +122,10 @@ def test_both_bits_of_a_barrier_are_forced_too() -> None:
 
 
 def test_way_points_stay_off_the_edge() -> None:
-    fire = BARRIERS[barrier_number("fire 3") - 1]
-    narrow = Clearances(fire=310.0, pool=240.0, edge=100.0)  # 90 mm are left between the disc and the edge
+    fire = FACTS.barrier("fire 3")
+    narrow = Clearances(
+        FACTS, {"fire": 310.0, "pool": 240.0}, edge=100.0
+    )  # 90 mm are left between the disc and the edge
     route = find_route(Point(300.0, 300.0), Point(300.0, 1500.0), flags(Passage.FORCED, "fire 3"), narrow)
     assert route is not None
     assert all(point.x > fire.x for point in route[:-1])
@@ -128,7 +133,7 @@ def test_way_points_stay_off_the_edge() -> None:
 
 def test_the_way_round_one_disc_is_hardly_longer_than_the_tangents() -> None:
     start, goal = Point(400.0, 400.0), Point(1400.0, 400.0)
-    radius, half = USUAL.fire, 500.0
+    radius, half = USUAL.kinds["fire"], 500.0
     tangents = 2 * math.sqrt(half**2 - radius**2)
     arc = 2 * radius * math.asin(radius / half)
     found = length(start, find_route(start, goal, flags(Passage.FORCED, "fire 5"), USUAL))

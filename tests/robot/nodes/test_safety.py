@@ -23,8 +23,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.live import Live
 from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.field import Pose
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     ConfederatePositionResponse,
     EmergencyShutdown,
@@ -42,13 +41,14 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
 from tests.client.peers import new_channel, open_bus
 from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
 
@@ -574,6 +574,7 @@ def test_15_a_core_that_is_gone_brakes_the_drive_and_only_a_new_goto_moves_it() 
     bench.run(2.0)
     assert bench.emergencies("drive") == [HEARTBEAT_LOST, 0]
     assert not bench.drive.moving
+    bench.configure()
     drive_off(bench, FAR, 1.0)
 
 
@@ -761,7 +762,9 @@ def test_16_a_navigation_that_boots_is_configured_before_the_next_goto_and_this_
 
 
 @pytest.mark.parametrize("name", ["drive", "navigation"])
-def test_16_after_a_lost_heartbeat_no_goto_goes_out_before_checks_and_configuration(name: str) -> None:
+def test_16_after_a_lost_heartbeat_no_goto_goes_out_before_checks_and_a_healthy_drive_keeps_its_place(
+    name: str,
+) -> None:
     bench = Bench()
     bench.run(1.5)  # a heartbeat of each
     bench.configure()
@@ -779,8 +782,9 @@ def test_16_after_a_lost_heartbeat_no_goto_goes_out_before_checks_and_configurat
     bench.run(12.0)
     assert call.result(0).outcome is Outcome.ARRIVED
     order = [type(message) for time, message in bench.log if time > lost]
-    steps = [CheckDriveRequest, StartConfigurationSet, GotoXY]
+    steps = [CheckDriveRequest, GotoXY]
     assert sorted(steps, key=order.index) == steps
+    assert StartConfigurationSet not in order
 
 
 def test_16_a_goto_that_replaces_another_after_a_loss_has_the_drive_stand_first(bench: Bench) -> None:
@@ -1024,8 +1028,7 @@ def test_19_a_match_that_ends_stops_the_drive_and_no_goto_goes_out_until_the_nex
     assert bench.times(StopDrive)[-1] - begun == pytest.approx(2.0, abs=0.001)
     bench.run(BRAKED)
     assert not bench.drive.moving
-    with pytest.raises(StateError, match="no goto after the match"):
-        bench.core.goto(*NEAR)
+    assert str(bench.core.goto(*NEAR).exception(0)) == "no goto after the match"
     bench.core.start_match(60.0)
     drive_off(bench, FAR, 1.0)
 
@@ -1078,8 +1081,7 @@ def test_19_a_configuration_does_not_open_a_match_that_is_over(bench: Bench) -> 
     bench.core.start_match(0.5)
     bench.run(1.0)
     bench.configure()
-    with pytest.raises(StateError, match="no goto after the match"):
-        bench.core.goto(*NEAR)
+    assert str(bench.core.goto(*NEAR).exception(0)) == "no goto after the match"
 
 
 def test_19_a_goto_that_waits_for_lost_nodes_does_not_outlive_the_match(bench: Bench) -> None:
@@ -1187,3 +1189,106 @@ def test_stops_gotos_and_cancels_of_many_threads_end_with_a_robot_that_stands() 
     assert not drive.moving
     assert len(calls) > 100
     assert [call for call in calls if not call.done()] == []
+
+
+# Without the navigation
+
+
+def match_under_way() -> Bench:
+    """All three nodes in a match, each heard once, the robot seen by the beacons."""
+    bench = Bench()
+    bench.run(1.5)
+    bench.configure()
+    true_robot(bench)
+    bench.core.start_match(60.0)
+    bench.run(0.1)
+    return bench
+
+
+def test_a_navigation_that_dies_in_a_match_is_told_and_the_robot_drives_on() -> None:
+    bench = match_under_way()
+    call = bench.core.goto(*FAR)
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(10.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+    back = bench.core.goto(*NEAR)
+    bench.run(10.0)
+    assert back.result(0).outcome is Outcome.ARRIVED
+    assert len([text for text in map(str, bench.network.reports) if "the navigation is lost" in text]) == 1
+
+
+def test_a_navigation_that_boots_in_a_match_is_checked_and_configured_and_the_drive_keeps_its_place() -> None:
+    bench = match_under_way()
+    call = bench.core.goto(*FAR)
+    bench.run(2.0)
+    started = len(bench.sent(StartConfigurationSet))
+    reboot(bench, "navigation")
+    bench.run(8.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+    assert bench.navigation.configuration == RED
+    assert len(bench.sent(StartConfigurationSet)) == started
+    assert any("the navigation is back" in str(report) for report in bench.network.reports)
+    assert bench.core.without == ()
+
+
+def test_a_robot_that_knows_its_place_too_badly_stands_until_the_navigation_is_back() -> None:
+    bench = match_under_way()
+    bench.drive.device.objects.put(bench.drive.device.dictionary.address("Estimate.Largest deviation"), 20)
+    call = bench.core.goto(*FAR)
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(10.0)
+    assert call.result(0).outcome is Outcome.NOT_POSSIBLE
+    assert not bench.drive.moving
+    assert RobotError.PLACE_UNSURE in bench.emergencies("drive")
+    bench.attach("navigation", Navigation(DICTIONARIES["navigation"]))
+    true_robot(bench)
+    bench.run(5.0)
+    again = bench.core.goto(*FAR)
+    bench.run(8.0)
+    assert again.result(0).outcome is Outcome.ARRIVED
+
+
+def test_before_the_match_there_is_no_goto_without_the_navigation() -> None:
+    bench = Bench()
+    bench.run(1.5)
+    bench.configure()
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(3.0)
+    call = bench.core.goto(*FAR)
+    bench.run(20.0)
+    assert isinstance(call.exception(0), NoAnswer)
+    assert bench.sent(GotoXY) == []
+
+
+# After an Emergency Shutdown
+
+
+def test_one_call_has_the_robot_go_on_after_a_shutdown() -> None:
+    bench = match_under_way()
+    drive_off(bench)
+    bench.core.emergency_shutdown()
+    bench.run(2.0)
+    with pytest.raises(StateError, match=r"`await core\.recover\(\)` ends it"):
+        bench.core.goto(*NEAR)
+    recovered = bench.core.recover()
+    bench.run(2.0)
+    place = recovered.result(0)
+    assert (place.x, place.y) == pytest.approx(bench.pose().point, abs=1)
+    call = bench.core.goto(*NEAR)
+    bench.run(8.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+
+
+def test_a_recovery_without_a_navigation_that_sees_the_robot_is_refused() -> None:
+    bench = Bench()
+    bench.configure()
+    drive_off(bench)
+    bench.core.emergency_shutdown()
+    bench.run(2.0)
+    bench.core.position()
+    bench.run(0.5)
+    recovered = bench.core.recover()
+    bench.run(2.0)
+    assert "the drive has lost its place" in str(recovered.exception(0))
+    with pytest.raises(StateError, match="there is nothing to go back to"):
+        Bench().core.recover()

@@ -11,12 +11,12 @@ import pytest
 
 from eurobot_od.frame import Frame
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import StopDrive
+from eurobot_od.robot.model.messages import StopDrive
+from eurobot_od.robot.model.values import Outcome, TeamColour
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.node import RobotNode
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Outcome, TeamColour
 from eurobot_od.simulation.network import ON_TIME, Network
 from tests.robot.document import NAMES
 
@@ -76,7 +76,7 @@ def robot() -> Robot2014:
     robot.run(1.0)
     assert set(checks.result(0)) == {"drive", "navigation"}
     configured = robot.core.configure_start(TeamColour.RED)
-    robot.run(0.1)
+    robot.run(1.0)  # nobody answers who is asked for the dialect
     assert configured.result(0) < 0.1
     return robot
 

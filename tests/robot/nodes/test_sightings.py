@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.messages import Enemy1PositionResponse
+from eurobot_od.robot.model.messages import Enemy1PositionResponse
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.sightings import SPREAD, TOP_SPEED, Sighting, Track
-from eurobot_od.robot.values import Source
 
 Place = tuple[int | None, int | None]
 UNKNOWN: Place = (None, None)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
     CheckDriveResponse,
     CheckNaviRequest,
@@ -32,9 +32,9 @@ from eurobot_od.robot.messages import (
     StartConfigurationConfirm,
     StopDrive,
 )
+from eurobot_od.robot.model.values import Obstacle, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
-from eurobot_od.robot.values import Obstacle, Source
-from tests.robot.nodes.harness import PROTOCOL, RED, Bench
+from tests.robot.nodes.harness import PROTOCOL, RED, Bench, as_if_started
 
 GOTO = GotoXY(1500, 1000, 90, 80)
 PLACE = (1234, 567, 89)
@@ -74,6 +74,7 @@ class Row(NamedTuple):
 
 
 def _goto(core: Core) -> object:
+    as_if_started(core)
     return core.goto(*GOTO)
 
 

@@ -6,18 +6,18 @@ import json
 
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
-from eurobot_od.robot.field import Point, Pose
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     EmergencyStop,
     GotoStateResponse,
     GotoXY,
     KalmanPositionResponse,
     StartConfigurationSet,
 )
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.robot.panel import KEPT, FieldPanel, true_path, truth_events
 from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
 from eurobot_od.web.panel import Event
 
 HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)

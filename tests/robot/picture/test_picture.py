@@ -12,8 +12,8 @@ import pytest
 
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, BarrierKind, Point, Pose
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.messages import (
     EmergencyStop,
     Enemy1PositionResponse,
     GotoStateResponse,
@@ -22,14 +22,15 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, TeamColour
+from eurobot_od.robot.panel.files import SeenMatch, form, save
 from eurobot_od.robot.picture import style
-from eurobot_od.robot.picture.files import SeenMatch, form, save
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.protocol import decoder
-from eurobot_od.robot.tasks import TREE_RADIUS, TREES
-from eurobot_od.robot.values import Barriers, Obstacle, Passage, Source, TeamColour
-from eurobot_od.robot.world.bodies import ROBOT_RADIUS
+
+FACTS = robot_file.read()
 
 SVG = "{http://www.w3.org/2000/svg}"
 BARRIER_FLAGS = Barriers.of({1: Passage.NORMAL, 8: Passage.FORCED})
@@ -62,7 +63,7 @@ KNOWN = Truth([(1.0, Pose(200, 1800, 0)), (15.0, Pose(1000, 500, 0))], TOUCHES, 
 def drawn(
     events: list[tuple[float, Message]] = EVENTS, title: str = "Match", truth: Truth | None = None
 ) -> ElementTree.Element:
-    return ElementTree.fromstring(picture(record(events, truth or Truth()), title))
+    return ElementTree.fromstring(picture(record(events, truth or Truth()), FACTS, title))
 
 
 def field_of(picture: ElementTree.Element) -> ElementTree.Element:
@@ -101,13 +102,13 @@ def numbers(picture: ElementTree.Element) -> Iterator[tuple[float, float]]:
 def test_the_field_is_to_scale() -> None:
     borders = (each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("stroke") == style.INK)
     (border,) = (each for each in borders if each.get("x") == "0")
-    assert (float(border.attrib["width"]), float(border.attrib["height"])) == (WIDTH, HEIGHT)
+    assert (float(border.attrib["width"]), float(border.attrib["height"])) == (FACTS.field.width, FACTS.field.height)
 
 
 def test_pools_stand_where_they_stand() -> None:
-    pools = [each for each in BARRIERS if each.kind is BarrierKind.POOL]
-    expected = [(pool.x, HEIGHT - pool.y, RADII[BarrierKind.POOL]) for pool in pools]
-    assert circles(field_of(drawn()), fill=style.POOL) == expected
+    pools = [each for each in FACTS.barriers if each.kind.name == "pool"]
+    expected = [(pool.x, FACTS.field.height - pool.y, pool.kind.radius) for pool in pools]
+    assert circles(field_of(drawn()), fill=style.FIXED) == expected
 
 
 def test_asked_barriers_are_ringed_by_their_passage() -> None:
@@ -116,14 +117,14 @@ def test_asked_barriers_are_ringed_by_their_passage() -> None:
         for each in field_of(drawn()).iter(f"{SVG}circle")
         if each.get("fill") == "none"
     ]
-    first, last = BARRIERS[0], BARRIERS[7]
-    assert rings == [(first.x, HEIGHT - first.y, "18 14"), (last.x, HEIGHT - last.y, None)]
+    first, last = FACTS.barriers[0], FACTS.barriers[7]
+    assert rings == [(first.x, FACTS.field.height - first.y, "18 14"), (last.x, FACTS.field.height - last.y, None)]
 
 
 def test_gotos_to_one_place_share_its_mark_and_have_their_own_discs() -> None:
     field = field_of(drawn())
     assert len(circles(field, r="26")) == 1
-    assert [(x, HEIGHT - y, r) for x, y, r in circles(field, r="26")] == [(1000, 500, 26)]
+    assert [(x, FACTS.field.height - y, r) for x, y, r in circles(field, r="26")] == [(1000, 500, 26)]
     assert [fill for fill in (style.PAPER, style.GOTO) for _ in circles(field, r=str(style.MARK), fill=fill)] == [
         style.PAPER,
         style.GOTO,
@@ -140,7 +141,9 @@ def test_stops_and_gotos_say_everything_under_the_pointer() -> None:
 
 
 def test_an_enemy_has_the_size_of_the_start_configuration() -> None:
-    assert circles(field_of(drawn()), fill=style.OTHERS[Enemy1PositionResponse][1]) == [(2000, HEIGHT - 1500, 200)]
+    assert circles(field_of(drawn()), fill=style.OTHERS[Enemy1PositionResponse][1]) == [
+        (2000, FACTS.field.height - 1500, 200)
+    ]
 
 
 def test_summary_and_tables() -> None:
@@ -160,7 +163,7 @@ def test_the_own_start_place_is_the_one_that_is_marked() -> None:
 
 def test_the_path_is_marked_every_ten_seconds() -> None:
     moved = [(float(time), KalmanPositionResponse(100 + 50 * time, 1000, 0, Source.INTERNAL)) for time in range(31)]
-    assert circles(field_of(drawn([EVENTS[0], *moved])), r="15") == [(x, HEIGHT - 1000, 15) for x in (600, 1100, 1600)]
+    assert circles(field_of(drawn([EVENTS[0], *moved])), r="15") == [(x, 1000, 15) for x in (600, 1100, 1600)]
 
 
 def test_a_stop_before_any_place_is_known_is_in_the_table_and_not_on_the_field() -> None:
@@ -171,8 +174,10 @@ def test_a_stop_before_any_place_is_known_is_in_the_table_and_not_on_the_field()
 
 def test_bodies_are_to_scale() -> None:
     field = field_of(drawn())
-    assert circles(field, fill=style.TREE) == [(x, HEIGHT - y, TREE_RADIUS) for x, y in TREES]
-    assert circles(field, fill=style.colour_of(TeamColour.RED)) == [(1000, HEIGHT - 500, ROBOT_RADIUS)]
+    assert circles(field, fill=style.TREE) == [
+        (x, FACTS.field.height - y, FACTS.field.trees.radius) for x, y in FACTS.field.trees.places
+    ]
+    assert circles(field, fill=style.colour_of(TeamColour.RED)) == [(1000, FACTS.field.height - 500, FACTS.body.radius)]
 
 
 def bursts(picture: ElementTree.Element) -> list[tuple[float, float, bool]]:
@@ -185,7 +190,7 @@ def bursts(picture: ElementTree.Element) -> list[tuple[float, float, bool]]:
 
 def test_touches_are_marked_where_they_happened() -> None:
     drawing = drawn(truth=KNOWN)
-    assert bursts(field_of(drawing)) == [(620, HEIGHT - 1400, True), (700, HEIGHT - 500, False)]
+    assert bursts(field_of(drawing)) == [(620, FACTS.field.height - 1400, True), (700, FACTS.field.height - 500, False)]
     assert {each.words for each in TOUCHES} <= set(titles(drawing))
 
 
@@ -258,7 +263,7 @@ def test_what_does_not_fit_in_a_table_is_counted() -> None:
 
 def test_the_true_path_is_drawn_without_points_nobody_could_tell_apart() -> None:
     truth = [(n / 100, Pose(200 + n, 1800, 0)) for n in range(1001)]
-    drawing = ElementTree.fromstring(picture(record(EVENTS, Truth(truth)), "Match"))
+    drawing = ElementTree.fromstring(picture(record(EVENTS, Truth(truth)), FACTS, "Match"))
     (line,) = (each for each in drawing.iter(f"{SVG}polyline") if each.get("stroke") == style.TRUTH)
     points = line.attrib["points"].split()
     assert (points[0], len(points)) == ("200,200", 126)
@@ -277,7 +282,7 @@ def test_time_has_ever_darker_colours() -> None:
 
 
 DECODER = decoder()
-SEEN = SeenMatch([(time, DECODER(DECODER.protocol.encode(message))) for time, message in EVENTS], DECODER, KNOWN)
+SEEN = SeenMatch([(time, DECODER(DECODER.protocol.encode(message))) for time, message in EVENTS], DECODER, FACTS, KNOWN)
 
 
 @pytest.mark.parametrize(
@@ -305,7 +310,7 @@ def test_png_without_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def test_one_far_timestamp_does_not_draw_for_ever() -> None:
     far: list[tuple[float, Message]] = [*EVENTS, (9e10, KalmanPositionResponse(700, 1100, 300, Source.INTERNAL))]
-    assert len(picture(record(far), "far")) < 100_000
+    assert len(picture(record(far), FACTS, "far")) < 100_000
 
 
 def test_a_path_that_took_no_time_is_drawn() -> None:

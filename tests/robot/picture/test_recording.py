@@ -7,8 +7,7 @@ import pytest
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message
-from eurobot_od.robot.field import Point, Pose
-from eurobot_od.robot.messages import (
+from eurobot_od.robot.model.messages import (
     EmergencyShutdown,
     EmergencyStop,
     Enemy1PositionResponse,
@@ -20,6 +19,8 @@ from eurobot_od.robot.messages import (
     StartConfigurationSet,
     StopDrive,
 )
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
 from eurobot_od.robot.picture.recording import (
     OURS,
     PathPoint,
@@ -32,7 +33,6 @@ from eurobot_od.robot.picture.recording import (
     record_frames,
 )
 from eurobot_od.robot.protocol import EurobotProtocol, decoder
-from eurobot_od.robot.values import Barriers, GotoFault, Obstacle, Outcome, Passage, Source, TeamColour
 
 PROTOCOL = EurobotProtocol.load()
 ONE, TWO = GotoXY(1000, 500, 0, 50), GotoXY(2000, 500, 90, 50)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from eurobot_od.robot.field import Point, Pose
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import MatchOptions
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.world import OURS
 

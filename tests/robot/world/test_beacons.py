@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.model.options import NOISE_ONLY, Errors
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.options import NOISE_ONLY, Errors
-from eurobot_od.robot.values import Source
 from eurobot_od.robot.world.beacons import Beacons
 from tests.robot.world.places import Place
 
@@ -18,7 +18,7 @@ MANY = 3000
 
 
 def beacons(place: Place, errors: Errors = NOISE_ONLY, deviations: tuple[float, float] = (0.0, 0.0)) -> Beacons:
-    return Beacons(place.vehicle, errors, lambda: deviations, "1")
+    return Beacons(place.vehicle, place.world.facts.field, errors, lambda: deviations, "1")
 
 
 def ours(seen_by: Beacons, times: int = MANY) -> list[Fix | None]:

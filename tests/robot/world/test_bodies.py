@@ -6,8 +6,11 @@ import math
 
 import pytest
 
-from eurobot_od.robot.field import BARRIERS, HEIGHT, RADII, WIDTH, Point, Pose
-from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, gap, inside, pushed_out, things
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.world.bodies import Body, RobotBody, Weight, gap, inside, pushed_out, standing
+
+FACTS = robot_file.read()
 
 POOL = Body("pool", Point(1000, 1000), 150.0, Weight.FIXED)
 
@@ -39,22 +42,22 @@ def test_what_is_pushed_out_only_touches(point: Point) -> None:
     [
         (Point(1500, 1000), Point(1500, 1000)),
         (Point(50, 1000), Point(140, 1000)),
-        (Point(WIDTH, 1000), Point(WIDTH - 140, 1000)),
+        (Point(FACTS.field.width, 1000), Point(FACTS.field.width - 140, 1000)),
         (Point(1500, -30), Point(1500, 140)),
-        (Point(0, HEIGHT), Point(140, HEIGHT - 140)),
+        (Point(0, FACTS.field.height), Point(140, FACTS.field.height - 140)),
     ],
 )
 def test_the_border_holds_a_robot_inside(point: Point, expected: Point) -> None:
-    assert inside(point, 140.0) == expected
+    assert inside(point, 140.0, FACTS.field) == expected
 
 
 def test_the_documents_barriers_stand_on_the_field_with_their_sizes() -> None:
-    standing = {each.name: each for each in things()}
-    for barrier in BARRIERS:
-        body = standing[barrier.name]
-        assert (body.point, body.radius) == (Point(barrier.x, barrier.y), RADII[barrier.kind])
-    assert {each.weight for name, each in standing.items() if name.startswith("fire")} == {Weight.LIGHT}
-    assert {each.weight for name, each in standing.items() if not name.startswith("fire")} == {Weight.FIXED}
+    bodies = {each.name: each for each in standing(FACTS.barriers)}
+    for barrier in FACTS.barriers:
+        body = bodies[barrier.name]
+        assert (body.point, body.radius) == (Point(barrier.x, barrier.y), barrier.kind.radius)
+    assert {each.weight for name, each in bodies.items() if name.startswith("fire")} == {Weight.LIGHT}
+    assert {each.weight for name, each in bodies.items() if not name.startswith("fire")} == {Weight.FIXED}
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,16 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.options import Errors, MatchOptions
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import Errors, MatchOptions
-from eurobot_od.robot.tasks import tasks
-from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.channel import LINE_LIMIT, REQUESTS, VERSION, WHOM, Channel
 from eurobot_od.robot.world.world import OURS, RIVAL, LocalVehicle
+
+FACTS = robot_file.read()
 
 OPTIONS = MatchOptions(TeamColour.YELLOW, enemies=1, confederates=1, seed=7, errors=Errors(beacon_dropouts=0.5))
 
@@ -25,7 +27,7 @@ def make_world() -> World:
     """A world that stands at 3 s, our robot before an enemy and at a task."""
     world = World(OPTIONS, lambda: 3.0)
     world.pose(OURS, 0.0)
-    world.robots[OURS].place(tasks(TeamColour.YELLOW)["mammoth"].pose)
+    world.robots[OURS].place(FACTS.tasks(TeamColour.YELLOW)["mammoth"].pose)
     world.robots[RIVAL].place(Pose(2400, 1300, 0.0))
     return world
 

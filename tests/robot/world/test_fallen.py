@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from eurobot_od.robot.values import Obstacle
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.world.fallen import FAST, REMOVED_AFTER
 from tests.robot.world.places import Place
 

@@ -6,12 +6,15 @@ import statistics
 
 import pytest
 
-from eurobot_od.robot.field import Pose
-from eurobot_od.robot.tasks import Task, tasks
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.tasks import Task
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.world.game import REACH, REACH_ANGLE, Game, Score
 
-TASKS = tasks(TeamColour.RED)
+FACTS = robot_file.read()
+
+TASKS = FACTS.tasks(TeamColour.RED)
 OURS, RIVAL = "ours", "enemy 1"
 
 

@@ -6,10 +6,13 @@ import random
 
 import pytest
 
-from eurobot_od.robot.field import BARRIERS, RADII, WIDTH, BarrierKind, Point, Pose
-from eurobot_od.robot.values import Source, TeamColour
-from eurobot_od.robot.world.bodies import ROBOT_RADIUS, inside
-from eurobot_od.robot.world.patrols import ROUNDS, WAIT, Patrol
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Source, TeamColour
+from eurobot_od.robot.world.bodies import inside
+from eurobot_od.robot.world.patrols import WAIT, Patrol
+
+FACTS = robot_file.read()
 
 TRIANGLE = (Point(100, 100), Point(400, 100), Point(400, 500))
 
@@ -42,26 +45,31 @@ def test_held_up_it_turns_round_after_a_while() -> None:
     assert walk(patrol, 0.1).angle == pytest.approx(270, abs=1)
 
 
-@pytest.mark.parametrize("source", list(ROUNDS))
+@pytest.mark.parametrize("source", list(FACTS.others))
 @pytest.mark.parametrize("team", TeamColour)
 def test_the_others_stay_on_the_field_and_off_the_pools(source: Source, team: TeamColour) -> None:
-    pools = [each for each in BARRIERS if each.kind is BarrierKind.POOL]
+    pools = [each for each in FACTS.barriers if each.kind.name == "pool"]
     for seed in range(20):
-        patrol = Patrol.of(source, team, random.Random(seed))
+        patrol = Patrol.of(source, FACTS, team, random.Random(seed))
         for _ in range(90):
             point = walk(patrol, 1.0).point
-            assert inside(point, 0) == point
-            assert all(patrol.pose.distance(Point(x, y)) > RADII[kind] + ROBOT_RADIUS for _, kind, x, y in pools)
+            assert inside(point, 0, FACTS.field) == point
+            reach = FACTS.body.radius
+            assert all(patrol.pose.distance(each.point) > each.kind.radius + reach for each in pools)
 
 
 def test_yellow_plays_against_the_mirror_image() -> None:
-    red, yellow = (Patrol.of(Source.ENEMY_1, team, random.Random(1)) for team in (TeamColour.RED, TeamColour.YELLOW))
-    assert WIDTH - red.pose.x == pytest.approx(yellow.pose.x)
+    red, yellow = (
+        Patrol.of(Source.ENEMY_1, FACTS, team, random.Random(1)) for team in (TeamColour.RED, TeamColour.YELLOW)
+    )
+    assert FACTS.field.width - red.pose.x == pytest.approx(yellow.pose.x)
     assert red.pose.y == yellow.pose.y
 
 
 def test_a_confederate_is_never_careless() -> None:
-    patrols = [Patrol.of(source, TeamColour.RED, random.Random(seed)) for source in ROUNDS for seed in range(100)]
+    patrols = [
+        Patrol.of(source, FACTS, TeamColour.RED, random.Random(seed)) for source in FACTS.others for seed in range(100)
+    ]
     careless = [patrol.careless for patrol in patrols]
     assert any(careless[:200])
     assert not any(careless[200:])

@@ -13,15 +13,16 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
+from eurobot_od.address import Address
 from eurobot_od.errors import LocalError, WorldError
-from eurobot_od.robot.field import Pose
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
+from eurobot_od.robot.model.places import Pose
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Command, Odometry
-from eurobot_od.robot.options import NOISE_ONLY, MatchOptions
-from eurobot_od.robot.tasks import tasks
-from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.robot.world import World, remote
 from eurobot_od.robot.world.beacons import Beacons
-from eurobot_od.robot.world.channel import VERSION, Address, Channel
+from eurobot_od.robot.world.channel import VERSION, Channel
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.server import Server
@@ -29,9 +30,11 @@ from eurobot_od.robot.world.vehicle import Vehicle
 from eurobot_od.robot.world.wheels import Wheels
 from eurobot_od.robot.world.world import OURS, RIVAL
 
+FACTS = robot_file.read()
+
 PATIENCE = 60.0
 OPTIONS = MatchOptions(TeamColour.YELLOW, enemies=1, confederates=0, seed=7, errors=NOISE_ONLY)
-MAMMOTH = tasks(TeamColour.YELLOW)["mammoth"]
+MAMMOTH = FACTS.tasks(TeamColour.YELLOW)["mammoth"]
 STEP = Odometry(4.0, 1.0)
 
 
@@ -126,7 +129,10 @@ def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_on
         for _ in range(3):
             assert wheels.advance(Command(400.0, 30.0), 0.01) == Odometry(0.0, 0.0)
             assert sensor.look(0.0) is None
-            assert Beacons(vehicle, OPTIONS.errors, lambda: (0.0, 0.0), "1").locate(Source.INTERNAL, 0.0) is None
+            assert (
+                Beacons(vehicle, FACTS.field, OPTIONS.errors, lambda: (0.0, 0.0), "1").locate(Source.INTERNAL, 0.0)
+                is None
+            )
             for call in (vehicle.truth, vehicle.hello, lambda: vehicle.begin("mammoth")):
                 with pytest.raises(WorldError, match=f"^the world at {address} does not answer: "):
                     call()

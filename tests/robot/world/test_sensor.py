@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
+from eurobot_od.robot.model.options import Errors
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.options import Errors
-from eurobot_od.robot.values import Obstacle
 from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.world import RIVAL
 from tests.robot.world.places import Place

@@ -5,19 +5,23 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from typing import Any
 
 import pytest
 
+from eurobot_od.address import Address
 from eurobot_od.errors import WorldError
-from eurobot_od.robot.match.timeline import EventKind, MatchEvent
-from eurobot_od.robot.options import MatchOptions
-from eurobot_od.robot.tasks import tasks
-from eurobot_od.robot.values import TeamColour
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.options import MatchOptions
+from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.channel import LINE_LIMIT, Address, Channel
+from eurobot_od.robot.world.channel import LINE_LIMIT, Channel
 from eurobot_od.robot.world.server import REMEMBERED, Server
+from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS
+
+FACTS = robot_file.read()
 
 ANY = Address("127.0.0.1", 0)
 FOREVER = float("inf")
@@ -70,6 +74,34 @@ def test_lines_are_answered_in_their_order_however_they_are_cut() -> None:
 
     served.run(talk)
     assert (served.channel.requests, served.channel.refused) == (5, 2)
+
+
+MOVE = b'{"request": "move", "distance": 100, "turn": 0, "seconds": 1}\n'
+
+
+@pytest.mark.parametrize(
+    "begins",
+    [
+        b"POST / HTTP/1.1\r\nHost: 127.0.0.1:2015\r\nContent-Type: text/plain\r\n\r\n",
+        b"OPTIONS / HTTP/1.1\r\n\r\n",
+        b"POST /" + bytes(3 * LINE_LIMIT) + b" HTTP/1.1\r\n\r\n",
+    ],
+    ids=["a form", "a question before it", "a long address"],
+)
+def test_a_web_page_does_not_move_a_robot(begins: bytes) -> None:
+    served = Served()
+    before = served.world.robots[OURS].pose
+
+    async def talk(address: Address) -> None:
+        reader, writer = await asyncio.open_connection(*address)
+        writer.write(begins + MOVE)
+        with suppress(ConnectionError):
+            assert await reader.read() == b""
+        writer.close()
+
+    served.run(talk)
+    assert served.channel.requests == 0
+    assert served.world.robots[OURS].pose == before
 
 
 @pytest.mark.parametrize("length", [LINE_LIMIT + 1, 3 * LINE_LIMIT, 1_000_000])
@@ -129,7 +161,7 @@ def test_touches_and_points_are_told_once_and_in_time() -> None:
 
     async def talk(address: Address) -> None:
         reader, writer = await asyncio.open_connection(*address)
-        served.world.robots[OURS].place(tasks(TeamColour.RED)["mammoth"].pose)
+        served.world.robots[OURS].place(FACTS.tasks(TeamColour.RED)["mammoth"].pose)
         for line in (
             b'{"request": "finish", "task": "mammoth"}\n',
             b'{"request": "move", "distance": 500, "turn": 0, "seconds": 1}\n',

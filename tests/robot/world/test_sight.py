@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.robot.field import Point, Pose
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Obstacle
 from eurobot_od.robot.nodes.equipment import Detection
-from eurobot_od.robot.values import Obstacle
 from eurobot_od.robot.world.bodies import Body, RobotBody, Weight
 from eurobot_od.robot.world.sight import nearest_ahead
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
+from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
-from eurobot_od.robot.options import Errors
 from eurobot_od.robot.world.wheels import Wheels
 from tests.robot.world.places import STEP, Place
 

@@ -8,17 +8,19 @@ from itertools import groupby, pairwise
 import pytest
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.robot.field import HEIGHT, START_POSES, WIDTH, Point, Pose
+from eurobot_od.robot.model import robot_file
+from eurobot_od.robot.model.places import Point, Pose
+from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.options import ENEMY_DIAMETER
-from eurobot_od.robot.values import Source, TeamColour
 from eurobot_od.robot.world import patrols
-from eurobot_od.robot.world.bodies import BORDER, ROBOT_RADIUS, gap
+from eurobot_od.robot.world.bodies import BORDER, gap
 from eurobot_od.robot.world.contact import SHOVE, Touch
 from eurobot_od.robot.world.world import OURS, RIVAL
 from tests.robot.world.places import Place
 
-POOL_EDGE = 150 + ROBOT_RADIUS
+FACTS = robot_file.read()
+
+POOL_EDGE = 150 + FACTS.body.radius
 """How near our centre comes to that of a pool, mm."""
 
 BEFORE_POOL = Pose(1300, 900, 180)
@@ -52,14 +54,15 @@ def test_who_asks_how_often_does_not_change_where_the_others_are() -> None:
 
 def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patrols, "STRAY", 0)
-    monkeypatch.setitem(patrols.ROUNDS, Source.ENEMY_1, (Point(1500, 900), Point(500, 900)))
-    place, way = Place(enemies=1), []
+    rounds = ("robots.enemy 1.rounds", "[[1500, 900], [500, 900]]")
+    place, way = Place(enemies=1, settings=(rounds,)), []
     for _ in range(300):
         place.now += 0.1
         way.append(place.world.robots["enemy 1"].pose.x)
         place.world.pose("enemy 1", 0.0)
     nearest = min(way)
-    assert nearest == pytest.approx(900 + 150 + ENEMY_DIAMETER * 5, abs=1), "it came as far as the pool"
+    pool, enemy = FACTS.barrier("pool 1"), FACTS.others[Source.ENEMY_1]
+    assert nearest == pytest.approx(pool.x + pool.kind.radius + enemy.radius, abs=1), "it came as far as the pool"
     waits = [len(list(times)) * 0.1 for x, times in groupby(way) if x == nearest]
     assert waits[0] == pytest.approx(patrols.WAIT, abs=0.2)
     assert max(way[way.index(nearest) :]) > 1400, "and went back"
@@ -72,7 +75,7 @@ def test_a_robot_that_cannot_pass_waits_and_turns_round(monkeypatch: pytest.Monk
 def test_the_robot_begins_near_its_start_place(team: TeamColour) -> None:
     starts = [Place(seed, team=team).world.robot for seed in range(50)]
     assert len(set(starts)) == 50
-    assert max(start.distance(START_POSES[team].point) for start in starts) < 15
+    assert max(start.distance(FACTS.start(team).point) for start in starts) < 15
 
 
 def test_it_moves_as_its_wheels_roll() -> None:
@@ -108,7 +111,7 @@ def test_what_is_met_at_an_angle_is_slid_along() -> None:
     place.put(1300, 1100, 180)  # 200 mm off the pool's centre line
     came = place.drive(400, 2.0)
     assert place.here.x < 800, "it came past"
-    assert gap(place.here, ROBOT_RADIUS, place.world.things[6]) >= -1e-6
+    assert gap(place.here, FACTS.body.radius, place.world.things[6]) >= -1e-6
     assert 0 < came < 800
     assert place.touched()[0] == (OURS, "pool 1")
 
@@ -116,10 +119,10 @@ def test_what_is_met_at_an_angle_is_slid_along() -> None:
 @pytest.mark.parametrize(
     ("pose", "edge"),
     [
-        (Pose(1500, 300, 270), Point(1500, ROBOT_RADIUS)),
-        (Pose(1500, 1700, 90), Point(1500, HEIGHT - ROBOT_RADIUS)),
-        (Pose(300, 1500, 180), Point(ROBOT_RADIUS, 1500)),
-        (Pose(2700, 1500, 0), Point(WIDTH - ROBOT_RADIUS, 1500)),
+        (Pose(1500, 300, 270), Point(1500, FACTS.body.radius)),
+        (Pose(1500, 1700, 90), Point(1500, FACTS.field.height - FACTS.body.radius)),
+        (Pose(300, 1500, 180), Point(FACTS.body.radius, 1500)),
+        (Pose(2700, 1500, 0), Point(FACTS.field.width - FACTS.body.radius, 1500)),
     ],
 )
 def test_the_border_holds_the_robot(pose: Pose, edge: Point) -> None:
@@ -136,7 +139,7 @@ def test_a_fire_is_pushed_along_and_cannot_be_turned_over_any_more() -> None:
     came = place.drive(400, 1.0)
     assert came == pytest.approx(400), "it hardly weighs anything"
     fire = place.world.things[0]
-    assert fire.point.x == pytest.approx(1000 + ROBOT_RADIUS + fire.radius)
+    assert fire.point.x == pytest.approx(1000 + FACTS.body.radius + fire.radius)
     assert place.touched() == [(OURS, "fire 1")]
     place.put(900, 1670, 270)
     assert place.vehicle.finish("fire 1") == 0
@@ -187,7 +190,7 @@ def test_a_robot_between_two_things_stays_where_it_is() -> None:
     before = place.here
     place.drive(300, 0.5)
     assert math.dist(before, place.here) < 120
-    assert all(gap(place.here, ROBOT_RADIUS, each) > -1.5 for each in (one, other))
+    assert all(gap(place.here, FACTS.body.radius, each) > -1.5 for each in (one, other))
 
 
 # Other robots
@@ -250,7 +253,7 @@ def test_a_careful_one_stops_before_us_and_turns_round() -> None:
 def test_one_that_waits_stands() -> None:
     place = Place(confederates=1)
     body = place.world.robots["confederate"]
-    place.put(*body.pose.moved(2 * ROBOT_RADIUS + 50, 0))
+    place.put(*body.pose.moved(2 * FACTS.body.radius + 50, 0))
     place.now = 0.5
     place.vehicle.pose(Source.CONFEDERATE)
     assert body.speed == 0
@@ -295,7 +298,7 @@ def test_the_rival_sees_us_as_its_enemy() -> None:
 
 def test_the_rival_starts_on_the_other_side() -> None:
     place = Place(enemies=1, rival=True, team=TeamColour.YELLOW)
-    assert place.world.robots[RIVAL].pose.distance(START_POSES[TeamColour.RED].point) < 20
+    assert place.world.robots[RIVAL].pose.distance(FACTS.start(TeamColour.RED).point) < 20
 
 
 # What was

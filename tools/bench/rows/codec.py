@@ -1,13 +1,13 @@
 """One message decoded and encoded: `protocol.decode` and `protocol.encode` beside cantools, canopen and bitstruct.
 
 Rule of this file: public functions only, the same message for all. Each contender has to give the right result before
-it is measured, but canopen: its PDO variables are wrong for fields that cross a byte, and only their time counts.
+it is measured.
 """
 
 from __future__ import annotations
 
 import timeit
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -19,13 +19,14 @@ from bitstruct import c as bitstruct  # type: ignore[import-untyped]  # it carri
 from bench.measure import Claim, Contender, Figures, Quantity, Scale, Series, Way, Wrong
 from bench.shared import protocol
 from eurobot_od.export.dbc import dbc_text
+from eurobot_od.od.pdos import RESERVED
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import GotoXY, NaviPositionResponse, StartConfigurationSet
+from eurobot_od.robot.model.messages import GotoXY, NaviPositionResponse, StartConfigurationSet
+from eurobot_od.robot.model.values import Barriers, Source, TeamColour
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.robot.values import Barriers, Source, TeamColour
 
 GOTO = GotoXY(1234, 567, 89, 75, Barriers(0xA5C3))
 POSITION = NaviPositionResponse(1234, 567, 89, Source.INTERNAL)
@@ -84,10 +85,10 @@ def variables(message: Message) -> Any:
 
 def bit_format(binding: Binding) -> Any:
     """Return bitstruct's compiled format for a message's bytes read backwards: its last field comes first."""
-    fields = [*reversed(binding.layout.fields)]
-    padding = 8 * binding.layout.length - binding.layout.bits
-    widths = "".join(f"u{binding.layout.widths[field]}" for field in fields)
-    return bitstruct.compile(f"p{padding}{widths}", fields)
+    unused = 8 * binding.layout.length - binding.layout.bits
+    runs = [("p", unused)] * bool(unused)
+    runs += [("u" if slot.field else "p", slot.bits) for slot in reversed(binding.layout.slots)]
+    return bitstruct.compile("".join(f"{kind}{bits}" for kind, bits in runs), [*reversed(binding.layout.fields)])
 
 
 # What is measured
@@ -97,7 +98,7 @@ DECODERS = {
     "ours": "protocol.decode(cob_id, data)",
     "decode_message": "database.decode_message(cob_id, data)",
     "decode_simple": "peer.decode_simple(data)",
-    "variables": "read(pdo, data)",
+    "variables": "read(pdo, fields, data)",
     "bitstruct": "bits.unpack(data[::-1])",
 }
 ENCODERS = {
@@ -105,7 +106,7 @@ ENCODERS = {
     "encode_message": "database.encode_message(name, values)",
     "strict=False": "database.encode_message(name, values, strict=False)",
     "cheapest": "peer.encode(values, scaling=False, strict=False)",
-    "variables": "write(pdo)",
+    "variables": "write(pdo, fields, values)",
     "bitstruct": "bits.pack(values)[::-1]",
 }
 TASKS = {
@@ -116,22 +117,28 @@ TASKS = {
 }
 
 
-def read(pdo: Any, data: bytes) -> list[int]:
-    """Read every variable of canopen's PDO."""
+def carrying(pdo: Any) -> list[Any]:
+    """Return the variables of canopen's PDO but the reserved bits."""
+    return [variable for variable in pdo if not variable.name.endswith(RESERVED)]
+
+
+def read(pdo: Any, fields: Sequence[Any], data: bytes) -> list[int]:
+    """Read the variables of canopen's PDO."""
     pdo.data = bytearray(data)
-    return [variable.raw for variable in pdo]
+    return [variable.raw for variable in fields]
 
 
-def write(pdo: Any) -> None:
-    """Write every variable of canopen's PDO; it fails with more than 1 where a field crosses a byte."""
-    for variable in pdo:
-        variable.raw = 1
+def write(pdo: Any, fields: Sequence[Any], values: Mapping[str, int]) -> bytes:
+    """Write the variables of canopen's PDO."""
+    for variable, value in zip(fields, values.values()):
+        variable.raw = value
+    return bytes(pdo.data)
 
 
 def decoders(message: Message) -> Statements:
     """Give the statements that decode a message's frame."""
     (cob_id, data), raw = protocol().encode(message), raw_values(message)
-    peer = database().get_message_by_frame_id(cob_id)
+    peer, pdo = database().get_message_by_frame_id(cob_id), variables(message)
     names = {
         "protocol": protocol(),
         "cob_id": cob_id,
@@ -139,11 +146,18 @@ def decoders(message: Message) -> Statements:
         "database": database(),
         "peer": peer,
         "read": read,
-        "pdo": variables(message),
+        "pdo": pdo,
+        "fields": carrying(pdo),
         "bits": bit_format(protocol().binding_of(cob_id)),
     }
     named = {signal.name: (signal.choices or {}).get(raw[signal.name], raw[signal.name]) for signal in peer.signals}
-    right = {"ours": message, "decode_message": named, "decode_simple": named, "bitstruct": raw}
+    right = {
+        "ours": message,
+        "decode_message": named,
+        "decode_simple": named,
+        "variables": [*raw.values()],
+        "bitstruct": raw,
+    }
     return checked(DECODERS, names, right)
 
 
@@ -160,10 +174,11 @@ def encoders(message: Message) -> Statements:
         "peer": peer,
         "write": write,
         "pdo": pdo,
+        "fields": carrying(pdo),
         "bits": bit_format(protocol().binding_of(frame.cob_id)),
     }
     pdo.data = bytearray(len(frame.data))
-    right = {name: frame.data for name in ENCODERS if name != "variables"} | {"ours": frame}
+    right = dict.fromkeys(ENCODERS, frame.data) | {"ours": frame}
     return checked(ENCODERS, names, right)
 
 

@@ -22,20 +22,20 @@ from bench.shared import new_bus, new_channel
 from eurobot_od.client.configure import all_writes, configure
 from eurobot_od.client.description import Description, from_file
 from eurobot_od.client.master import Master
-from eurobot_od.client.objects import integer_range
 from eurobot_od.client.pdo_order import pdo_of
 from eurobot_od.client.reading import parameters
 from eurobot_od.live import Live
 from eurobot_od.od import dcf
 from eurobot_od.od.concise import Write
+from eurobot_od.od.objects import address_of, default_of, limits
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot import dialects
 from eurobot_od.robot.nodes import ROLES
 
 NODE = 2
 BITRATE = 500
-FEW = {(0x1403, 1): 0x18, (0x1603, 1): 0x20000110, (0x2101, 1): 900, (0x1017, 0): 333}
-"""Goto XY under another COB-ID and with 16 bits for x, a speed, and the heartbeat."""
+FEW = {(0x1403, 1): 0x18, (0x1603, 5): 0x20000602, (0x2101, 1): 900, (0x1017, 0): 333}
+"""Goto XY under another COB-ID and with fewer reserved bits, a speed, and the heartbeat."""
 
 TRANSMISSION_TYPE = 2
 EVENT_DRIVEN = 255
@@ -49,30 +49,26 @@ def descriptions(folder: Path) -> dict[str, Description]:
     """Write and read three DCFs with all parameters of the drive: as delivered, few different, all different."""
     eds = dialects.folder() / "drive.eds"
     dictionary = from_file(eds).dictionary
-    delivered = {thing.address: dictionary.default(thing.address) for thing in parameters(dictionary)}
+    delivered = {address_of(each): default_of(each) for each in parameters(dictionary)}
     kinds: dict[str, Mapping[Address, Value]] = {"delivered": {}, "few": FEW, "all": dict(other_values(from_file(eds)))}
     files = {name: folder / f"{name}.dcf" for name in kinds}
     for name, file in files.items():
-        file.write_text(dcf.with_values(eds.read_text(), {**delivered, **kinds[name]}, NODE, "drive", BITRATE))
+        file.write_text(dcf.with_values(dictionary.device, {**delivered, **kinds[name]}, NODE, "drive", BITRATE))
     return {name: from_file(file) for name, file in files.items()}
 
 
 def other_values(description: Description) -> Iterator[tuple[Address, int]]:
     """Give another value to every parameter that can have any; PDOs another transmission type."""
-    for thing in parameters(description.dictionary):
-        value = description.dictionary.default(thing.address)
-        if (
-            thing.address == description.dictionary.node_id_address
-            or thing.address[0] in SAME
-            or thing.variable is None
-            or not isinstance(value, int)
-        ):
+    for each in parameters(description.dictionary):
+        address, value, range_ = address_of(each), default_of(each), limits(each)
+        if address == description.dictionary.node_id_address or each.index in SAME:
             continue
-        if pdo_of(thing.address) is None:
-            low, high = integer_range(thing.variable)
-            yield thing.address, value + 1 if value < high else low
-        elif pdo_of(thing.address) == thing.address[0] and thing.address[1] == TRANSMISSION_TYPE:
-            yield thing.address, EVENT_DRIVEN
+        if not isinstance(value, int) or range_ is None:
+            continue
+        if pdo_of(address) is None:
+            yield address, value + 1 if value < range_.high else int(range_.low)
+        elif pdo_of(address) == each.index and each.subindex == TRANSMISSION_TYPE:
+            yield address, EVENT_DRIVEN
 
 
 def stock(bus: can.BusABC, writes: Sequence[Write]) -> float:

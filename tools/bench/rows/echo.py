@@ -22,7 +22,7 @@ from bench.shared import new_bus, new_channel, protocol
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
-from eurobot_od.robot.messages import CheckDriveRequest, CheckDriveResponse
+from eurobot_od.robot.model.messages import CheckDriveRequest, CheckDriveResponse
 from eurobot_od.robot.nodes import ROLES
 
 PATIENCE = 5.0

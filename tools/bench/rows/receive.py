@@ -26,7 +26,7 @@ from bench.traffic import maker
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.live import Live
-from eurobot_od.robot.messages import GotoXY
+from eurobot_od.robot.model.messages import GotoXY
 
 OTHERS = (100, 10_000)
 """Numbers of listeners on other messages."""

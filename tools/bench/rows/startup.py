@@ -21,6 +21,7 @@ from bench.traffic import recorded_traffic, write_candump
 from eurobot_od.client.description import from_file
 from eurobot_od.client.reading import parameters
 from eurobot_od.od import dcf
+from eurobot_od.od.objects import address_of
 from eurobot_od.robot import dialects
 
 NODE = "drive"
@@ -106,8 +107,8 @@ def made_files() -> Iterator[dict[str, Path]]:
 
 def _dcf(eds: Path) -> str:
     dictionary = from_file(eds).dictionary
-    values = {thing.address: dictionary.default(thing.address) for thing in parameters(dictionary)}
-    return dcf.with_values(eds.read_text(), values, dictionary.node_id, NODE, 500)
+    values = {address_of(thing): dictionary.default(address_of(thing)) for thing in parameters(dictionary)}
+    return dcf.with_values(dictionary.device, values, dictionary.node_id, NODE, 500)
 
 
 def eds_files(nodes: Sequence[str]) -> list[Path]:

@@ -1,0 +1,610 @@
+"""Any EDS or DCF as the plain EDS that canopen, and every other tool, reads right: its normal form.
+
+A normal form has no byte order mark, every section and key once and in the spelling of CiA 306, numbers in decimal or
+0x hexadecimal with `$NODEID+` in front, negative numbers with their sign, compact arrays and PDOs written out, the
+type of every variable, and the sections and counts that CiA 306 asks for. What has no place in it, such as an entry
+that is there twice or a default that is nothing of its type, stands there as a comment, so that nothing is lost. The
+normal form of a normal form is itself.
+
+canopen drops some of what even a normal form says, such as the limits of a REAL; `Normal.dropped` has it, for
+`dictionary` to set.
+
+Order matters: the objects come after the lists, an object before its sub-indices (canopen attaches them as they come),
+and the commissioning last, so that a DCF that was cut off has none.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import NamedTuple
+
+from eurobot_od.errors import DictionaryError
+from eurobot_od.od import keys, values
+from eurobot_od.od.completion import USUAL_NAME, completed, looks_odd, usual_name
+from eurobot_od.od.description import SIMPLE, DescribedDevice, DescribedObject, DescribedVariable, ObjectCode
+from eurobot_od.od.document import HIDING, Document, Entry, Odd, Section, read
+from eurobot_od.od.standard import MANDATORY, known_type
+from eurobot_od.od.values import NODE_ID, REMEMBERED_NUMBERS, DataType, Number, is_standard_number, parse_number
+
+NO_VALUE = (ObjectCode.NULL, ObjectCode.DEFTYPE)
+"""Objects that hold nothing: a placeholder, and a type that is only named."""
+
+TEXTS = (values.VISIBLE_STRING, values.UNICODE_STRING)
+BYTES = (values.OCTET_STRING, values.DOMAIN)
+
+
+class Change(NamedTuple):
+    """What is written otherwise than in the file: the line it is about, and what was done.
+
+    `standard` tells that CiA 306 allows what stood there; the others mend what it does not.
+    """
+
+    line: int
+    what: str
+    standard: bool = False
+
+
+class Refusal(NamedTuple):
+    """Why an object cannot be used: its index, the line it is about, and the reason."""
+
+    index: int  # type: ignore[assignment]  # CANopen's term; nobody searches the tuple
+    line: int
+    what: str
+
+
+class Dropped(NamedTuple):
+    """An attribute that canopen's object at an index and sub-index (None: the whole) does not get from the text."""
+
+    index: int  # type: ignore[assignment]  # as above
+    sub: int | None
+    attribute: str
+    value: object
+
+
+class Normal(NamedTuple):
+    """A file in its normal form.
+
+    `text` is that form, `encoding` the one of the file. `changes` is what the form has otherwise than the file,
+    `refusals` what cannot be used of it, `dropped` what canopen does not read.
+    """
+
+    text: str
+    encoding: str
+    changes: list[Change]
+    refusals: list[Refusal]
+    dropped: list[Dropped]
+
+
+def normal(data: bytes, file: object = "") -> Normal:
+    """Return the normal form of an EDS or DCF; raises DictionaryError for what is no EDS, or hides objects."""
+    document = read(data)
+    hiding = next((each for each in document.oddities if each.kind in HIDING), None)
+    if hiding:
+        what = f"{hiding.kind.value} ({hiding.text})" if hiding.text else hiding.kind.value
+        raise DictionaryError(str(file), None, f"not a readable EDS: line {hiding.line}: {what}")
+    return _Writer(document).write()
+
+
+def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]:
+    """Return a file in its normal form, with its own line ends and code page, and what was changed; see `normal`."""
+    made = normal(data, file)
+    ends = "\r\n" if b"\r\n" in data else "\n"
+    return made.text.replace("\n", ends).encode(made.encoding), made.changes
+
+
+# How values are written
+
+
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
+def plain_number(text: str, type_: DataType | None = None) -> str | None:
+    """Write a number as every tool reads it, in its own words where they are; None for what is no number."""
+    number = parse_number(text)
+    if number is None:
+        return None
+    if number.relative:
+        return text if PLAIN_RELATIVE.fullmatch(text) else f"{NODE_ID}+0x{number.value:X}"
+    value = type_.meant(number.value) if type_ is not None else number.value
+    if PLAIN.fullmatch(text) and int(text, 0) == value:
+        return text
+    is_hexadecimal = value >= 0 and ("0X" in text.upper() or text.upper().endswith("H"))
+    return f"0x{value:X}" if is_hexadecimal else str(value)
+
+
+PLAIN = re.compile(r"-?(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
+PLAIN_RELATIVE = re.compile(r"\$NODEID\+(?:0[xX][0-9A-Fa-f]+|0|[1-9][0-9]*)")
+
+
+@lru_cache(maxsize=REMEMBERED_NUMBERS)
+def plain_value(text: str, type_: DataType) -> str | None:
+    """Write a value of a data type as every tool reads it; None for what is none of the type."""
+    if type_ in TEXTS:
+        return text
+    if type_ in BYTES:
+        return _plain_bytes(text)
+    if type_.code in values.TIMES and parse_number(text) is None:
+        return _plain_time(text, type_)
+    return _plain_real(text, type_) if type_ in values.REALS else plain_number(text, type_)
+
+
+def _plain_time(text: str, type_: DataType) -> str | None:
+    """Write all the bits of a time as one number; canopen reads no other, and people write `2014-05-28 12:00`."""
+    try:
+        return f"0x{int.from_bytes(type_.write(text), 'little'):X}"
+    except (ValueError, OverflowError):
+        return None
+
+
+def _plain_bytes(text: str) -> str | None:
+    """Write bytes in hexadecimal digits; an editor may put 0x in front of them."""
+    for digits in (text, text[2:] if text[:2].lower() == "0x" else ""):
+        try:
+            bytes.fromhex(digits)
+        except ValueError:
+            continue
+        return digits if digits or not text else None
+    return None
+
+
+def _plain_real(text: str, type_: DataType) -> str | None:
+    """Write a REAL in decimal; editors also write its bits in hexadecimal, C's suffix, and a comma."""
+    try:
+        if text[:2].lower() == "0x":
+            bits = parse_number(text)
+            return None if bits is None else repr(type_.read(bits.value.to_bytes(type_.size, "big")[::-1]))
+        for each in (text, text.rstrip("fF").replace(",", ".", 1)):
+            try:
+                float(each)
+            except ValueError:
+                continue
+            return each
+    except OverflowError:  # more bits than the type has
+        pass
+    return None
+
+
+def misspelled(device: DescribedDevice) -> Iterator[Change]:
+    """Give the sections and keys that are spelled otherwise than CiA 306 has them."""
+    for name, section in device.document.sections.items():
+        usual = keys.SECTION_NAMES.get(name) or _object_name(name, section.name)
+        if usual is not None and usual != section.name:
+            yield Change(section.line, f"section [{section.name}] named [{usual}]")
+        spelled = keys.SPELLED_KEYS.get(name, keys.SPELLED_OBJECT_KEYS if usual else {})
+        for key, entry in section.entries.items():
+            if entry.key != spelled.get(key, entry.key):
+                yield Change(entry.line, f"key {entry.key} spelled {spelled[key]}")
+
+
+def _object_name(name: str, written: str) -> str | None:
+    if USUAL_NAME.fullmatch(name):
+        return written.strip().replace("SUB", "sub")
+    usual = usual_name(name) if looks_odd(name) else None
+    return usual and usual.upper().replace("SUB", "sub")
+
+
+# What was looked over in reading
+
+ODDITIES = {
+    Odd.WIDE: "UTF-16 written as UTF-8",
+    Odd.BYTE_ORDER_MARK: "byte order mark taken off",
+    Odd.LINE_ENDS: "line ends made alike",
+    Odd.COMMENT_AFTER_VALUE: "comment put on a line of its own",
+    Odd.HASH: "comment with ; instead of #",
+    Odd.INDENTED: "indent taken off",
+    Odd.TWO_ENTRIES: "key {}: the second made a comment",
+    Odd.TWO_SECTIONS: "section {}: the second made a comment",
+}
+
+
+class Comments(NamedTuple):
+    """The comments `above` and `below` each line, by its number; an entry or a section that is there twice is one."""
+
+    above: dict[int, list[str]]
+    below: dict[int, list[str]]
+
+
+def _comments(document: Document) -> Comments:
+    """Find the comments: those right below an entry and before an empty line stay below it, others go with the next."""
+    dead, beside = _dead_lines(document)
+    found = Comments({}, {})
+    if not any(";" in line or "#" in line for line in document.lines) and not dead:
+        return found  # most large files, made by programs
+    pending: list[str] = []
+    last, is_right_below = 0, False
+    for number, line in enumerate([*document.lines, ""], start=1):
+        text = dead.get(number) or line.strip()
+        if text[:1] in (";", "#"):
+            pending.append(f";{text[1:]}")
+            continue
+        if not text and pending and is_right_below:
+            found.below[last], pending = pending, []
+        elif text and (pending or number in beside):
+            found.above[number] = pending + beside.get(number, [])
+            pending = []
+        last, is_right_below = (number, True) if text else (last, False)
+    if pending:
+        found.below.setdefault(last, []).extend(pending)
+    return found
+
+
+def _dead_lines(document: Document) -> tuple[dict[int, str], dict[int, list[str]]]:
+    """Return the lines that say something for the second time, as comments, and the comments beside values."""
+    lines = document.lines
+    dead: dict[int, str] = {}
+    beside: dict[int, list[str]] = {}
+    for each in document.oddities:
+        if each.kind is Odd.TWO_ENTRIES:
+            dead[each.line] = f";{lines[each.line - 1].strip()}"
+        elif each.kind is Odd.TWO_SECTIONS:
+            end = next((header for header in document.headers if header > each.line), len(lines) + 1)
+            dead |= {n: f";{lines[n - 1].strip()}" for n in range(each.line, end) if lines[n - 1].strip()}
+        elif each.kind is Odd.COMMENT_AFTER_VALUE:
+            beside[each.line] = [lines[each.line - 1][each.column - 1 :].strip()]
+    return dead, beside
+
+
+# The writer
+
+ENTRIES = {"lowlimit": "min", "highlimit": "max"}
+"""Where canopen keeps the limits of a variable."""
+
+CANOPENS_SIGNED = (8, 16, 32, 64)
+"""Bits of the signed integers of which canopen reads the limits."""
+
+NOT_CANOPENS = {
+    "objflags": "obj_flags",
+    "uploadfile": "upload_file",
+    "downloadfile": "download_file",
+    "denotation": "denotation",
+}
+"""Keys of which canopen reads nothing, and the attributes that have their values."""
+
+RAW = {"defaultvalue": "default_raw", "parametervalue": "value_raw"}
+"""Where canopen keeps the text of a value, also of one that is nothing of its type."""
+
+NUMBERS = ("objecttype", "datatype", "subnumber", "pdomapping", "objflags")
+VALUES = ("lowlimit", "highlimit", "defaultvalue", "parametervalue")
+COMPACT_KEYS = ("compactsubobj", "datatype", "accesstype", "pdomapping", *VALUES)
+"""What the section of a compact object says of its sub-indices."""
+
+INFO_TEXTS = ("vendorname", "productname", "ordercode")
+
+LOOKS_LIKE_AN_OBJECT = re.compile(r"[0-9A-Fa-f]{4}([S|s]ub[0-9A-Fa-f]+)?$|[0-9A-Fa-f]{4}Name|DEFAULT$")
+"""Sections that canopen, or Python's configparser under it, takes for something else."""
+
+
+class _Writer:
+    """Writes one file; comments go along with the entry or the header that they stand above."""
+
+    def __init__(self, document: Document) -> None:
+        self._device = DescribedDevice(completed(document))
+        self._comments = _comments(document)
+        self._changes = [
+            Change(each.line, ODDITIES[each.kind].format(each.text))
+            for each in document.oddities
+            if each.kind in ODDITIES
+        ]
+        self._changes += misspelled(DescribedDevice(document))
+        self._refusals: list[Refusal] = []
+        self._dropped: list[Dropped] = []
+        self._out: list[str] = []
+
+    def write(self) -> Normal:
+        device = self._device
+        self._known("FileInfo")
+        self._known("DeviceInfo")
+        self._dummies()
+        self._comment_lines()
+        for section in device.other_sections:
+            self._foreign(section)
+        self._lists()
+        for each in device.objects.values():
+            self._object(each)
+        if device.commissioning:
+            self._known(keys.COMMISSIONING)
+        left = (line for comments in self._comments for each in comments.values() for line in each)
+        text = "\n".join([*self._out, *left, ""])
+        return Normal(text, device.document.text_encoding, sorted(self._changes), self._refusals, self._dropped)
+
+    # Lines
+
+    def _head(self, name: str, section: Section | None) -> None:
+        """Begin a section."""
+        if self._out:
+            self._out.append("")
+        if section is None:
+            self._out.append(f"[{name}]")
+        else:
+            self._line(section, f"[{name}]")
+
+    def _line(self, at: Entry | Section, text: str) -> None:
+        """Write what stands in a line of the file, with the comments around it."""
+        above, below = self._comments
+        if at.line in above:
+            self._out += above.pop(at.line)
+        self._out.append(text)
+        if at.line in below:
+            self._out += below.pop(at.line)
+
+    def _number(self, entry: Entry, key: str, text: str | None, type_name: str = "a number") -> None:
+        """Write an entry's value, already in its plain form; what is None becomes a comment."""
+        if text is None and entry.value:
+            self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} made a comment: not {type_name}"))
+            self._line(entry, f";{key}={entry.value}")
+            return
+        if text is None:
+            self._changes.append(Change(entry.line, f"{key} without a value left out"))
+            return
+        if text != entry.value:
+            standard = is_standard_number(entry.value)
+            self._changes.append(Change(entry.line, f"{key} {entry.value[:40]} written {text}", standard))
+        self._line(entry, f"{key}={text}")
+
+    def _as_comment(self, section: Section, why: str) -> None:
+        """Write a section that has no place here."""
+        self._changes.append(Change(section.line, f"[{section.name}] made a comment: {why}", standard=True))
+        self._out.append(f";[{section.name}]")
+        for entry in section.entries.values():
+            self._line(entry, f";{entry.key}={entry.value}")
+
+    # Sections that are no object's
+
+    def _known(self, name: str) -> None:
+        """Write a section with the keys of CiA 306."""
+        section = self._device.commissioning if name == keys.COMMISSIONING else self._device.section(name.lower())
+        self._head(name, section)
+        spelled = keys.SPELLED_KEYS[name.lower()]
+        for key, entry in section.entries.items() if section else ():
+            if key == "compactpdo" and section and (parse_number(entry.value) or Number(0)).value > 0:
+                self._changes.append(Change(entry.line, "CompactPDO written out", standard=True))
+            elif ":" in key:
+                self._line(entry, f";{entry.key}={entry.value}")
+            elif (name == "DeviceInfo" and key in spelled and key not in INFO_TEXTS) or key in ("nodeid", "baudrate"):
+                number = plain_number(entry.value)
+                text = None if number is None or NODE_ID in number else number
+                self._number(entry, spelled[key], str(int(text, 0)) if text and key == "baudrate" else text)
+            else:
+                self._line(entry, f"{spelled.get(key, entry.key)}={entry.value}")
+
+    def _dummies(self) -> None:
+        section, mapped = self._device.section("dummyusage"), self._mapped_dummies()
+        self._head("DummyUsage", section)
+        entries = section.entries if section else {}
+        for code in values.DUMMIES:
+            key = f"Dummy{code:04X}"
+            entry = entries.get(key.lower())
+            said = int(entry is not None and parse_number(entry.value) == Number(1))
+            if section and entry is None:
+                self._changes.append(Change(section.line, f"{key}=0 added"))
+            if code in mapped and not said:
+                line = section.line if section else 1
+                self._changes.append(Change(line, f"{key} set to 1: a PDO maps it", standard=section is None))
+            self._out.append(f"{key}={int(said or code in mapped)}")
+        for key, entry in entries.items():
+            if key not in DUMMY_KEYS and ":" not in key:
+                self._line(entry, f"{entry.key}={entry.value}")
+
+    def _mapped_dummies(self) -> set[int]:
+        records = (each for each in self._device.objects.values() if _is_mapping(each.index))
+        entries = (variable.value for each in records for sub, variable in each.subs.items() if sub)
+        return {number.value >> 16 for number in entries if number} & set(values.DUMMIES)
+
+    def _comment_lines(self) -> None:
+        section = self._device.section("comments")
+        self._head("Comments", section)
+        lines = [each for key, each in section.entries.items() if key != "lines"] if section else []
+        if section and parse_number(section.text("lines")) != Number(len(lines)):
+            self._changes.append(Change(section.at("lines").line, f"Lines={len(lines)} written"))
+        self._out.append(f"Lines={len(lines)}")
+        for number, entry in enumerate(lines, start=1):
+            self._line(entry, f"Line{number}={entry.value}")
+
+    def _foreign(self, section: Section) -> None:
+        """Write a section that is neither CiA 306's nor an object's, as it is."""
+        name = section.name.strip()
+        usual = usual_name(name) if looks_odd(name.lower()) else None
+        if name.lower() in keys.SECTION_NAMES or (usual and self._device.document.sections[usual].line == section.line):
+            return
+        if usual or LOOKS_LIKE_AN_OBJECT.match(name):
+            self._as_comment(section, f"[{usual}] is there" if usual else "no name of an object")
+            return
+        self._head(name, section)
+        for key, entry in section.entries.items():
+            self._line(entry, f"{';' * (':' in key)}{entry.key}={entry.value}")
+
+    def _lists(self) -> None:
+        """Write the lists of objects as they are, or anew where they are not those of the objects there are."""
+        sections = {name: self._device.section(name.lower()) for name in keys.OBJECT_LISTS}
+        listed = {name: _listed(section) for name, section in sections.items()}
+        there = [index for index, each in self._device.objects.items() if index >= values.FIRST and each.section]
+        if sorted(index for indices in listed.values() for index in indices) != sorted(there):
+            listed = {name: sorted(i for i in there if list_of(i) == name) for name in keys.OBJECT_LISTS}
+        for name, section in sections.items():
+            indices = listed[name]
+            self._head(name, section)
+            rows = [("SupportedObjects", str(len(indices)))]
+            rows += [(str(number), f"0x{index:04X}") for number, index in enumerate(indices, start=1)]
+            if section and {key.lower(): _plain_index(text) for key, text in rows} != {
+                key: _plain_index(entry.value) for key, entry in section.entries.items()
+            }:
+                self._changes.append(Change(section.line, f"[{name}] written anew: the objects that are there"))
+            self._out += (f"{key}={text}" for key, text in rows)
+        if not any(sections.values()):
+            self._changes.append(Change(1, "lists of objects added"))
+
+    # Objects
+
+    def _object(self, each: DescribedObject) -> None:
+        section = each.section
+        if section is None:
+            self._refusals.append(
+                Refusal(each.index, each.place.line, f"[{each.place.name}] has no object [{each.index:04X}]")
+            )
+            for part in (*(sub.section for sub in each.subs.values()), *each.lists.values()):
+                self._as_comment(part, f"there is no [{each.index:04X}]")
+        elif each.code is None or each.code in NO_VALUE:
+            if each.code is None:
+                what = f"ObjectType {section.text('objecttype')!r} is not one of CiA 301"
+                self._refusals.append(Refusal(each.index, section.at("objecttype").line, what))
+            self._head(f"{each.index:04X}", section)
+            for entry in section.entries.values():
+                self._line(entry, f"{keys.SPELLED_OBJECT_KEYS.get(entry.key.lower(), entry.key)}={entry.value}")
+            for sub in each.subs.values():
+                if sub.section is not section:
+                    self._as_comment(sub.section, "its object holds nothing")
+        elif each.code in SIMPLE and not each.compact and (section.text("datatype") or not _subs(each)):
+            self._variable(f"{each.index:04X}", DescribedVariable(each.index, 0, section), each)
+            for sub in _subs(each):
+                self._as_comment(sub.section, f"[{each.index:04X}] is a variable")
+        else:
+            self._composed(each, section)
+
+    def _composed(self, each: DescribedObject, section: Section) -> None:
+        """Write an object with sub-indices."""
+        members = list(each.variables())
+        count = sum(member.sub != values.STRUCTURE for member in members)
+        code = ObjectCode.ARRAY if each.code is ObjectCode.ARRAY else ObjectCode.RECORD
+        entries = section.entries
+        self._head(f"{each.index:04X}", section)
+        if "parametername" not in entries:
+            self._out.append("ParameterName=")
+        if each.code is not code and each.code is ObjectCode.DEFSTRUCT:
+            self._dropped.append(Dropped(each.index, None, "object_code", ObjectCode.DEFSTRUCT))
+        type_text = f"ObjectType=0x{code.value:X}"
+        if parse_number(section.text("objecttype")) != Number(code.value):
+            self._changes.append(Change(section.at("objecttype").line, f"[{section.name}]: {type_text} written",
+                                        standard=each.code is not ObjectCode.VAR))  # fmt: skip
+        if "objecttype" not in entries:
+            self._out.append(type_text)
+        if each.compact:
+            self._changes.append(Change(entries["compactsubobj"].line, "CompactSubObj written out", standard=True))
+        elif parse_number(section.text("subnumber")) != Number(count):
+            self._changes.append(Change(section.at("subnumber").line, f"[{section.name}]: SubNumber={count} written"))
+        if "subnumber" not in entries:
+            self._out.append(f"SubNumber={count}")
+        for key, entry in entries.items():
+            if key == "objecttype":
+                number = plain_number(entry.value)
+                right = number is not None and Number(code.value) == parse_number(number)
+                self._line(entry, f"ObjectType={number}" if right else type_text)
+            elif key == "subnumber":
+                self._line(entry, f"SubNumber={count}")
+            elif not each.compact or key not in COMPACT_KEYS:
+                self._entry(each.index, None, key, entry, None)
+        for member in members:
+            self._variable(f"{each.index:04X}sub{member.sub:X}", member, each)
+
+    def _variable(self, name: str, each: DescribedVariable, whole: DescribedObject) -> None:
+        """Write a variable, with what it lacks in front."""
+        section, type_ = each.section, self._type(each, whole)
+        sub = each.sub if name[4:] else None
+        self._head(name, section)
+        if "parametername" not in section.entries:
+            self._out.append("ParameterName=")
+        if not section.text("datatype"):
+            self._changes.append(
+                Change(section.line, f"[{name}]: DataType=0x{type_.code:04X} added", whole.code is ObjectCode.DOMAIN)
+            )
+            self._out.append(f"DataType=0x{type_.code:04X}")
+        if not each.access:
+            self._refusals.append(Refusal(each.index, section.line, f"sub {each.sub} has no AccessType"))
+        if whole.code is ObjectCode.DOMAIN:
+            self._dropped.append(Dropped(each.index, sub, "object_code", ObjectCode.DOMAIN))
+        for key, entry in section.entries.items():
+            self._entry(each.index, sub, key, entry, type_)
+
+    def _entry(self, index: int, sub: int | None, key: str, entry: Entry, type_: DataType | None) -> None:
+        """Write what an entry says of an object, or of a variable if there is a type."""
+        text, spelled = entry.value, keys.SPELLED_OBJECT_KEYS.get(key)
+        if type_ is not None and key in VALUES:
+            if NODE_ID in text.upper() and type_ not in TEXTS and parse_number(text) is None:
+                what = f"sub {sub or 0}: {text!r} is not a number with $NODEID"
+                self._refusals.append(Refusal(index, entry.line, what))
+            if key in ENTRIES:
+                limited = type_ if type_.is_integer or type_ in values.REALS else values.UNSIGNED64
+                plain = plain_value(text, limited) if text else None
+                if plain is not None:
+                    self._limit(index, sub, ENTRIES[key], plain, limited)
+                self._number(entry, spelled or key, plain, limited.name)
+            elif text or (key == "defaultvalue" and type_ in (*TEXTS, *BYTES)):
+                plain = plain_value(text, type_)
+                if plain is None:
+                    self._dropped.append(Dropped(index, sub, RAW[key], text))
+                self._number(entry, spelled or key, plain, type_.name)
+            else:  # an empty ParameterValue would hide the default
+                self._number(entry, spelled or key, None)
+        elif type_ is not None and key == "datatype" and text:
+            number = parse_number(text)
+            if number is None:
+                self._refusals.append(Refusal(index, entry.line, f"sub {sub or 0}: DataType {text!r} is not a number"))
+            known = number == Number(type_.code)
+            self._number(entry, "DataType", plain_number(text) if known else f"0x{type_.code:04X}")
+        elif key in NUMBERS:
+            if text or key != "datatype":
+                self._number(entry, spelled or key, plain_number(text))
+        elif spelled or ":" not in key:
+            self._line(entry, f"{spelled or CANOPENS_KEYS.get(key, entry.key)}={text}")
+        else:
+            self._line(entry, f";{entry.key}={text}")
+        if key in NOT_CANOPENS and text:
+            flags = parse_number(text) if key == "objflags" else None
+            value = text if key != "objflags" else flags.value if flags else 0
+            self._dropped.append(Dropped(index, sub, NOT_CANOPENS[key], value))
+
+    def _limit(self, index: int, sub: int | None, attribute: str, text: str, type_: DataType) -> None:
+        """Keep a limit that canopen does not read."""
+        number = parse_number(text)
+        if type_ in values.REALS:
+            self._dropped.append(Dropped(index, sub, attribute, float(text)))
+        elif number and (number.relative or (type_.is_signed and type_.bits not in CANOPENS_SIGNED)):
+            self._dropped.append(Dropped(index, sub, attribute, number))
+
+    def _type(self, each: DescribedVariable, whole: DescribedObject) -> DataType:
+        """Return a variable's data type.
+
+        CanFestival's editor makes types of its own, and describes each as an object whose sub-index 1 is the basic
+        type. One that is left out is the standard's, or that of the array. Any other type is taken as DOMAIN: bytes.
+        """
+        if each.type:
+            return each.type
+        if each.section.text("datatype"):
+            code = each.number("datatype")
+            basic = parse_number(self._device.document.text(f"{code.value:x}sub1", "defaultvalue")) if code else None
+            return values.DATA_TYPES.get(basic.value, values.DOMAIN) if basic else values.DOMAIN
+        if each.sub == 0 and whole.code not in SIMPLE:
+            return values.UNSIGNED8  # CiA 301: sub-index 0 always is
+        first = whole.subs.get(1) if whole.code is ObjectCode.ARRAY else None
+        return known_type(each.index, each.sub) or (first.type if first else None) or values.DOMAIN
+
+
+CANOPENS_KEYS = {each.lower(): each for each in ("Factor", "Unit", "Description", "StorageLocation")}
+"""Keys that canopen reads, though CiA 306 has none of them."""
+
+DUMMY_KEYS = tuple(f"dummy{code:04x}" for code in values.DUMMIES)
+
+
+def _is_mapping(index: int) -> bool:
+    return any(index in records for records in values.MAPPING_RECORDS.values())
+
+
+def _subs(each: DescribedObject) -> list[DescribedVariable]:
+    """Return the sub-indices that have sections of their own."""
+    return [sub for sub in each.subs.values() if sub.section is not each.section]
+
+
+def _listed(section: Section | None) -> list[int]:
+    """Return the indices that a list of objects names."""
+    entries = section.entries.items() if section else ()
+    numbers = (parse_number(entry.value) for key, entry in entries if key.isdecimal())
+    return [number.value for number in numbers if number]
+
+
+def list_of(index: int) -> str:
+    """Return the list that an object belongs to (CiA 306-1, 4.6.1)."""
+    return keys.OBJECT_LISTS[0 if index in MANDATORY else 2 if index in values.MANUFACTURER else 1]
+
+
+def _plain_index(text: str) -> int | None:
+    number = parse_number(text)
+    return number.value if number else None

@@ -1,0 +1,332 @@
+"""Objects of a dictionary as a person names and writes them: found, labelled, read from text, encoded, limited.
+
+They are canopen's variables. One that no file describes has no name and no type: it is a number and its bytes. With a
+file a value outside of the object's limits is refused before it is sent.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from copy import copy
+from difflib import get_close_matches
+from math import inf
+from typing import TYPE_CHECKING, NamedTuple, cast
+from zlib import crc32
+
+from eurobot_od.amounts import amount
+from eurobot_od.errors import LONGEST_NAME, FieldError, LocalError, UnknownName
+from eurobot_od.od import values
+from eurobot_od.od.values import DATA_TYPES, DOMAIN, REALS, Address, DataType, Value
+
+if TYPE_CHECKING:
+    from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable
+
+NUMBER = re.compile(
+    r"(?:0x(?P<any>[0-9a-f]{1,4})|(?P<four>[0-9a-f]{4})h?)(?:(?::|sub)(?P<sub>0x[0-9a-f]{1,2}|[0-9a-f]{1,3}))?", re.I
+)
+"""`1017`, `0x1017` or `1017h`, an index being always hexadecimal; the sub-index after a colon is decimal or `0x..`, and
+after `sub` hexadecimal, as the sections of an EDS have it."""
+
+RAW_INTEGER = (1, 2, 4, 8)
+"""Lengths in bytes of what is shown as a number although its type is not known."""
+
+LONGEST_SHOWN = 100
+"""Bytes of a value that are written out where a line is to show it."""
+
+
+class ValueForm(NamedTuple):
+    """How a text becomes a value, and what a person may write."""
+
+    parse: Callable[[str], Value]
+    allowed: str
+
+
+def whole_number(text: str) -> int:
+    """Read a whole number: decimal, 0x hexadecimal, 0b binary; raises ValueError, also where no type is so long."""
+    if len(text) > values.LONGEST_NUMBER:
+        raise ValueError(text)
+    return int(text, 0)
+
+
+INTEGER = ValueForm(whole_number, "an integer")
+TEXT = ValueForm(str, "ASCII text")
+BYTES = ValueForm(bytes.fromhex, "bytes in hexadecimal digits")
+
+FORMS = {
+    **dict.fromkeys(REALS, ValueForm(float, "a number")),
+    values.VISIBLE_STRING: TEXT,
+    values.UNICODE_STRING: ValueForm(str, "text"),
+    values.TIME_OF_DAY: ValueForm(str, "a time such as 2014-05-28 12:00:00.000"),
+    values.TIME_DIFFERENCE: ValueForm(str, "a time span such as 1d 02:03:04.567"),
+}
+"""The form of each data type that has neither integers nor bytes."""
+
+# What a variable is
+
+
+def address_of(variable: ODVariable) -> Address:
+    """Return index and sub-index."""
+    return variable.index, variable.subindex
+
+
+def data_type(variable: ODVariable) -> DataType:
+    """Return the data type of a variable; DOMAIN, which is bytes, for one of which nobody knows it."""
+    return DATA_TYPES.get(variable.data_type or 0, DOMAIN)
+
+
+def is_described(variable: ODVariable) -> bool:
+    """Whether a file describes it."""
+    return variable.data_type is not None
+
+
+def label(variable: ODVariable) -> str:
+    """Write address and name for a person: `0x1018:1 Identity object.Vendor-ID`."""
+    return values.label(address_of(variable), variable.qualname)
+
+
+def default_of(variable: ODVariable) -> Value:
+    """Return its ParameterValue (DCF) or else its DefaultValue; None if it has neither."""
+    value: Value = variable.default if variable.value is None else variable.value
+    return value
+
+
+def value_text(variable: ODVariable) -> str:
+    """Return its ParameterValue as the file writes it, also where that is none of its type; empty without one."""
+    text: str = getattr(variable, "value_raw", "")
+    return text
+
+
+def form_of(variable: ODVariable) -> ValueForm:
+    """Return how a person writes its value."""
+    type_ = data_type(variable)
+    return INTEGER if not is_described(variable) or type_.is_integer else FORMS.get(type_, BYTES)
+
+
+class Range(NamedTuple):
+    """The least and the greatest value that a number may have, both inclusive."""
+
+    low: int | float
+    high: int | float
+
+
+def limits(variable: ODVariable) -> Range | None:
+    """Return the range of a numeric variable: its limits inside of its type's; None for what is no number."""
+    type_ = data_type(variable)
+    if not type_.is_integer and type_ not in REALS:
+        return None
+    lowest, highest = (type_.low, type_.high) if type_.is_integer else (-inf, inf)
+    low, high = variable.min, variable.max
+    return Range(lowest if low is None else max(lowest, low), highest if high is None else min(highest, high))
+
+
+def in_limits(variable: ODVariable, value: Value) -> bool:
+    """Whether a value is within the limits, as everything is that is no number."""
+    range_ = limits(variable)
+    outside = isinstance(value, (int, float)) and range_ and (value < range_.low or value > range_.high)
+    return not outside
+
+
+def default_bytes(variable: ODVariable) -> bytes | None:
+    """Return the default as an SDO carries it, None if there is none, or none of its type."""
+    value = default_of(variable)
+    try:
+        return None if value is None else data_type(variable).write(value)
+    except (ValueError, OverflowError):
+        return None
+
+
+# Listed and found
+
+
+def members_of(entry: ODVariable | ODArray | ODRecord) -> dict[int, ODVariable]:
+    """Return the variables of one object by sub-index; canopen's arrays would invent some that are not there."""
+    subs: dict[int, ODVariable] | None = getattr(entry, "subindices", None)
+    return {0: cast("ODVariable", entry)} if subs is None else subs
+
+
+def members(objects: ObjectDictionary, index: int) -> list[ODVariable]:
+    """Return the variables at an index, by sub-index."""
+    entry = objects.indices.get(index)
+    found = {} if entry is None else members_of(entry)
+    return [found[sub] for sub in sorted(found)]
+
+
+def all_objects(objects: ObjectDictionary) -> Iterator[ODVariable]:
+    """Give every variable by address; what is below 0x1000 describes data types."""
+    for index in sorted(index for index in objects.indices if index >= values.FIRST):
+        yield from members(objects, index)
+
+
+def variable_at(objects: ObjectDictionary, address: Address) -> ODVariable | None:
+    """Return the variable at an index and sub-index, None if there is none."""
+    entry = objects.indices.get(address[0])
+    return None if entry is None else members_of(entry).get(address[1])
+
+
+def at(address: Address, objects: ObjectDictionary | None) -> ODVariable:
+    """Return the variable at an address, as far as anybody describes it."""
+    return (variable_at(objects, address) if objects is not None else None) or undescribed(address)
+
+
+def undescribed(address: Address) -> ODVariable:
+    """Return a variable of which only the address is known."""
+    from canopen.objectdictionary import ODVariable  # only for those who ask a device without its file
+
+    return ODVariable("", *address)
+
+
+def changed(variable: ODVariable, **attributes: object) -> ODVariable:
+    """Return a variable like another, with some attributes of its own."""
+    other = copy(variable)
+    for name, value in attributes.items():
+        setattr(other, name, value)
+    return other
+
+
+def find(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
+    """Return the variables that a person names: one with `INDEX:SUB`, else all members of what stands at that index.
+
+    Names are ParameterNames in any letter case, `Motion.Speed` or `Motion`; an index that the dictionary does not
+    have is sub-index 0 of it. Raises UnknownName for a name that no object has, LocalError for one of several.
+    """
+    number = NUMBER.fullmatch(text.strip())
+    if number is None:
+        return _named(text, objects)
+    index, sub = int(number["any"] or number["four"], 16), number["sub"]
+    if sub is None and objects is not None and index in objects.indices:
+        return members(objects, index)
+    return [at((index, _sub_index(text, sub)), objects)]
+
+
+def _sub_index(text: str, sub: str | None) -> int:
+    """Read a sub-index: after a colon decimal or `0x..`, after `sub` hexadecimal; raises LocalError."""
+    try:
+        number = 0 if sub is None else int(sub, 0 if ":" in text else 16)
+    except ValueError:
+        number = -1
+    if number not in range(0x100):
+        raise LocalError(f"{text!r}: sub-index {sub} is not in 0..255")
+    return number
+
+
+def find_one(text: str, objects: ObjectDictionary | None) -> ODVariable:
+    """Return the one variable that a person names; raises as `find`, and LocalError if it is a record."""
+    found = find(text, objects)
+    if len(found) > 1:
+        raise LocalError(f"{text!r} is not one object but a record of {', '.join(map(label, found))}")
+    return found[0]
+
+
+def _named(text: str, objects: ObjectDictionary | None) -> list[ODVariable]:
+    if objects is None:
+        raise LocalError(f"without an EDS no object is known as {text!r}; give its number")
+    wanted = text.strip().lower()
+    whole = [index for index, entry in objects.indices.items() if entry.name.lower() == wanted]
+    # A variable is in both, a record in the first, a member of one in the second.
+    found = [members(objects, index) for index in whole]
+    found = found or [[each] for each in all_objects(objects) if each.qualname.lower() == wanted]
+    if not found:
+        names = [*objects.names, *(each.qualname for each in all_objects(objects))]
+        raise UnknownName("object", text, get_close_matches(text[:LONGEST_NAME], names))
+    if len(found) > 1:
+        indices = ", ".join(f"0x{index:04X}" for index in sorted(each[0].index for each in found))
+        raise LocalError(f"several objects are called {text!r}: {indices}; give the number of one")
+    return found[0]
+
+
+# Text to value, value to bytes, and back
+
+
+def parse(variable: ODVariable, text: str) -> Value:
+    """Turn what a person writes into a value of a variable's type, a number if the type is not known.
+
+    Raises FieldError.
+    """
+    form = form_of(variable)
+    try:
+        return form.parse(text)
+    except ValueError:
+        raise not_allowed(variable, text, form.allowed) from None
+
+
+def encode(variable: ODVariable, value: Value, size: int = 0) -> bytes:
+    """Turn a value into a variable's bytes, `size` of them if its type is not known.
+
+    Raises FieldError for a value that the variable's type or limits do not allow.
+    """
+    allowed, range_ = form_of(variable).allowed, limits(variable)
+    try:
+        if not is_described(variable):
+            allowed = f"{size} bytes"
+            return cast(int, value).to_bytes(size, "little")
+        if range_ is not None and isinstance(value, (int, float)):
+            if data_type(variable).is_integer or (variable.min, variable.max) != (None, None):
+                allowed = f"{range_.low}..{range_.high}"
+            if not in_limits(variable, value):
+                raise ValueError
+        return data_type(variable).write(value)
+    except (ValueError, OverflowError):
+        raise not_allowed(variable, value, allowed) from None
+
+
+def decode(variable: ODVariable, data: bytes) -> Value:
+    """Turn a variable's bytes into its value; bytes that do not fit its type stay bytes.
+
+    A number sent with more bytes than its type has is taken from the first of them: some devices send 4 always.
+    """
+    if not is_described(variable):
+        return int.from_bytes(data, "little") if len(data) in RAW_INTEGER else data
+    type_ = data_type(variable)
+    if len(data) < type_.size:
+        return data
+    value = type_.read(data[: type_.size or None])
+    if isinstance(value, str):
+        return value.rstrip("\0")  # which C programs fill texts up with
+    return int(value) if isinstance(value, bool) else value
+
+
+def given(name: str, text: str, objects: ObjectDictionary) -> tuple[Address, Value]:
+    """Return the address and the value of a variable, both as a person writes them.
+
+    Raises UnknownName, LocalError for a record, FieldError for a value that the variable does not allow.
+    """
+    variable = find_one(name, objects)
+    value = parse(variable, text)
+    encode(variable, value)  # says what the variable allows
+    return address_of(variable), value
+
+
+def not_allowed(variable: ODVariable, value: object, allowed: str) -> FieldError:
+    """Return the error that a variable cannot have a value."""
+    return FieldError(values.label(address_of(variable)), variable.qualname or "value", value, allowed)
+
+
+def written(variable: ODVariable, value: Value) -> str:
+    """Write a value for a person: numbers in the form of the variable's DefaultValue, bytes in hexadecimal digits."""
+    type_ = data_type(variable)
+    if isinstance(value, bytes) and type_ == values.VISIBLE_STRING:
+        value = value.decode(errors="backslashreplace").rstrip("\0")
+    if isinstance(value, bytes):
+        return value.hex(" ").upper()
+    like: str = getattr(variable, "default_raw", "")
+    known = is_described(variable)
+    if isinstance(value, float) and type_ == values.REAL32:
+        return repr(_shortest(value))
+    if isinstance(value, int) and value >= 0 and (not known or like.lower().startswith(("0x", "$nodeid"))):
+        return f"0x{value:0{2 * type_.size if known else 2}X}"
+    return str(value)
+
+
+def _shortest(value: float) -> float:
+    """Return the number with the fewest digits that is the same REAL32: what was written 21.3, and not 21.299999237."""
+    nearest = (float(f"{value:.{digits}g}") for digits in range(6, 9))
+    return next((each for each in nearest if values.REAL32.write(each) == values.REAL32.write(value)), value)
+
+
+def shown(variable: ODVariable, data: bytes) -> str:
+    """Write a variable's bytes for a person on one line, long ones by their number and CRC."""
+    if len(data) > LONGEST_SHOWN:
+        return f"{amount(len(data), 'byte')} (CRC-32 0x{crc32(data):08X})"
+    text = written(variable, decode(variable, data))
+    return text if text.isprintable() else data.hex(" ").upper()

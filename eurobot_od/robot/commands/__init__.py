@@ -1,0 +1,1 @@
+"""The robot's own commands, as those of `cli`, and what it adds to `node`."""

@@ -1,0 +1,57 @@
+"""Draw the playing field to scale with what a log says of the match: path, gotos, stops, enemies, barriers."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import options
+from eurobot_od.cli.logs import add_log, entries
+from eurobot_od.errors import RemoteError
+
+if TYPE_CHECKING:
+    from eurobot_od.logs.meaning import Decoder, Meaning
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    add_log(parser)
+    words = "picture: .svg or .png; .html: a page that plays the match"
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FILE", help=words)
+    parser.add_argument("--title", help="heading of the picture; left out: the log's name")
+    options.add_dialect(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Draw the match; say what was wrong in the log."""
+    from eurobot_od.logs.entries import REMEMBERED
+    from eurobot_od.logs.statistics import DamageCounts
+    from eurobot_od.robot.model.options import MatchOptions
+    from eurobot_od.robot.panel.files import SeenMatch, form, save
+
+    form(arguments.output)  # complains of a suffix before the logs are read
+    described, damage = _decoder(arguments), DamageCounts()
+    decode = lru_cache(REMEMBERED)(described)
+
+    def meanings() -> Iterator[tuple[float, Meaning]]:
+        for log, (line, time, _, raw) in entries(arguments.logs, arguments):
+            meaning = decode(raw)
+            damage.add(log, line, meaning.defects)
+            yield time, meaning
+
+    facts = MatchOptions(dialect=arguments.dialect, robot=arguments.robot).facts()
+    match = SeenMatch(list(meanings()), described, facts)
+    sys.stderr.writelines(f"{line}\n" for line in damage.report())
+    recording = match.recording
+    if not recording.path and not recording.gotos:
+        raise RemoteError(f"{', '.join(arguments.logs)}: neither a Kalman Position Response nor a Goto XY to draw")
+    save(match, arguments.output, arguments.title or Path(arguments.logs[0]).stem)
+
+
+def _decoder(arguments: argparse.Namespace) -> Decoder:
+    robot = options.robot(arguments)
+    return options.decoder_of(robot.dialects.load_all(arguments.dialect), robot)

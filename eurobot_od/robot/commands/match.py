@@ -1,0 +1,237 @@
+"""Play a match of core, drive and navigation over a CAN bus, everything on it loaded from the EDS files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from contextlib import nullcontext, redirect_stdout
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
+from eurobot_od.cli import options as shared
+from eurobot_od.cli.terminal import in_colour
+from eurobot_od.errors import LocalError
+from eurobot_od.robot.model.options import UNITS, Errors
+from eurobot_od.robot.model.values import TeamColour
+
+if TYPE_CHECKING:
+    from eurobot_od.frame import Frame
+    from eurobot_od.plugin import Plugin
+    from eurobot_od.robot.match import MatchEvent, MatchOptions
+    from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.robot.match.summary import Summary
+
+SEEDS = re.compile(r"(?:([0-9]{1,9})-)?([0-9]{1,9})")
+"""N or FIRST-LAST."""
+
+OF_A_BUS = ("interface", "channel", "bitrate")
+"""Options that mean nothing in simulated time."""
+
+OF_ONE_MATCH = {"speed": "fast"} | dict.fromkeys(("seed", "field", *OF_A_BUS))
+"""Options that mean nothing to the matches of many seeds, and what they are when they are left out."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    time = partial(shared.positive, of=" of seconds")
+    colours = [colour.name.lower() for colour in TeamColour]
+    parser.add_argument("--team", choices=colours, default="red", help="our colour (default: red)")
+    parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
+    parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
+    parser.add_argument("--seed", type=int, help="seed of all chance: same seed, same frames (default: 1)")
+    parser.add_argument("--seeds", type=_seeds, metavar="N|FIRST-LAST", help="play each seed, simulated, and compare")
+    parser.add_argument(
+        "--duration",
+        type=time,
+        metavar="SECONDS",
+        help="match time (default: robot.yaml's)",
+    )
+    parser.add_argument("--speed", choices=("fast", "real"), default="fast", help="simulated or real time")
+    parser.add_argument(
+        "--emergency-at",
+        type=time,
+        metavar="SECONDS",
+        help="hit the mushroom at this match time",
+    )
+    parser.add_argument(
+        "--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core); left out: the robot's"
+    )
+    parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
+    shared.add_log(parser)
+    parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
+    parser.add_argument(
+        "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
+    )
+    campaign.add_campaign(parser, "--seeds")
+    shared.add_dialect(parser)
+    nodes = parser.add_argument_group("our nodes and the world, each option repeatable")
+    nodes.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="give a node a fault; `eurobot-od faults` lists them",
+    )
+    nodes.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="value in place of the EDS file's, such as 'drive.Motion.Maximum speed=600', or of robot.yaml's, such as "
+        "body.radius=250",
+    )
+    nodes.add_argument(
+        "--world", action="append", default=[], metavar="NAME=VALUE", help="error of the simulated world, see below"
+    )
+    errors = (f"{name}={value:g} {UNITS.get(name, '')}".rstrip() for name, value in vars(Errors()).items())
+    parser.epilog = f"Errors of the world; without a unit they are shares or rates of 0..1: {', '.join(errors)}."
+    shared.add_bus(parser, "; without one, --speed real takes a bus in this process")
+
+
+def _seeds(text: str) -> range:
+    match = SEEDS.fullmatch(text)
+    seeds = range(int(match[1] or 1), int(match[2]) + 1) if match else range(0)
+    if not seeds:
+        raise argparse.ArgumentTypeError(f"{text} is neither a number of seeds nor FIRST-LAST")
+    return seeds
+
+
+def run(arguments: argparse.Namespace) -> ExitStatus:
+    """Play one match, or one for each of many seeds."""
+    from eurobot_od.robot.match import MatchOptions
+
+    options = MatchOptions(
+        team=TeamColour[arguments.team.upper()],
+        enemies=arguments.enemies,
+        confederates=arguments.confederates,
+        seed=1 if arguments.seed is None else arguments.seed,
+        duration=arguments.duration,
+        emergency_at=arguments.emergency_at,
+        dialect=arguments.dialect,
+        robot=arguments.robot,
+        errors=Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world)),
+        faults=tuple(arguments.fault),
+        settings=tuple(shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
+    )
+    play = _run_one if arguments.seeds is None else _run_many
+    return play(arguments, options)
+
+
+def _strategies(arguments: argparse.Namespace) -> StrategyFiles:
+    from eurobot_od.robot.match.strategies import StrategyFiles
+
+    if arguments.against is not None and arguments.speed == "real":
+        raise LocalError("--against is for simulated time, and does not go with --speed real")
+    return StrategyFiles(arguments.strategy or _own(shared.robot(arguments)), arguments.against)
+
+
+def _own(robot: Plugin) -> Path | None:
+    """Return the strategy that a robot brings, None for the shipped one."""
+    file = robot.folder / "strategy.py" if robot.folder else None
+    return file if file and file.is_file() else None
+
+
+# One match
+
+
+def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+    """Play, print the timeline as it happens and the summary at the end; status 1 if the strategy raised."""
+    from eurobot_od.logs.recorder import recording
+    from eurobot_od.robot.match import stage
+
+    _refuse_what_does_not_go_with_one_match(arguments)
+    players = _strategies(arguments).load()
+    events: list[MatchEvent] = []
+    frames: list[tuple[float, Frame]] = []
+    with recording(arguments.log, arguments.log_failure, complain) as write:
+
+        def watch(time: float, frame: Frame) -> None:
+            write(time, frame)
+            if arguments.field is not None:
+                frames.append((time, frame))
+
+        show = events.append if arguments.json else partial(_show, in_colour(sys.stdout))
+        # What a strategy prints is not to get into the JSON.
+        with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
+            if arguments.speed == "fast":
+                summary, world = stage.play_simulated(options, show, watch, None, *players, complain)
+            else:
+                from eurobot_od.live import open_bus
+
+                open_one = partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
+                summary, world = stage.play_live(options, show, watch, open_one, players.ours, complain)
+        if arguments.field is not None:
+            from eurobot_od.robot.match.drawing import draw
+
+            draw(arguments.field, frames, options, world)
+        print(_as_json(events, summary) if arguments.json else f"\n{summary}")
+    if summary.failure is None:
+        return ExitStatus.FINE
+    sys.stdout.flush()
+    print(summary.failure, file=sys.stderr)
+    return ExitStatus.FOUND
+
+
+def _as_json(events: list[MatchEvent], summary: Summary) -> str:
+    return json.dumps({"timeline": [each.as_data() for each in events], "summary": summary.as_data()}, indent=2)
+
+
+def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> None:
+    """Raise LocalError, and OSError for a picture that could not be written: before the match, not after it."""
+    campaign.refuse(arguments, "--seeds")
+    for name in OF_A_BUS if arguments.speed == "fast" else ():
+        if (value := getattr(arguments, name)) is not None:
+            raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")
+    if arguments.field is not None:
+        from eurobot_od.files import check_writable
+        from eurobot_od.robot.panel.files import form
+
+        form(arguments.field)
+        check_writable(arguments.field)
+
+
+EVENT_COLOURS = {"arrived": 32, "stop": 33, "given up": 33, "emergency": 31, "match": 36, "end": 36}
+"""Terminal colours of timeline lines by their kind."""
+
+
+def _show(coloured: bool, event: MatchEvent) -> None:
+    """Print an event; a match that nobody reads any more is played to its end, for its log."""
+    colour = EVENT_COLOURS.get(event.kind.value) if coloured else None
+    try:
+        print(f"\x1b[{colour}m{event}\x1b[0m" if colour else event, flush=sys.stdout.isatty())
+    except BrokenPipeError:
+        fall_silent()
+
+
+# Many seeds
+
+
+def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+    """Play all seeds and print what they came to; status 1 if something went wrong in a match."""
+    from eurobot_od.robot.match import histogram
+    from eurobot_od.robot.match.played import PlayedMatch
+    from eurobot_od.robot.match.seeds import SEED, play_many, settings
+    from eurobot_od.robot.match.statistics import report
+
+    for name, left_out in OF_ONE_MATCH.items():
+        if (value := getattr(arguments, name)) != left_out:
+            raise LocalError(f"--{name} {value} is for one match, and does not go with --seeds")
+    log = None if arguments.log is None else str(arguments.log)
+    if log is not None and SEED not in log:
+        raise LocalError(f"--log {log}: write {SEED} where each match's seed is to stand")
+    strategies, played = _strategies(arguments), []
+    results = campaign.results(arguments, PlayedMatch, lambda: settings(options, strategies))
+    with campaign.workers(arguments, len(arguments.seeds)) as workers:
+        matches = play_many(options, arguments.seeds, workers, strategies, results, log)
+        hidden = arguments.json and sys.stdout.isatty()  # its lines tell how far it is
+        for match in campaign.counted(matches, len(arguments.seeds), "matches", workers, hidden):
+            played.append(match)
+            if arguments.json:
+                print(json.dumps(match.as_data()))
+    if not arguments.json:
+        print(*report(played, histogram.marks(sys.stdout.encoding)), sep="\n")
+    return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE

@@ -1,0 +1,122 @@
+"""Run the world that the simulated nodes of other processes share: the truth that their wheels and beacons meet."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import ipaddress
+import json
+import signal
+import sys
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od import durations
+from eurobot_od.address import Address
+from eurobot_od.cli import options as shared
+from eurobot_od.robot.model.values import TeamColour
+
+if TYPE_CHECKING:
+    from eurobot_od.robot.match import MatchEvent
+    from eurobot_od.robot.world import World
+    from eurobot_od.robot.world.channel import Channel
+
+HERE = "127.0.0.1:2014"
+"""Where it listens unless it is told otherwise: nobody but this machine reaches it."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Describe the command line."""
+    colours = [colour.name.lower() for colour in TeamColour]
+    parser.add_argument(
+        "--listen", type=shared.address, default=HERE, metavar="HOST:PORT", help=f"where to (default: {HERE})"
+    )
+    parser.add_argument("--team", choices=colours, default="red", help="our colour (default: red)")
+    parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
+    parser.add_argument("--confederates", type=int, choices=range(2), default=1, help="confederates (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of all chance, the instruments' too (default: 1)")
+    parser.add_argument(
+        "--world",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="an error of the instruments, such as beacon_dropouts=0.1; repeatable",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="FACT=VALUE",
+        help="fact in place of robot.yaml's, such as body.radius=250; repeatable",
+    )
+    parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 90 s")
+    parser.add_argument("--json", action="store_true", help="print as JSON, a line for each event and the summary")
+    shared.add_dialect(parser)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Serve until the time is over or somebody ends it; raises LocalError, WorldError."""
+    from eurobot_od.robot.model.options import Errors, MatchOptions, facts_given
+    from eurobot_od.robot.world import World
+    from eurobot_od.robot.world.channel import Channel
+    from eurobot_od.robot.world.server import Server
+    from eurobot_od.robot.world.world import OURS
+
+    team = TeamColour[arguments.team.upper()]
+    errors = Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world))
+    options = MatchOptions(
+        team,
+        arguments.enemies,
+        arguments.confederates,
+        arguments.seed,
+        dialect=arguments.dialect,
+        errors=errors,
+        settings=tuple(facts_given(shared.assignments("--set", "FACT=VALUE", arguments.set))),
+        robot=arguments.robot,
+    )
+    begin = time.monotonic()
+    world = World(options, lambda: time.monotonic() - begin)
+    channel = Channel(world, {OURS: options})
+    show = _show_as_json if arguments.json else _show
+    duration = float("inf") if arguments.duration is None else arguments.duration
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
+    with suppress(KeyboardInterrupt):  # to be ended is no error: who serves has no other end
+        asyncio.run(Server(world, channel, show).serve(arguments.listen, duration, _warn))
+    summary = _summary(world, channel)
+    print(json.dumps({"summary": summary}) if arguments.json else _in_words(summary))
+
+
+def _warn(address: Address) -> None:
+    """Say on standard error if others than this machine can reach the world."""
+    if not ipaddress.ip_address(address.host).is_loopback:
+        print(f"eurobot-od: anybody who reaches {address} can move the robot", file=sys.stderr, flush=True)
+
+
+def _show(event: MatchEvent) -> None:
+    print(event, flush=True)
+
+
+def _show_as_json(event: MatchEvent) -> None:
+    print(json.dumps(event.as_data()), flush=True)
+
+
+def _summary(world: World, channel: Channel) -> dict[str, Any]:
+    from eurobot_od.robot.world.world import OURS
+
+    touches = [touch for touch in world.touches if OURS in (touch.robot, touch.thing)]
+    return {
+        "seconds": round(world.clock(), 3),
+        "points": world.game.points(OURS),
+        "touches": len(touches),
+        "at_fault": sum(touch.is_fault_of(OURS) for touch in touches),
+        "requests": channel.requests,
+        "refused": channel.refused,
+    }
+
+
+def _in_words(summary: dict[str, Any]) -> str:
+    return (
+        "\n{seconds:.1f} s: {points} points; {touches} touches of our robot, in {at_fault} of them it drove into the "
+        "other; {requests} requests, {refused} of them refused"
+    ).format(**summary)

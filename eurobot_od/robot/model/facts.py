@@ -1,0 +1,208 @@
+"""The facts of a robot and its match: body, field, barriers, tasks, the other robots, how long it takes.
+
+They are a file's, `robot.yaml` (see `robot_file`); nobody repeats one. Lengths are in mm, angles in degrees.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+from eurobot_od.errors import UnknownName
+from eurobot_od.robot.model.places import Point, Pose, normalise
+from eurobot_od.robot.model.tasks import Task
+from eurobot_od.robot.model.values import Barriers, Passage, Source, TeamColour
+
+# The robot
+
+
+class Wheels(NamedTuple):
+    """The two driven wheels: how far they are apart, and their diameter, mm."""
+
+    track: float
+    diameter: float
+
+
+@dataclass(frozen=True)
+class Body:
+    """What our robot is: the `radius` of the circle around the middle between its wheels, mm.
+
+    `outline` has the corners of its true shape within that circle, x ahead and y to the left; none if it is round.
+    """
+
+    radius: float
+    outline: tuple[Point, ...] = ()
+    wheels: Wheels | None = None
+
+    def corners(self, pose: Pose) -> list[Point]:
+        """Return the corners of the outline where the robot stands."""
+        return _placed(pose, self.outline)
+
+    def tracks(self, pose: Pose) -> list[tuple[Point, Point]]:
+        """Return back and front of each wheel, where the robot stands."""
+        if self.wheels is None:
+            return []
+        side, half = self.wheels.track / 2, self.wheels.diameter / 2
+        left, right = ([Point(-half, y), Point(half, y)] for y in (side, -side))
+        (one, two), (three, four) = _placed(pose, left), _placed(pose, right)
+        return [(one, two), (three, four)]
+
+
+def _placed(pose: Pose, points: Iterable[Point]) -> list[Point]:
+    """Return where points of a robot are on the field."""
+    cos, sin = math.cos(math.radians(pose.angle)), math.sin(math.radians(pose.angle))
+    return [Point(pose.x + x * cos - y * sin, pose.y + x * sin + y * cos) for x, y in points]
+
+
+# The field
+
+
+class Zone(NamedTuple):
+    """A rectangle on the field by its edges, mm."""
+
+    left: float
+    lower: float
+    right: float
+    upper: float
+
+
+class Start(NamedTuple):
+    """Where a team starts: its zone, and the robot's place in it."""
+
+    zone: Zone
+    pose: Pose
+
+
+class Trees(NamedTuple):
+    """Trees at the border: how thick their trunks are, and where they stand, mm."""
+
+    radius: float = 0.0
+    places: tuple[Point, ...] = ()
+
+
+NO_TREES = Trees()
+
+
+@dataclass(frozen=True)
+class Field:
+    """The playing field: its length along x and y, how thick its border is drawn, where the teams start, trees."""
+
+    width: float
+    height: float
+    border: float
+    starts: Mapping[TeamColour, Start]
+    trees: Trees = NO_TREES
+
+    def contains(self, point: Point, edge: float = 0.0) -> bool:
+        """Tell whether a point is on the field, `edge` mm or more from its edges."""
+        return edge <= point.x <= self.width - edge and edge <= point.y <= self.height - edge
+
+    def seen_by(self, team: TeamColour, point: Point) -> Point:
+        """Return a place of the red team for a team: yellow plays the mirror image."""
+        return point if team is TeamColour.RED else Point(self.width - point.x, point.y)
+
+
+# Barriers
+
+
+class Shape(Enum):
+    """What a barrier looks like from above."""
+
+    DISC = "disc"
+    TRIANGLE = "triangle"
+    SQUARE = "square"
+
+
+AROUND = {Shape.DISC: 2, Shape.TRIANGLE: math.sqrt(3), Shape.SQUARE: math.sqrt(2)}
+"""So many times the radius of the circle around a shape is its size: diameter or side."""
+
+
+class BarrierKind(NamedTuple):
+    """A kind of barrier: its shape and size in mm (diameter or side), and whether a robot pushes it along."""
+
+    name: str
+    shape: Shape
+    size: float
+    pushed: bool = False
+
+    @property
+    def radius(self) -> float:
+        """Radius of the circle around it, mm."""
+        return self.size / AROUND[self.shape]
+
+
+class Barrier(NamedTuple):
+    """A barrier: its `name`, its `number` 1..8 in the flags of Goto XY, what it is and its centre in mm."""
+
+    name: str
+    number: int
+    kind: BarrierKind
+    x: float
+    y: float
+
+    @property
+    def point(self) -> Point:
+        """Its centre."""
+        return Point(self.x, self.y)
+
+
+# All of it
+
+
+class OtherRobot(NamedTuple):
+    """Another robot of a simulated match: its radius in mm, and the way points of its rounds when our team is red."""
+
+    radius: float
+    rounds: tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """All that a robot's file says; `barriers` are ordered by their numbers, `duration` is the match's in seconds.
+
+    `red_tasks` are the tasks of the red team by name, `others` the other robots by whom our navigation takes them for.
+    """
+
+    body: Body
+    field: Field
+    barriers: tuple[Barrier, ...]
+    red_tasks: Mapping[str, Task]
+    others: Mapping[Source, OtherRobot]
+    duration: int
+
+    def start(self, team: TeamColour) -> Pose:
+        """Return where a team's robot starts."""
+        return self.field.starts[team].pose
+
+    def barrier(self, name: str) -> Barrier:
+        """Return a barrier by its name as people write it: `fire 2`, `fire-2`, `Pool_1`; raises UnknownName."""
+        names = {each.name: each for each in self.barriers}
+        plain = name.strip().lower().replace("-", " ").replace("_", " ")
+        if plain not in names:
+            raise UnknownName("barrier", name, names)
+        return names[plain]
+
+    def flagged(self, flags: Barriers) -> Iterator[tuple[Barrier, Passage]]:
+        """Yield each barrier that a goto's flags say something of, and what."""
+        for barrier in self.barriers:
+            if passage := flags.passage(barrier.number):
+                yield barrier, passage
+
+    def words(self, flags: Barriers) -> str:
+        """Write a goto's flags by the names of the barriers: `fire 2:forced, pool 1:normal`, or `none`."""
+        texts = (f"{barrier.name}:{passage.name.lower()}" for barrier, passage in self.flagged(flags))
+        return ", ".join(texts) or "none"
+
+    def tasks(self, team: TeamColour) -> dict[str, Task]:
+        """Return what a team's robot can do, by name."""
+        tasks = map(self._mirrored, self.red_tasks.values()) if team is not TeamColour.RED else self.red_tasks.values()
+        return {task.name: task for task in tasks}
+
+    def _mirrored(self, task: Task) -> Task:
+        """Return a task's mirror image, with the name of what is there."""
+        x = int(self.field.width) - task.x
+        there = (each.name for each in self.red_tasks.values() if (each.x, each.y) == (x, task.y))
+        return task._replace(name=next(there, task.name), x=x, angle=int(normalise(180 - task.angle)))

@@ -1,0 +1,125 @@
+"""The values that messages carry: colours, obstacles, sources, barriers, faults; and how a goto ends.
+
+All are immutable, with the numbers of the document's tables and the names that people use.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from enum import Enum, IntEnum
+
+
+class TeamColour(IntEnum):
+    """Team colour (document Table 3)."""
+
+    YELLOW = 0
+    RED = 1
+
+
+class Obstacle(IntEnum):
+    """What an Emergency Stop was sent for (document Table 1, Extended Stop)."""
+
+    OBJECT = 0
+    ENEMY = 1
+
+
+class Source(IntEnum):
+    """Where a position comes from (document Table 2; numbers from the 2014 robot, the others are reserved)."""
+
+    INTERNAL = 0
+    CONFEDERATE = 1
+    ENEMY_1 = 2
+    ENEMY_2 = 3
+
+
+class Direction(IntEnum):
+    """How to drive to a goto's place: nose or tail first (2014 robot; forward where it is not mapped)."""
+
+    FORWARD = 0
+    BACKWARD = 1
+
+
+class Route(IntEnum):
+    """Whether the drive looks for a way round barriers (2014 robot; planned where it is not mapped, as in 2.1)."""
+
+    DIRECT = 0
+    PLANNED = 1
+
+
+class GotoFault(IntEnum):
+    """Why a goto has no remaining time (2014 robot); the numbers are those on the wire."""
+
+    BLOCKED = 0xFFFFFE
+    NOT_POSSIBLE = 0xFFFFFF
+
+
+class Outcome(Enum):
+    """How a goto ended; LOST: the drive carries out no goto any more, or arrived somewhere else."""
+
+    ARRIVED = "arrived"
+    NOT_POSSIBLE = "not possible"
+    BLOCKED = "blocked"
+    STOPPED = "stopped"
+    REPLACED = "replaced"
+    LOST = "lost"
+    TIMED_OUT = "timed out"
+
+
+FAULT_OUTCOME = {GotoFault.NOT_POSSIBLE: Outcome.NOT_POSSIBLE, GotoFault.BLOCKED: Outcome.BLOCKED}
+"""How a goto ended whose state has a fault in the place of the remaining time."""
+
+
+class RobotError(IntEnum):
+    """Emergency error codes of the robot's own nodes (CiA 301, Table 26: 0xFF00 and up are the device's)."""
+
+    EMERGENCY_SHUTDOWN = 0xFF01
+    DRIVE_BLOCKED = 0xFF02
+    CONFIGURATION_REFUSED = 0xFF03
+    WRONG_SOURCE = 0xFF04
+    NOT_STANDING = 0xFF05
+    PLACE_UNSURE = 0xFF06
+
+
+class Passage(IntEnum):
+    """How a barrier is to be treated (document Table 1); on the wire 3 means forced, too."""
+
+    FREE = 0
+    NORMAL = 1
+    FORCED = 2
+
+
+PASSAGE_OF_FLAGS = (Passage.FREE, Passage.NORMAL, Passage.FORCED, Passage.FORCED)
+"""What a barrier's two flags mean; `10` and `11` are both forced (document Table 1)."""
+
+
+FLAGGED = 8
+"""So many barriers have their flags in a goto."""
+
+
+class Barriers(int):
+    """The barrier flags of a goto: two bits each for barriers 1 to 8 (document Table 1, Figure 2).
+
+    An integer of 16 bits, so that a received `11` stays what it was; `passage` gives the meaning. Which barrier has
+    which number, and what it is called, is a fact of the field (see `facts.Facts`).
+    """
+
+    @classmethod
+    def of(cls, passages: Mapping[int, Passage]) -> Barriers:
+        """Build the flags from barrier numbers 1..8 and their passages."""
+        return cls(sum(passage << 2 * (number - 1) for number, passage in passages.items()))
+
+    def passage(self, number: int) -> Passage:
+        """Return how barrier `number` (1..8) is to be treated."""
+        return PASSAGE_OF_FLAGS[self >> 2 * (number - 1) & 3]
+
+    def set_barriers(self) -> Iterator[tuple[int, Passage]]:
+        """Yield number and passage of every barrier that is not free."""
+        for number in range(1, FLAGGED + 1):
+            if passage := self.passage(number):
+                yield number, passage
+
+    def __str__(self) -> str:
+        return ", ".join(f"{number}:{passage.name.lower()}" for number, passage in self.set_barriers()) or "none"
+
+    def __repr__(self) -> str:
+        return f"Barriers(0x{int(self):04X})"

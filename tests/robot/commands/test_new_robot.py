@@ -1,0 +1,173 @@
+"""A new robot as a newcomer has it: written, played, checked, exported, tested; and with what they get wrong."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+PATIENCE = 120
+ENVIRONMENT = {name: value for name, value in os.environ.items() if not name.startswith("EUROBOT_OD_")}
+
+
+def command(folder: Path, words: Sequence[str], program: str = "eurobot_od") -> subprocess.CompletedProcess[str]:
+    """Run a command in a folder, in a process of its own: a robot's modules are imported into it."""
+    line = [sys.executable, "-m", program, *words]
+    return subprocess.run(line, cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=PATIENCE)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("newcomer")
+    said = command(folder, ["new-robot", "mine", "--name", "My robot"])
+    assert (said.returncode, said.stderr) == (0, "")
+    assert "eurobot-od match" in said.stdout
+    return folder / "mine"
+
+
+@pytest.fixture
+def mine(made: Path, tmp_path: Path) -> Path:
+    """A copy, to be spoiled."""
+    return Path(shutil.copytree(made, tmp_path / "mine"))
+
+
+WORKS = [
+    # what is typed beside the folder, and what is printed
+    (["match", "--duration", "10", "--log", "a.log", "--field", "a.svg"], "Lift State Response "),
+    (["decode", "a.log"], "height=170 mm, speed=100 %"),
+    (["field", "a.log", "-o", "b.svg"], ""),
+    (["check", "--simulate"], "1 suite: 20 ok"),
+    (["check", "--conformance", "--simulate"], "24 suites"),
+    (["show", "Lift State Response"], "motion"),
+    (["faults", "lift"], "lift:\n  lift-stop-not-heard "),
+    (["faults", "core"], "lift-set-not-sent"),
+    (["load"], "Lift Set"),
+    (["export", "docs"], "Lift State Response"),
+    (["node", "lift", "-i", "virtual", "--duration", "100 ms"], "lift (node-ID 4)"),
+    (["make-eds", "mine/eds/protocol.yaml", "-o", "mine/eds", "--check"], "as the table says"),
+    (["--help"], "\nMy robot:\n  match"),
+]
+
+
+def test_the_commands_of_a_newcomer_work(made: Path) -> None:
+    for words, printed in WORKS:
+        said = command(made.parent, [*words, "--robot", "mine"])
+        assert (said.returncode, said.stderr) == (0, ""), words
+        assert printed in said.stdout, words
+
+
+def test_in_its_folder_it_needs_no_name_and_pytest_finds_its_checks(made: Path) -> None:
+    assert "Lift Set" in command(made, ["show"]).stdout
+    said = command(made, ["-q", "-p", "no:cacheprovider"], "pytest")
+    assert (said.returncode, "21 passed" in said.stdout) == (0, True), said.stdout
+
+
+def test_it_is_written_as_it_is_to_be_written(made: Path) -> None:
+    files = [str(each) for each in sorted(made.glob("*.py"))]
+    rules = ["check", "--isolated", "--line-length", "120", "--select", "E,F,W,I,B,SIM,UP", *files]
+    said = command(made, rules, "ruff")
+    assert (said.returncode, said.stdout) == (0, "All checks passed!\n")
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
+def test_its_c_header_compiles_and_packs_its_messages(made: Path, tmp_path: Path) -> None:
+    said = command(made, ["export", "c", "-o", str(tmp_path / "mine.h"), "--name", "mine"])
+    assert said.returncode == 0, said.stderr
+    (tmp_path / "main.c").write_text(
+        '#include "mine.h"\n#include <stdio.h>\n'
+        "int main(void) {\n"
+        "    uint8_t data[8] = {0}; mine_lift_set_t order = {.height = 150, .speed = 60};\n"
+        "    size_t length = mine_lift_set_pack(data, sizeof data, &order);\n"
+        '    printf("%zu %02X %02X", length, data[0], data[1]);\n}\n'
+    )
+    subprocess.run(["cc", "-std=c99", "-Wall", "-Werror", "main.c", "-o", "main"], cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "main"], capture_output=True, text=True).stdout == "2 96 3C"
+
+
+def test_a_folder_that_is_not_empty_is_left_alone(made: Path) -> None:
+    before = sorted(made.rglob("*"))
+    said = command(made.parent, ["new-robot", "mine"])
+    assert (said.returncode, said.stderr) == (2, "eurobot-od: mine: it is there, and not empty\n")
+    assert sorted(made.rglob("*")) == before
+
+
+FAULTS = [
+    # a fault of one of its messages, and what is said of it
+    ("lift-confirm-not-sent", "no Lift Confirm within 200 ms"),
+    ("lift-confirm-sent-twice", "Lift Confirm"),
+    ("lift-state-response-reversed", "Lift State Response"),
+    ("lift-set-not-heard", "no Lift Confirm within 200 ms"),
+    ("lift-stop-not-heard", "Lift State Response"),
+]
+
+
+@pytest.mark.parametrize(("fault", "printed"), FAULTS)
+def test_its_checks_find_the_faults_of_its_messages(fault: str, printed: str, made: Path) -> None:
+    said = command(made, ["check", "lift.check", "--simulate", "--fault", fault])
+    assert (said.returncode, said.stderr) == (1, "")
+    assert printed in said.stdout
+
+
+def test_a_match_with_a_faulty_lift_ends_with_what_the_strategy_got(made: Path) -> None:
+    said = command(made, ["match", "--duration", "3", "--fault", "lift-confirm-not-sent"])
+    assert said.returncode == 1
+    assert said.stderr.endswith("NoAnswer: no LiftConfirm within 500 ms after LiftSet\n")
+
+
+MISTAKES = [
+    # (a file, what is changed in it to what, what is typed, what is said)
+    (
+        "lift.py",
+        "LiftStop: stop",
+        "LiftConfirm: stop",
+        ["match"],
+        "lift.py:10: Lift handles LiftConfirm, and has no RPDO of it in mine/eds/canopen/lift.eds",
+    ),
+    (
+        "lift.py",
+        '"Lift state":',
+        '"Lift stat":',
+        ["match"],
+        "lift.py:10: Lift binds 'Lift stat', which is no object in mine/eds/canopen/lift.eds",
+    ),
+    ("lift.py", "class Lift(Node):", "class Lift(Nod):", ["match"], "mine/lift.py:10: NameError"),
+    (
+        "own_messages.py",
+        "height: Annotated",
+        "hight: Annotated",
+        ["match"],
+        "core.eds: 0x1A06: Lift Set maps height, speed; its fields are hight, speed",
+    ),
+    ("robot.py", "from lift", "from lft", ["show"], "mine/robot.py:7: ModuleNotFoundError"),
+    ("eds/protocol.yaml", "0x020", "0x010", ["make-eds", "mine/eds/protocol.yaml", "-o", "eds"], "identifier 0x010 is"),
+    ("eds/protocol.yaml", "object: Lift}", "object: Lft}", ["make-eds", "mine/eds/protocol.yaml", "-o", "eds"], "Lft"),
+    ("eds/protocol.yaml", "eurobot2014", "eurobt", ["make-eds", "mine/eds/protocol.yaml", "-o", "eds"], "eurobt"),
+    ("strategy.py", "LiftSet(height, speed=100)", "messages.GotoXY(1, 2, 3, 4)", ["match"], "NameError"),
+]
+
+
+@pytest.mark.parametrize(("file", "old", "new", "words", "complaint"), MISTAKES)
+def test_a_mistake_is_one_line_with_its_place(
+    file: str, old: str, new: str, words: list[str], complaint: str, mine: Path
+) -> None:
+    text = (mine / file).read_text()
+    assert old in text
+    (mine / file).write_text(text.replace(old, new, 1))
+    said = command(mine.parent, [*words, "--robot", "mine"])
+    assert said.returncode in (1, 2)
+    assert "eurobot_od/" not in said.stderr
+    assert complaint in said.stderr
+    assert len(said.stderr.splitlines()) == (1 if file != "strategy.py" else 5)
+
+
+def test_a_dialect_without_a_core_is_no_keyerror(made: Path, tmp_path: Path) -> None:
+    (tmp_path / "few").mkdir()
+    shutil.copy(made / "eds/canopen/lift.eds", tmp_path / "few")
+    said = command(made, ["match", "--dialect", str(tmp_path / "few")])
+    assert (said.returncode, len(said.stderr.splitlines())) == (2, 1)
+    assert "a match needs a core" in said.stderr
