@@ -146,8 +146,8 @@ class Plugin(NamedTuple):
 
         Raises LocalError for a class of a team's own that goes by a message which the file does not have.
         """
-        from eurobot_od import python_file
         from eurobot_od.od.values import PdoDirection
+        from eurobot_od.support import python_file
 
         if outline.name not in self.nodes:
             return ""
@@ -334,7 +334,7 @@ def _load(named: str) -> Plugin:
         return robot
     folder = Path(named)
     if folder.is_dir():
-        from eurobot_od import python_file
+        from eurobot_od.support import python_file
 
         return _checked(getattr(python_file.load(folder / FILE), ATTRIBUTE, None), f"{folder / FILE}")
     try:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from eurobot_od.od.values import Value
     from eurobot_od.plugin import Plugin
     from eurobot_od.simulation.network import Network
-    from eurobot_od.yaml_places import Place
+    from eurobot_od.support.yaml_places import Place
 
 PATTERNS = ("*.check.yaml", "*.check.yml")
 """Files that are suites by their names."""

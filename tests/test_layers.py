@@ -21,22 +21,8 @@ NAME = PACKAGE.name
 
 # From the bottom up: a module or package imports what stands below it, or beside it as long as that makes no circle.
 LAYERS = (
-    {
-        "address",
-        "amounts",
-        "annotations",
-        "bounded",
-        "errors",
-        "durations",
-        "escaping",
-        "extras",
-        "yaml_mistakes",
-        "yaml_places",
-        "frame",
-        "files",
-        "python_file",
-        "svg",
-    },
+    {"errors", "frame"},
+    {"support"},
     {"od"},
     {"pdo"},
     {"sdo"},

@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from eurobot_od.campaign import records
 from eurobot_od.errors import LocalError
-from eurobot_od.files import write_whole
+from eurobot_od.support.files import write_whole
 
 SETTINGS = "campaign.json"
 ITEM = "item"

@@ -18,7 +18,7 @@ from eurobot_od.check.services import ServiceShapes
 from eurobot_od.check.shapes import DURATION, NAME, SCALAR, TEXT, Key, Schema, Shape
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.errors import UnknownName
-from eurobot_od.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
+from eurobot_od.support.yaml_places import Problem, Problems, ReadError, Text, pairs_of, place_of, read_all, refuse
 
 VERSION = 1
 """Value of the key `spec`."""

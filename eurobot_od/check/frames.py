@@ -25,7 +25,7 @@ from eurobot_od.od.values import parse_number
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import field_name, plain_name
 from eurobot_od.pdo.kinds import KeyedForm, Kind
-from eurobot_od.yaml_places import Problems, ReadError, Text, pairs_of, read_all, refuse
+from eurobot_od.support.yaml_places import Problems, ReadError, Text, pairs_of, read_all, refuse
 
 T = TypeVar("T")
 

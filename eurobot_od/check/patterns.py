@@ -10,13 +10,13 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.amounts import amount
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import flagged_fields
 from eurobot_od.pdo.protocol import Protocol
+from eurobot_od.support.amounts import amount
 
 ANY = "any"
 """Any state in a heartbeat, any code in an EMCY."""

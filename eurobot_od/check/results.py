@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from eurobot_od.check.patterns import Mismatch
 from eurobot_od.frame import Frame
-from eurobot_od.yaml_places import Place
+from eurobot_od.support.yaml_places import Place
 
 
 class Status(Enum):

@@ -22,7 +22,7 @@ from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import EMCY
 from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_VALID
-from eurobot_od.yaml_places import Problems
+from eurobot_od.support.yaml_places import Problems
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

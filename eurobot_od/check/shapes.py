@@ -12,9 +12,9 @@ from typing import Any, Generic, TypeAlias, TypeVar
 
 import yaml
 
-from eurobot_od import durations, yaml_places
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.yaml_places import NodeReader, Problem, Problems, ReadError, Text, refuse
+from eurobot_od.support import durations, yaml_places
+from eurobot_od.support.yaml_places import NodeReader, Problem, Problems, ReadError, Text, refuse
 
 T = TypeVar("T")
 S = TypeVar("S")

@@ -13,8 +13,6 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from eurobot_od import durations
-from eurobot_od.amounts import amount
 from eurobot_od.check import suite
 from eurobot_od.check.bench import Bench
 from eurobot_od.check.patterns import Mismatch, Pattern, Sent, is_final
@@ -37,6 +35,8 @@ from eurobot_od.sdo.client import (
     upload,
 )
 from eurobot_od.sdo.wire import LENGTH, code_and_reason
+from eurobot_od.support import durations
+from eurobot_od.support.amounts import amount
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

@@ -8,8 +8,6 @@ from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from eurobot_od import durations
-from eurobot_od.amounts import amount
 from eurobot_od.check.patterns import Pattern, Sent
 from eurobot_od.check.values import Expected, Operand, Variables
 from eurobot_od.device.nmt import NmtCommand
@@ -20,7 +18,9 @@ from eurobot_od.od.standard import SDO_ANSWERS, SDO_REQUESTS
 from eurobot_od.od.values import SDO_REQUEST_BASE, SDO_RESPONSE_BASE
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.sdo.wire import code_and_reason
-from eurobot_od.yaml_places import Place
+from eurobot_od.support import durations
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.yaml_places import Place
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

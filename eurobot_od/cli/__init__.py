@@ -23,7 +23,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
-from eurobot_od.escaping import one_line
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.plugin import Plugin

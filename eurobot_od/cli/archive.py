@@ -11,10 +11,10 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od import extras
-from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, options
-from eurobot_od.escaping import one_line
+from eurobot_od.support import extras
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.sdo.client import Progress

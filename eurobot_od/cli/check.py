@@ -14,8 +14,8 @@ from eurobot_od.cli import ExitStatus, campaign, output
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
-from eurobot_od.escaping import one_line
-from eurobot_od.files import check_writable
+from eurobot_od.support.escaping import one_line
+from eurobot_od.support.files import check_writable
 
 if TYPE_CHECKING:
     from eurobot_od.check.reader import SuiteReader

@@ -10,10 +10,10 @@ import json
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from eurobot_od import durations
 from eurobot_od.cli import ExitStatus, logs, options
 from eurobot_od.cli.decode import add_filters, filters
 from eurobot_od.errors import LocalError, UnknownName
+from eurobot_od.support import durations
 
 if TYPE_CHECKING:
     from eurobot_od.compare import Difference, Timed

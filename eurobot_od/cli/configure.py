@@ -10,8 +10,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, remote
+from eurobot_od.support.amounts import amount
 
 if TYPE_CHECKING:
     from eurobot_od.client.configure import ChangePlan

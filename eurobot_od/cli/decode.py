@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.logs import add_log, entries, opened
-from eurobot_od.escaping import one_line
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted

@@ -9,10 +9,10 @@ import argparse
 import platform
 from collections.abc import Iterable, Iterator, Mapping
 
-from eurobot_od import extras
 from eurobot_od.cli import ExitStatus, version
-from eurobot_od.escaping import one_line
-from eurobot_od.extras import Package
+from eurobot_od.support import extras
+from eurobot_od.support.escaping import one_line
+from eurobot_od.support.extras import Package
 
 FOR_DEVELOPERS = ("test", "bench")
 """Extras that nobody needs who only uses the program."""

@@ -6,9 +6,9 @@ import argparse
 from io import BytesIO
 from pathlib import Path
 
-from eurobot_od import extras, files
-from eurobot_od.amounts import amount
 from eurobot_od.cli import logs, options
+from eurobot_od.support import extras, files
+from eurobot_od.support.amounts import amount
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
-from eurobot_od.escaping import one_line
 from eurobot_od.lint.findings import Finding, Rule, Severity, chosen, count, summary, summed_up
 from eurobot_od.lint.model import load
 from eurobot_od.lint.rules import FILE_RULES, lint
 from eurobot_od.od.document import read_bytes
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.lint.network import LintedNetwork
@@ -77,8 +77,8 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
     """Write files in their normal form, without a guess at what they do not say."""
     from pathlib import Path
 
-    from eurobot_od.files import write_whole
     from eurobot_od.od.normal import in_normal_form
+    from eurobot_od.support.files import write_whole
 
     if output and len(files) > 1:
         raise LocalError("-o is for one file")
@@ -191,7 +191,7 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
 
 
 def _print_annotations(findings: Sequence[Finding]) -> None:
-    from eurobot_od.annotations import Level, annotation
+    from eurobot_od.support.annotations import Level, annotation
 
     levels = {Severity.ERROR: Level.ERROR, Severity.WARNING: Level.WARNING, Severity.INFO: Level.NOTICE}
     for each in summed_up(findings):

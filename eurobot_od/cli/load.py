@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od import bounded
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.errors import LocalError
+from eurobot_od.support import bounded
 
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
@@ -59,8 +59,8 @@ def _mailboxes(text: str) -> int:
 
 
 def _errors(text: str) -> ErrorRate:
-    from eurobot_od import durations
     from eurobot_od.load.message_set import ErrorRate
+    from eurobot_od.support import durations
 
     number, slash, time = text.partition("/")
     try:

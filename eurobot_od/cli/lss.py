@@ -10,12 +10,12 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.cli.progress import SHORT, Unit, bar
 from eurobot_od.errors import LocalError, RemoteError
 from eurobot_od.od.values import parse_number
+from eurobot_od.support import durations
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Identity

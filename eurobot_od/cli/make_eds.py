@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from eurobot_od import bounded
-from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus
+from eurobot_od.support import bounded
+from eurobot_od.support.amounts import amount
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -13,12 +13,12 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from eurobot_od import extras
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.keyboard import keys
 from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.cli.terminal import redraws
 from eurobot_od.errors import LocalError
+from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Meaning

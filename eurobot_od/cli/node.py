@@ -11,11 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import bounded, durations, plugin
+from eurobot_od import plugin
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, RemoteError, UnknownName
-from eurobot_od.escaping import one_line
+from eurobot_od.support import bounded, durations
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.device.node import Node

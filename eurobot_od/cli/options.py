@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od import plugin
-from eurobot_od.address import Address, parse
 from eurobot_od.cli import complain
 from eurobot_od.errors import DictionaryError, LocalError, MappingError, RemoteError
 from eurobot_od.logs.recorder import END, GO_ON
@@ -20,6 +19,7 @@ from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, NodeFile
 from eurobot_od.plugin import Plugin
+from eurobot_od.support.address import Address, parse
 
 if TYPE_CHECKING:
     import can

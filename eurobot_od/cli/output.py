@@ -41,7 +41,7 @@ def write(output: Path | None, text: str) -> None:
 
 def write_bytes(output: Path, content: bytes) -> None:
     """Write a file; raises as `write`."""
-    from eurobot_od.files import write_whole
+    from eurobot_od.support.files import write_whole
 
     write_whole(output, content)
 

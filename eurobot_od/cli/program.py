@@ -9,11 +9,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from eurobot_od.amounts import amount
 from eurobot_od.cli import remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import MOST_SUBS
+from eurobot_od.support.amounts import amount
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

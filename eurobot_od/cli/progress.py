@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from typing import NamedTuple, TextIO, TypeVar
 
 from eurobot_od.cli.terminal import redraws
-from eurobot_od.escaping import one_line
 from eurobot_od.sdo.client import Progress, unwatched
+from eurobot_od.support.escaping import one_line
 
 WIDTH = 30
 """Characters of the bar."""

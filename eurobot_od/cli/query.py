@@ -12,11 +12,11 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od import extras
 from eurobot_od.cli import options, output, progress
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.escaping import cell, one_line
 from eurobot_od.plugin import Plugin
+from eurobot_od.support import extras
+from eurobot_od.support.escaping import cell, one_line
 
 if TYPE_CHECKING:
     import polars as pl

@@ -6,12 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.amounts import amount
 from eurobot_od.cli import ExitStatus, output, remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
-from eurobot_od.escaping import one_line
 from eurobot_od.od.objects import address_of, find, label
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

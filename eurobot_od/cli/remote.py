@@ -11,13 +11,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError, UnknownName
-from eurobot_od.escaping import one_line
 from eurobot_od.od import network
 from eurobot_od.od.objects import address_of, data_type, is_described, written
 from eurobot_od.od.values import NODE_IDS, label
+from eurobot_od.support import durations
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description

@@ -9,8 +9,8 @@ import argparse
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from eurobot_od.amounts import amount
 from eurobot_od.cli import logs, options
+from eurobot_od.support.amounts import amount
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame

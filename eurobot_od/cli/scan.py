@@ -7,9 +7,9 @@ import json
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import durations
 from eurobot_od.cli import ExitStatus, remote
 from eurobot_od.device.nmt import STATE_NAMES
+from eurobot_od.support import durations
 
 if TYPE_CHECKING:
     from eurobot_od.client.scan import Found

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
-from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import BusError, LocalError, RemoteError
-from eurobot_od.escaping import one_line
+from eurobot_od.support import durations
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     import can

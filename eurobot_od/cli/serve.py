@@ -16,10 +16,10 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od import extras
 from eurobot_od.cli import options
 from eurobot_od.cli.logs import add_reading, entries
 from eurobot_od.errors import LocalError
+from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder

@@ -13,7 +13,7 @@ from string import ascii_letters
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
-from eurobot_od.escaping import one_line
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from eurobot_od.pdo.binding import Binding

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from itertools import islice
 
-from eurobot_od import durations
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import BASE_IDENTIFIER, SYNC_COB_ID, parse_number
+from eurobot_od.support import durations
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

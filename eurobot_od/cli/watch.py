@@ -12,12 +12,12 @@ from contextlib import suppress
 from math import inf
 from typing import TYPE_CHECKING
 
-from eurobot_od import durations
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.device.nmt import STATE_NAMES
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import NODE_IDS
+from eurobot_od.support import durations
 
 if TYPE_CHECKING:
     from eurobot_od.client.watch import NodeEvent

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import remote
 from eurobot_od.cli.progress import bar
 from eurobot_od.errors import LocalError
-from eurobot_od.escaping import one_line
 from eurobot_od.od.objects import address_of, encode, find_one, is_described, label, parse, shown, written
+from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

@@ -13,7 +13,6 @@ from enum import IntEnum
 from typing import NamedTuple
 from zlib import crc32
 
-from eurobot_od.amounts import amount
 from eurobot_od.client.description import Identity
 from eurobot_od.client.master import RemoteNode
 from eurobot_od.errors import BusError, EurobotError, NoAnswer, NodeRefused, ProgramError
@@ -22,6 +21,7 @@ from eurobot_od.od.standard import FLASH_STATUS, PROGRAM_CONTROL, PROGRAM_DATA, 
 from eurobot_od.od.values import label
 from eurobot_od.sdo.client import Progress, unwatched
 from eurobot_od.sdo.wire import LARGEST, AbortCode
+from eurobot_od.support.amounts import amount
 
 NAMES = {
     PROGRAM_DATA: "Program data",

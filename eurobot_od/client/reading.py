@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
-from eurobot_od.amounts import amount
 from eurobot_od.client.configure import is_parameter, read_object
 from eurobot_od.client.description import device_name
 from eurobot_od.client.master import RemoteNode
@@ -18,6 +17,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.objects import address_of, all_objects, at, data_type, decode
 from eurobot_od.od.values import DOMAIN, Address, Value
 from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.support.amounts import amount
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

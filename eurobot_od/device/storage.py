@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Protocol
 
 from eurobot_od.device.objects import is_configuration, out_of_limits
 from eurobot_od.errors import DamagedFile, DictionaryError, FieldError, UnknownName
-from eurobot_od.files import write_whole
 from eurobot_od.od import dcf
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import read_bytes
 from eurobot_od.od.objects import data_type, limits
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Value, label
+from eurobot_od.support.files import write_whole
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable

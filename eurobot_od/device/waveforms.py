@@ -20,10 +20,10 @@ from typing import TypeAlias
 
 import yaml
 
-from eurobot_od import durations
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import DataType, Value, parse_number
-from eurobot_od.yaml_places import (
+from eurobot_od.support import durations
+from eurobot_od.support.yaml_places import (
     NodeReader,
     Problems,
     ReadError,

@@ -6,11 +6,11 @@ import re
 from collections.abc import Callable
 from typing import NamedTuple
 
-from eurobot_od import durations
 from eurobot_od.faults.fault import Caught, Fault
 from eurobot_od.faults.hooks import Mixin, arriving, data, late, leaving, lost, moved, twice
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
+from eurobot_od.support import durations
 
 
 class Wrong(NamedTuple):

@@ -11,8 +11,8 @@ from typing import Generic, TypeAlias, TypeVar
 
 from typing_extensions import NamedTuple
 
-from eurobot_od.amounts import amount
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter, has_doubled
+from eurobot_od.support.amounts import amount
 
 T = TypeVar("T")
 

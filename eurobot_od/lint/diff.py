@@ -12,7 +12,6 @@ from itertools import chain
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import DictionaryError
-from eurobot_od.escaping import one_line
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, LintedPdo, load
 from eurobot_od.od import values
@@ -21,6 +20,7 @@ from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, DataType, Number
 from eurobot_od.sdo.wire import AbortCode, code_and_reason
+from eurobot_od.support.escaping import one_line
 
 ABSENT = "-"
 STATE = (ERROR_REGISTER[0], 0x1002, ERROR_FIELD, STORE, RESTORE)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import ceil, floor, log10
 
-from eurobot_od import svg
 from eurobot_od.load.report import NO_BOUND, BoundRow, LoadReport, ms, summary
+from eurobot_od.support import svg
 
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 TEXT, TITLE = 13, 17

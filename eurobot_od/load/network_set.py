@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from eurobot_od import durations
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.load.message_set import MessageSet, SentMessage, by_urgency
 from eurobot_od.od import standard, values
@@ -19,6 +18,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, TrafficEntry
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.values import PdoDirection
+from eurobot_od.support import durations
 
 SERVER_NODE_ID = 3
 """Sub-index of an SDO client's record (CiA 301, 7.5.2.34)."""

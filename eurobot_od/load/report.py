@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from eurobot_od.escaping import one_line
 from eurobot_od.load.message_set import MICROSECONDS, MessageSet, SentMessage, analysed
+from eurobot_od.support.escaping import one_line
 
 NO_BOUND = "no bound"
 MISSED = "MISSED"

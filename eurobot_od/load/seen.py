@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from eurobot_od.escaping import one_line
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MICROSECONDS, MessageSet
 from eurobot_od.load.report import BoundRow, load_report
 from eurobot_od.simulation.bits import frame_bits
+from eurobot_od.support.escaping import one_line
 
 NOTHING = MessageSet(())
 

@@ -22,11 +22,11 @@ from typing import NamedTuple
 
 import yaml
 
-from eurobot_od import durations
 from eurobot_od.errors import EurobotError
 from eurobot_od.load.frames import HIGHEST_BASE, HIGHEST_EXTENDED, MOST_BYTES, longest_frame
 from eurobot_od.load.message_set import MICROSECONDS, ErrorRate, MessageSet, SentMessage, by_urgency
-from eurobot_od.yaml_places import (
+from eurobot_od.support import durations
+from eurobot_od.support.yaml_places import (
     PlacedNumber,
     Problem,
     Problems,

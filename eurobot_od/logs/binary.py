@@ -11,7 +11,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from eurobot_od import extras
 from eurobot_od.errors import LocalError
 from eurobot_od.logs.entries import (
     LARGEST,
@@ -25,6 +24,7 @@ from eurobot_od.logs.entries import (
     seconds,
     shortened,
 )
+from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     import can

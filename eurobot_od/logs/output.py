@@ -10,8 +10,8 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import TypeAlias
 
-from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import Meaning, with_defects
+from eurobot_od.support.escaping import one_line
 
 NAME_WIDTH = 29
 """Width of the column with the messages' names; a longer name pushes its fields to the right."""

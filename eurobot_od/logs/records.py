@@ -12,11 +12,11 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from typing import Any
 
-from eurobot_od.escaping import cell
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.logs.output import Output, WriteLine
 from eurobot_od.pdo.message import kinds
+from eurobot_od.support.escaping import cell
 
 
 class JsonOutput(Output):

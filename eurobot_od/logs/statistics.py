@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from eurobot_od.escaping import one_line
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.meaning import Defect
+from eurobot_od.support.escaping import one_line
 
 
 class DamageCount(NamedTuple):

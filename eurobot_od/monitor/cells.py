@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from eurobot_od.escaping import one_line
 from eurobot_od.logs.meaning import with_defects
 from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
+from eurobot_od.support.escaping import one_line
 
 ALIGN: Mapping[str, Callable[[str, int], str]] = {
     "ID": str.ljust,

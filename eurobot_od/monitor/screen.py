@@ -12,11 +12,11 @@ from rich.console import Group, JustifyMethod, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from eurobot_od.amounts import amount
 from eurobot_od.logs.meaning import CANOPEN
 from eurobot_od.monitor.cells import ALIGN, GAP, HEADINGS, cells, fitting, health
 from eurobot_od.monitor.controls import HELP, Controls
 from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
+from eurobot_od.support.amounts import amount
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
 """Colours of the groups of messages, in the catalogue's order; further groups have none of their own."""

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, NamedTuple
 
-from eurobot_od import bounded
 from eurobot_od.errors import DictionaryError
+from eurobot_od.support import bounded
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -24,7 +24,17 @@ import yaml
 from eurobot_od.errors import DictionaryError
 from eurobot_od.od.network_file import NetworkFile, NodeFile, TrafficEntry
 from eurobot_od.od.values import NODE_IDS, parse_number
-from eurobot_od.yaml_places import NodeReader, Problems, ReadError, listing, mapping, read_yaml, record, refuse, scalar
+from eurobot_od.support.yaml_places import (
+    NodeReader,
+    Problems,
+    ReadError,
+    listing,
+    mapping,
+    read_yaml,
+    record,
+    refuse,
+    scalar,
+)
 
 
 def number_of(numbers: range) -> NodeReader[int]:

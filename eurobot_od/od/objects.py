@@ -14,10 +14,10 @@ from math import inf
 from typing import TYPE_CHECKING, NamedTuple, cast
 from zlib import crc32
 
-from eurobot_od.amounts import amount
 from eurobot_od.errors import LONGEST_NAME, FieldError, LocalError, UnknownName
 from eurobot_od.od import values
 from eurobot_od.od.values import DATA_TYPES, DOMAIN, REALS, Address, DataType, Value
+from eurobot_od.support.amounts import amount
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODArray, ODRecord, ODVariable

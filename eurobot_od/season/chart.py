@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import polars as pl
 
-from eurobot_od import svg
 from eurobot_od.errors import LocalError
 from eurobot_od.season.reports import Chart, ChartKind
+from eurobot_od.support import svg
 
 FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 INK, PALE, GRID, PAPER = "#22262b", "#6b7178", "#e6e3d8", "#ffffff"

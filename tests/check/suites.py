@@ -12,7 +12,7 @@ from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import run_simulated
 from eurobot_od.check.suite import Suite
 from eurobot_od.robot.plugin import ROBOT
-from eurobot_od.yaml_places import Problems
+from eurobot_od.support.yaml_places import Problems
 
 HEAD = "spec: 1\nname: a suite\nnode: drive\n"
 FILE = Path("suite.yaml")

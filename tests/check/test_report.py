@@ -12,7 +12,7 @@ from eurobot_od.check import report
 from eurobot_od.check.patterns import Mismatch
 from eurobot_od.check.results import Line, Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.frame import Frame
-from eurobot_od.yaml_places import Place
+from eurobot_od.support.yaml_places import Place
 
 REASON = Reason(
     "Goto State Response is not as expected",

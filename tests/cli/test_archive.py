@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import extras
+from eurobot_od.support import extras
 
 pytest.importorskip("polars", reason="the extra `season` is not installed")
 pytest.importorskip("pyarrow", reason="the extra `season` is not installed")

@@ -7,9 +7,9 @@ from importlib.metadata import version
 
 import pytest
 
-from eurobot_od import extras
 from eurobot_od.cli import doctor
-from eurobot_od.extras import Package
+from eurobot_od.support import extras
+from eurobot_od.support.extras import Package
 from tests.cli.console import run
 
 

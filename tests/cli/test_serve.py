@@ -9,7 +9,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from eurobot_od import extras
+from eurobot_od.support import extras
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, in_background, line
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import pytest
 
-from eurobot_od.address import Address
 from eurobot_od.robot import dialects
 from eurobot_od.robot.commands.node import enter
 from eurobot_od.robot.model import robot_file
@@ -24,6 +23,7 @@ from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
 from eurobot_od.robot.world.beacons import Beacons
 from eurobot_od.robot.world.remote import RemoteVehicle
+from eurobot_od.support.address import Address
 from tests.cli.console import run
 from tests.cli.processes import PATIENCE, command, killed_if_it_hangs, line, node, serve_bus
 

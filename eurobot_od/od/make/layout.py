@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from eurobot_od.od import pdos
 from eurobot_od.od.make.table import DialectRow, Field, Record, Table
-from eurobot_od.yaml_places import Place, Text
+from eurobot_od.support.yaml_places import Place, Text
 
 PADDING = Text(pdos.PADDING, Place(0, 0))
 BYTE = 8

@@ -22,7 +22,7 @@ from eurobot_od.od import values
 from eurobot_od.od.make.layout import ObjectLayout, Slice, layouts
 from eurobot_od.od.make.table import DialectRow, Field, MessageRow, NodeRow, Table
 from eurobot_od.od.values import DataType, PdoDirection
-from eurobot_od.yaml_places import PlacedNumber, Text
+from eurobot_od.support.yaml_places import PlacedNumber, Text
 
 DictionaryObject: TypeAlias = ODVariable | ODRecord | ODArray
 """An object of canopen's: a VAR, or one with sub-indices."""

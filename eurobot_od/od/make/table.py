@@ -14,12 +14,12 @@ from typing import Annotated, Any, NewType, TypeAlias, TypeVar, get_args, get_or
 
 import yaml
 
-from eurobot_od import bounded, durations, yaml_places
 from eurobot_od.errors import EurobotError
-from eurobot_od.escaping import one_line
 from eurobot_od.od.pdos import RESERVED, carries_nothing
 from eurobot_od.od.values import BASE_IDENTIFIER, NODE_ID, NODE_IDS
-from eurobot_od.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
+from eurobot_od.support import bounded, durations, yaml_places
+from eurobot_od.support.escaping import one_line
+from eurobot_od.support.yaml_places import NodeReader, Place, PlacedNumber, Problem, Problems, ReadError, Text, refuse
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 """The bit rates in kbit/s that an EDS has keys for (CiA 306)."""

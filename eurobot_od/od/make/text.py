@@ -26,7 +26,7 @@ from eurobot_od.od.make.table import BIT_RATES, NodeRow, Table
 from eurobot_od.od.normal import list_of
 from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import COMMUNICATION_RECORDS, DUMMIES, UNSIGNED32, PdoDirection
-from eurobot_od.yaml_places import Text
+from eurobot_od.support.yaml_places import Text
 
 KeyValues = list[tuple[str, object]]
 EdsSection = tuple[str, KeyValues]

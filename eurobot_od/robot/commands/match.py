@@ -187,8 +187,8 @@ def _refuse_what_does_not_go_with_one_match(arguments: argparse.Namespace) -> No
         if (value := getattr(arguments, name)) is not None:
             raise LocalError(f"--{name} {value} goes with --speed real only: in simulated time there is no such bus")
     if arguments.field is not None:
-        from eurobot_od.files import check_writable
         from eurobot_od.robot.panel.files import form
+        from eurobot_od.support.files import check_writable
 
         form(arguments.field)
         check_writable(arguments.field)

@@ -12,10 +12,10 @@ import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od import durations
-from eurobot_od.address import Address
 from eurobot_od.cli import options as shared
 from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.support import durations
+from eurobot_od.support.address import Address
 
 if TYPE_CHECKING:
     from eurobot_od.robot.match import MatchEvent

@@ -9,10 +9,10 @@ from inspect import iscoroutinefunction, signature
 from pathlib import Path
 from typing import NamedTuple, cast
 
-from eurobot_od import python_file
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.match import strategy as shipped
 from eurobot_od.robot.match.referee import Strategy
+from eurobot_od.support import python_file
 
 
 class Players(NamedTuple):

@@ -15,7 +15,6 @@ from typing import Any, TypeVar
 
 import yaml
 
-from eurobot_od import bounded
 from eurobot_od.errors import DictionaryError, LocalError, UnknownName
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.facts import (
@@ -35,7 +34,8 @@ from eurobot_od.robot.model.facts import (
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.tasks import Task, Worth
 from eurobot_od.robot.model.values import FLAGGED, Source, TeamColour
-from eurobot_od.yaml_places import (
+from eurobot_od.support import bounded
+from eurobot_od.support.yaml_places import (
     STRING,
     NodeReader,
     Problems,

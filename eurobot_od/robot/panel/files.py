@@ -7,13 +7,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
 
-from eurobot_od import extras
 from eurobot_od.errors import UnknownName
-from eurobot_od.files import write_whole
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import NOTHING, Recording, Truth, record
+from eurobot_od.support import extras
+from eurobot_od.support.files import write_whole
 
 
 class SeenMatch(NamedTuple):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from eurobot_od import svg
 from eurobot_od.robot.model.facts import Barrier, BarrierKind, Facts, Field, Shape, Start
 from eurobot_od.robot.model.values import Passage, TeamColour
 from eurobot_od.robot.picture import style
-from eurobot_od.svg import PaperPoint
+from eurobot_od.support import svg
+from eurobot_od.support.svg import PaperPoint
 
 GRID_STEP = 500
 

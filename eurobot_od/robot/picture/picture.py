@@ -7,7 +7,6 @@ from itertools import pairwise
 from math import dist
 from typing import TypeVar
 
-from eurobot_od import svg
 from eurobot_od.robot.model.facts import Body, Facts, Field
 from eurobot_od.robot.model.messages import SOURCES, PositionResponse
 from eurobot_od.robot.model.places import Pose
@@ -16,6 +15,7 @@ from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import Sheet, ground
 from eurobot_od.robot.picture.recording import OURS, PathPoint, RecordedGoto, RecordedStop, Recording, at
 from eurobot_od.robot.picture.tables import column, timeline
+from eurobot_od.support import svg
 
 PAGE = (4200, 2970)
 """Width and height: the ratio of an A4 page in landscape."""

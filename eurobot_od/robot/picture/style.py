@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from eurobot_od import svg
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome, Passage, TeamColour
-from eurobot_od.svg import PaperPoint
+from eurobot_od.support import svg
+from eurobot_od.support.svg import PaperPoint
 
 MOST_TICKS = 60
 """So many times are marked at most: one far timestamp in a log is no reason to draw for ever."""

@@ -9,14 +9,14 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
-from eurobot_od import svg
 from eurobot_od.robot.model.facts import Facts
 from eurobot_od.robot.model.messages import Enemy1PositionResponse
 from eurobot_od.robot.model.values import Outcome, Passage
 from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.ground import barrier_shape, passage_ring
 from eurobot_od.robot.picture.recording import OURS, RecordedGoto, RecordedStop, Recording, ScoredTask
-from eurobot_od.svg import PaperPoint
+from eurobot_od.support import svg
+from eurobot_od.support.svg import PaperPoint
 
 ROW, LEGEND_ROW = 45, 58
 WIDTH = 3000

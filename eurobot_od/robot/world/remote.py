@@ -14,7 +14,6 @@ from math import inf
 from threading import Lock
 from typing import Any, NamedTuple, TypeVar
 
-from eurobot_od.address import Address
 from eurobot_od.errors import LocalError, WorldError
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.model.places import Pose
@@ -23,6 +22,7 @@ from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, VERSION
 from eurobot_od.robot.world.world import OURS
+from eurobot_od.support.address import Address
 
 Value = TypeVar("Value")
 

@@ -11,11 +11,11 @@ import re
 from collections.abc import Callable
 from typing import cast
 
-from eurobot_od.address import Address
 from eurobot_od.errors import WorldError
 from eurobot_od.robot.world.channel import LINE_LIMIT, Channel
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS, World
+from eurobot_od.support.address import Address
 
 LOOKS = 0.1
 """How often the server looks what is new, s."""

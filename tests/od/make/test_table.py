@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from eurobot_od import yaml_places
 from eurobot_od.od.make.table import TableError, read_table
+from eurobot_od.support import yaml_places
 from tests.marks import marked
 from tests.od.make.tables import TABLE
 

@@ -7,7 +7,6 @@ from contextlib import ExitStack
 
 import pytest
 
-from eurobot_od.address import Address
 from eurobot_od.live import Live
 from eurobot_od.robot import dialects
 from eurobot_od.robot.match.apart import Led
@@ -17,6 +16,7 @@ from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
+from eurobot_od.support.address import Address
 from tests.client.peers import new_channel, open_bus
 
 NOWHERE = Address("127.0.0.1", 9)

@@ -13,7 +13,6 @@ from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
-from eurobot_od.address import Address
 from eurobot_od.errors import LocalError, WorldError
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import NOISE_ONLY, MatchOptions
@@ -29,6 +28,7 @@ from eurobot_od.robot.world.server import Server
 from eurobot_od.robot.world.vehicle import Vehicle
 from eurobot_od.robot.world.wheels import Wheels
 from eurobot_od.robot.world.world import OURS, RIVAL
+from eurobot_od.support.address import Address
 
 FACTS = robot_file.read()
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.address import Address
 from eurobot_od.errors import WorldError
 from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
@@ -20,6 +19,7 @@ from eurobot_od.robot.world.channel import LINE_LIMIT, Channel
 from eurobot_od.robot.world.server import REMEMBERED, Server
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS
+from eurobot_od.support.address import Address
 
 FACTS = robot_file.read()
 

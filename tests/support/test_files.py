@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
-from eurobot_od import files
-from eurobot_od.files import check_writable, write_whole
+from eurobot_od.support import files
+from eurobot_od.support.files import check_writable, write_whole
 
 SIZE = 20_000
 WRITE = f"""
 import sys
 from pathlib import Path
-from eurobot_od.files import write_whole
+from eurobot_od.support.files import write_whole
 for _ in range(60):
     write_whole(Path(sys.argv[1]), sys.argv[2].encode() * {SIZE})
 """

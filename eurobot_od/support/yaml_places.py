@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import yaml
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.yaml_mistakes import in_words
+from eurobot_od.support.yaml_mistakes import in_words
 
 T = TypeVar("T")
 NUMBER = re.compile(r"0|[1-9][0-9]{0,99}|0x[0-9A-Fa-f]{1,99}")

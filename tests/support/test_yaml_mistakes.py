@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.yaml_places import Problems, ReadError, compose
+from eurobot_od.support.yaml_places import Problems, ReadError, compose
 from tests.marks import marked
 
 QUOTES = "a text with > or | at its start needs quotes: '> 0'"

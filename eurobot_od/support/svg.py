@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from html import escape
 
-from eurobot_od.escaping import one_line
+from eurobot_od.support.escaping import one_line
 
 PaperPoint = tuple[float, float]
 """x and y on the paper, where y grows downwards."""

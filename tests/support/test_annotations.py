@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.annotations import Level, annotation
+from eurobot_od.support.annotations import Level, annotation
 
 CASES = [
     # (file, title, lines of the message, what is printed)

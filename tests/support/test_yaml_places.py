@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import pytest
 
-from eurobot_od.yaml_places import (
+from eurobot_od.support.yaml_places import (
     Place,
     PlacedNumber,
     Problems,

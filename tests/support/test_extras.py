@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from eurobot_od import extras
 from eurobot_od.errors import LocalError
+from eurobot_od.support import extras
 
 
 def test_requirements_are_sorted_by_their_extra() -> None:

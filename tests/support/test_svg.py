@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od import svg
+from eurobot_od.support import svg
 
 
 @pytest.mark.parametrize(

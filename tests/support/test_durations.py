@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.durations import DurationError, is_duration, microseconds, seconds, text
+from eurobot_od.support.durations import DurationError, is_duration, microseconds, seconds, text
 
 VALID = [
     ("500ms", 0.5),

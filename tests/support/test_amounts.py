@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.amounts import amount
+from eurobot_od.support.amounts import amount
 
 
 @pytest.mark.parametrize(("number", "words"), [(0, "0 frames"), (1, "1 frame"), (2, "2 frames")])

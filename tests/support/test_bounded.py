@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od import bounded
+from eurobot_od.support import bounded
 from tests.cli.console import run
 
 COMMANDS = [

@@ -9,12 +9,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from eurobot_od import cli, svg
+from eurobot_od import cli
 from eurobot_od.check import report
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
 from eurobot_od.cli.remote import columns
 from eurobot_od.device.storage import FileStore
-from eurobot_od.escaping import cell, one_line
 from eurobot_od.gatekeeper import Report
 from eurobot_od.gatekeeper.reports import Event
 from eurobot_od.lint.diff import Difference
@@ -22,7 +21,9 @@ from eurobot_od.lint.findings import Finding
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.robot import dialects
-from eurobot_od.yaml_places import Place
+from eurobot_od.support import svg
+from eurobot_od.support.escaping import cell, one_line
+from eurobot_od.support.yaml_places import Place
 
 EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
 SHOWN = r"a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
