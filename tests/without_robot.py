@@ -72,8 +72,9 @@ class Terminal(StringIO):
     """Somebody presses Ctrl-C at the first line."""
 
     def write(self, text: str) -> int:
+        written = super().write(text)  # before the signal, which Python 3.10 answers at once
         signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
-        return super().write(text)
+        return written
 
 
 def run(words: tuple[str, ...]) -> tuple[int, str, str]:
