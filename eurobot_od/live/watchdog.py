@@ -46,8 +46,8 @@ SLOWEST = 0.1
 """A simulated clock that goes on by less in the seconds of `PATIENCE` stands still, s."""
 
 PACKAGE = str(Path(__file__).resolve().parents[1]) + os.sep
-OWN_CODE = (PACKAGE, sysconfig.get_path("stdlib") + os.sep, "<frozen ", "<generated ")
-"""Beginnings of the names of files that are nobody's program."""
+OWN_CODE = (PACKAGE, sysconfig.get_path("stdlib") + os.sep, "<frozen ", "<generated ", "<string>")
+"""Beginnings of the names of files that are nobody's program; named tuples and dataclasses are made in `<string>`."""
 
 DEBUGGERS = {"bdb", "pdb"}
 

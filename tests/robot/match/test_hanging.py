@@ -45,6 +45,10 @@ HANGING = {
     "sleeps": ("going = core.goto(1500, 1000, 90, 60)\ntime.sleep(30)", "time.sleep(30)"),
     "waits for a lock": ("threading.Event().wait()", "threading.Event().wait()"),
     "never awaits": ("while True: core.goto(600, 1700, 90, 60)", "while True: core.goto(600, 1700, 90, 60)"),
+    "makes named tuples, by code that has no file": (
+        "from collections import namedtuple\nPair = namedtuple('Pair', 'x y')\nwhile True: Pair(1, 2)",
+        "while True: Pair(1, 2)",
+    ),
     "cleans up for ever": (
         "try:\n    await core.goto(600, 1700, 90, 60)\nfinally:\n    while core: hash(core)",
         "while core: hash(core)",
