@@ -16,7 +16,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.live.event_loop import apart
 from eurobot_od.live.watchdog import Watchdog, passing
 from eurobot_od.logs.recorder import recording
-from eurobot_od.robot.match.stage import POWER_UP, EdsFiles, cast_for, switch_on
+from eurobot_od.robot.match.stage import POWER_UP, EdsFiles, bus, cast_for, switch_on
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core
 from eurobot_od.robot.world import World
@@ -58,7 +58,7 @@ def _rehearse(
     log: str | Path | None,
     picture: str | Path | None,
 ) -> Result:
-    network = Network()
+    network = bus(options)
     world = World(options, lambda: network.now)
     core, nodes = cast_for(options, EdsFiles.read(options), world)
     switch_on(nodes, network, options.seed)

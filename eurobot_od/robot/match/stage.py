@@ -39,6 +39,7 @@ from eurobot_od.robot.world.contact import Touch
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent, Timeline
 from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.simulation import loop as simulated_loop
+from eurobot_od.simulation.bit_errors import Noise
 from eurobot_od.simulation.network import Network, processing_time
 from eurobot_od.simulation.several import Several
 
@@ -170,6 +171,14 @@ class Performance:
         )
 
 
+def bus(options: MatchOptions) -> Network:
+    """Make a simulated bus, with the bit errors of a match's world."""
+    network = Network()
+    if options.errors.bus_bits:
+        network.bit_errors.append(Noise(options.errors.bus_bits, options.seed))
+    return network
+
+
 def switch_on(nodes: Iterable[Node], network: Network, seed: int) -> None:
     """Attach nodes to a simulated bus; each boots in its time."""
     last = max(BOOT_TIMES.values())
@@ -195,7 +204,7 @@ def play_simulated(
     if against is not None and not options.enemies:
         raise LocalError("a second robot takes the place of an enemy, and there is to be none")
     files = files or EdsFiles.read(options)
-    networks = [Network()] if against is None else [Network(), Network()]
+    networks = [bus(options) for _ in range(1 if against is None else 2)]
     clock = networks[0] if against is None else Several(*networks)
     world = World(options, lambda: clock.now, rival=against is not None)
     match = Performance(options, files, world, show, watch)
