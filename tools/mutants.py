@@ -1,21 +1,12 @@
 #!/usr/bin/env python3
-"""Puts small changes into the package, one at a time, and lists those that no test notices.
+"""Puts small changes into modules, one at a time, and reports for each module how many of them its tests noticed.
 
-    python3 tools/mutants.py --sample 800 --seed 7          # see CONTRIBUTING
-    tools/mutants.py eurobot_od/pdo eurobot_od/od/values.py # all changes of these
+    python3 tools/mutants.py eurobot_od/live/connection.py eurobot_od/sdo/wire.py --at-most 100
 
-A change is another comparison, a constant greater by one, `and` for `or`, a dropped statement or argument, swapped
-arguments, a condition that is always true or false, None returned. It runs on a copy of the repository, with the tests
-that come by its line, the nearest first and no more than `--seconds` of them, and is noticed when one fails or does not
-end. Left out are tests with several processes, browsers, other programs, and those of the tools.
-
-Which tests come by a line is measured once, and kept in build/mutants. Results go to a file as they come; with
-`--resume` what was noticed is not tried again. What tests/equivalent_mutants.yaml names, with its reason, is not tried
-at all. The exit status is 0 if all was noticed, 1 if not, 2 if there is no such module.
-
-mutmut and cosmic-ray were looked at. mutmut 3 rewrites every function into one that holds all its variants, leaves out
-what stands outside of functions (tables, defaults, message types: half of this package), and runs pytest inside itself;
-cosmic-ray runs one fixed test command for each change, which is four minutes of ours. Neither takes a sample by a seed.
+cosmic-ray makes the changes, in a copy of the repository; the tests are those that mirror the module. The worst module
+comes last, with each change that went unnoticed as a diff: a test to be written, or a line that may go. A module of a
+hundred lines takes about five minutes. The exit status is 0 if everything was noticed, 1 if not, 2 for a module that is
+not there.
 """
 
 from __future__ import annotations
@@ -23,146 +14,121 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import random
+import shutil
+import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from pathlib import Path
-from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from environment import ROOT, ensure
 
-ensure("coverage", "test")
+ensure("cosmic_ray", "test,mutants")
 
-from mutation import equivalent, reach  # noqa: E402
-from mutation.changes import Change, changes_of, sample  # noqa: E402
-from mutation.trial import Copy, Outcome, Portion, Source, Verdict, portions  # noqa: E402
+from cosmic_ray.work_db import WorkDB, use_db  # noqa: E402  # found from here on
+from cosmic_ray.work_item import TestOutcome, WorkerOutcome, WorkResult  # noqa: E402
 
 ALL_NOTICED, SURVIVORS, WRONG_USAGE = 0, 1, 2
 
-PACKAGE = "eurobot_od"
-JUDGED = Path("tests", "equivalent_mutants.yaml")
-KEPT = Path("build", "mutants")
-"""Paths below the repository's root."""
+COPIED = ("eurobot_od", "eds", "tests", "tools", "docs", "pyproject.toml", "README.md", "CONTRIBUTING.md")
+LONGEST = 60
+"""Seconds for the tests of one change; a change that makes them take longer was noticed."""
+
+ANNOTATION = "core/ReplaceBinaryOperator_BitOr_"
+"""Changes of `int | None` in annotations: nothing runs them."""
+
+CONFIGURATION = """[cosmic-ray]
+module-path = {module}
+timeout = {longest}
+excluded-modules = []
+test-command = {command}
+[cosmic-ray.distributor]
+name = "local"
+"""
 
 
-def modules(root: Path, chosen: Iterable[str]) -> list[str]:
-    """Return the modules of the named files and folders, as paths below the root; raises ValueError."""
-    found: list[str] = []
-    for name in chosen:
-        path = root / name
-        files = sorted(path.rglob("*.py")) if path.is_dir() else [path] if path.is_file() else []
-        if not files:
-            raise ValueError(f"{name}: no module and no folder of modules below {root}")
-        found += [each.relative_to(root).as_posix() for each in files]
-    return found
+class Verdict(NamedTuple):
+    """How many changes of a module were tried, and the diffs of those that no test noticed."""
+
+    module: str
+    tried: int
+    survivors: list[str]
+
+    @property
+    def share(self) -> float:
+        """The share that was noticed, 0..1."""
+        return 1 - len(self.survivors) / self.tried if self.tried else 1.0
 
 
-def all_changes(root: Path, names: Iterable[str]) -> list[Change]:
-    """Return the changes of modules, without those that were judged equivalent."""
-    known = {each.key for each in equivalent.read(root / JUDGED)} if (root / JUDGED).is_file() else set()
-    found = [change for name in names for change in changes_of(name, (root / name).read_bytes())]
-    return [each for each in found if equivalent.key(each) not in known]
+def tests_of(module: str) -> str:
+    """Return the tests that mirror a module: its own file, or the folder that would have it."""
+    path = Path("tests", *Path(module).parts[1:])
+    own = path.with_name(f"test_{path.name}")
+    return str(own if (ROOT / own).is_file() else own.parent)
 
 
-def noticed_before(results: Path) -> set[str]:
-    """Return the names of the changes that were noticed when a results file was written."""
-    rows = [json.loads(line) for line in results.read_text("utf-8").splitlines()] if results.is_file() else []
-    return {row["name"] for row in rows if Outcome(row["outcome"]).is_noticed}
+def choose(session: Path, at_most: int, seed: int) -> None:
+    """Mark all changes but some chosen ones as not to be tried."""
+    with use_db(session, WorkDB.Mode.open) as database:
+        running = [
+            item.job_id
+            for item in database.work_items
+            if not any(each.operator_name.startswith(ANNOTATION) for each in item.mutations)
+        ]
+        chosen = set(random.Random(seed).sample(sorted(running), min(at_most, len(running))))
+        left_out = [item.job_id for item in database.work_items if item.job_id not in chosen]
+        database.set_multiple_results(left_out, WorkResult(WorkerOutcome.SKIPPED))
 
 
-def verdicts(
-    root: Path, changes: Sequence[Change], files: Sequence[reach.Measured], jobs: int, budget: float
-) -> Iterator[tuple[Change, Verdict]]:
-    """Try changes, as many at a time as there are jobs, each in a copy of its own; in their order."""
-    copies: SimpleQueue[Copy] = SimpleQueue()
-
-    def tests(change: Change) -> list[Portion]:
-        return list(portions(change, files, sources[change.module], budget))
-
-    def verdict(change: Change) -> tuple[Change, Verdict]:
-        copy = copies.get()
-        try:
-            return change, copy.judge(change, tests(change))
-        finally:
-            copies.put(copy)
-
-    lines = reach.at_import(root, PACKAGE)
-    modules = {each.module for each in changes}
-    sources = {each: Source((root / each).read_bytes(), lines.get(each, frozenset())) for each in modules}
-    with ExitStack() as stack:
-        for _ in range(jobs):
-            copy = Copy(root)
-            stack.callback(copy.close)
-            copies.put(copy)
-        first = next((portion for each in changes for portion in tests(each)), None)
-        if first:
-            copy.check(first)
-        pool = stack.enter_context(ThreadPoolExecutor(jobs))
-        stack.callback(pool.shutdown, cancel_futures=True)
-        yield from pool.map(verdict, changes)
+def read(session: Path, module: str) -> Verdict:
+    """Return what became of the changes that were tried."""
+    with use_db(session, WorkDB.Mode.open) as database:
+        tried = [result for _, result in database.completed_work_items if result.worker_outcome is WorkerOutcome.NORMAL]
+    return Verdict(module, len(tried), [each.diff or "" for each in tried if each.test_outcome is TestOutcome.SURVIVED])
 
 
-def row(change: Change, verdict: Verdict) -> str:
-    """Write a change and what came of it as a line of JSON."""
-    return json.dumps(
-        {
-            "name": change.name,
-            "place": f"{change.module}:{change.line}",
-            "line": change.statement,
-            "change": change.what,
-            "outcome": verdict.outcome.value,
-            "by": verdict.by,
-        }
+def judge(folder: Path, module: str, at_most: int, seed: int) -> Verdict:
+    """Try the changes of a module in a copy of the repository, and put the module back."""
+    configuration, session = folder / "cosmic-ray.toml", folder / f"{module.replace('/', '.')}.sqlite"
+    tests = f"{sys.executable} -m pytest -x -q -p no:cacheprovider {tests_of(module)}"
+    configuration.write_text(
+        CONFIGURATION.format(module=json.dumps(module), longest=LONGEST, command=json.dumps(tests)), encoding="utf-8"
     )
+    program = [sys.executable, "-m", "cosmic_ray.cli"]
+    # Without bytecode: a change made within the same second would be taken for the file as it was.
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    for command in ("init", "exec"):
+        subprocess.run([*program, command, configuration.name, session.name], cwd=folder, check=True, env=environment)
+        if command == "init":
+            choose(session, at_most, seed)
+    return read(session, module)
 
 
-def said(change: Change, verdict: Verdict) -> str:
-    """Say what survived."""
-    return f"{change.module}:{change.line}: {change.what}: {verdict.outcome.value}"
-
-
-def parser() -> argparse.ArgumentParser:
-    """Describe the command line."""
-    command = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    command.add_argument(
-        "modules", nargs="*", default=[PACKAGE], metavar="MODULE", help="file or folder (default: all)"
-    )
-    command.add_argument("--sample", type=int, metavar="N", help="only so many of the changes, drawn by the seed")
-    command.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the sample (default 0)")
-    command.add_argument(
-        "--jobs", type=int, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
-    )
-    command.add_argument("--seconds", type=float, default=60.0, metavar="S", help="of tests for a change (default 60)")
-    command.add_argument("--results", type=Path, default=ROOT / KEPT / "results.jsonl", metavar="FILE")
-    command.add_argument("--resume", action="store_true", help="leave out what was noticed before, by the results")
-    return command
-
-
-def main(arguments: Sequence[str] | None = None, root: Path = ROOT) -> int:
-    """Try the changes; print the survivors as they come, then how many there are."""
-    options = parser().parse_args(arguments)
-    try:
-        changes = all_changes(root, modules(root, options.modules))
-    except ValueError as error:
-        print(error, file=sys.stderr)
+def main(words: list[str]) -> int:
+    """Judge the modules and report; see the module's docstring."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("modules", nargs="+", metavar="MODULE", help="such as eurobot_od/sdo/wire.py")
+    parser.add_argument("--at-most", type=int, default=100, metavar="N", help="changes of a module (default: 100)")
+    parser.add_argument("--seed", type=int, default=1, help="chooses them (default: 1)")
+    given = parser.parse_args(words)
+    missing = [each for each in given.modules if not (ROOT / each).is_file()]
+    if missing:
+        print(f"no such module: {', '.join(missing)}", file=sys.stderr)
         return WRONG_USAGE
-    if options.sample is not None:
-        changes = sample(changes, options.sample, options.seed)
-    before = noticed_before(options.results) if options.resume else set()
-    tried = [each for each in changes if each.name not in before]
-    files = reach.measured(root, root / KEPT / "reach", options.jobs)
-    survived = 0
-    with options.results.open("a" if options.resume else "w", encoding="utf-8") as results:
-        for change, verdict in verdicts(root, tried, files, options.jobs, options.seconds):
-            print(row(change, verdict), file=results, flush=True)
-            if not verdict.outcome.is_noticed:
-                survived += 1
-                print(said(change, verdict), flush=True)
-    share = 1 - survived / len(changes) if changes else 1.0
-    print(f"{len(changes)} changes, {len(changes) - survived} noticed ({share:.1%}), {survived} survived")
-    return SURVIVORS if survived else ALL_NOTICED
+    verdicts = []
+    for module in given.modules:
+        with TemporaryDirectory() as scratch:
+            for name in COPIED:
+                copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
+                copy(ROOT / name, Path(scratch, name))
+            verdicts.append(judge(Path(scratch), module, given.at_most, given.seed))
+    for verdict in sorted(verdicts, key=lambda each: -each.share):
+        print("\n".join(verdict.survivors))
+        noticed = verdict.tried - len(verdict.survivors)
+        print(f"{verdict.module}: {noticed} of {verdict.tried} changes noticed ({verdict.share:.0%})")
+    return SURVIVORS if any(verdict.survivors for verdict in verdicts) else ALL_NOTICED
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(sys.argv[1:]))
