@@ -4,9 +4,9 @@ A frame is submitted, loaded when a mailbox is free, and done when the controlle
 and nothing is polled. The lowest COB-ID leaves first, equal ones in the order submitted.
 
 A frame that finds a mailbox free never expires, however late the driver takes it; only one that has to wait for a
-mailbox may be dropped, and how long it waits says its `Stay`. While the bus is away nothing is kept but what is
-LASTING: nobody wants a goto or a heartbeat of before. `load` is ordered so that an exception between two lines (Ctrl-C)
-leaves a frame in both places rather than in none: a stop is better sent twice than never.
+mailbox may be dropped, and its `Stay` says how long it waits. While the bus is away only LASTING frames are kept: an
+old goto or heartbeat is of no use to anybody. `load` is ordered so that an exception between two lines (Ctrl-C) leaves
+a frame in both places rather than in none: a stop is better sent twice than never.
 
 Not thread-safe: one owner calls it, or callers share a lock.
 """
@@ -100,6 +100,7 @@ class Mailboxes:
         """Move the most urgent frames into the free mailboxes and return them, for the controller to send."""
         loaded: list[Frame] = []
         while self._waiting and len(self._loaded) < self.count and not self._lets_go_first():
+            # A heartbeat has the highest identifier, so it waits last; it overtakes the segments of a transfer.
             place = -1 if self._waiting[0].stay is Stay.TRANSFER and self._waiting[-1].stay is Stay.PERIODIC else 0
             first = self._waiting[place]
             if first.deadline <= now:
@@ -107,7 +108,7 @@ class Mailboxes:
             else:
                 insort(self._loaded, first)
                 loaded.append(first.frame)
-            del self._waiting[place]
+            del self._waiting[place]  # only now: an exception in between leaves it in both places
         if self._waiting:
             self.expire(now)
             # Those submitted when a mailbox was free had no deadline; more urgent ones have taken their place, so that

@@ -135,7 +135,8 @@ def _meaning(layout: Layout, column: Column, number: int) -> tuple[str, str, Any
     if numbers:
         return f"r if {numbers.start} <= (r := {raw}) < {numbers.stop} else {name}(r)", name, column.read
     if layout.widths[column.field] <= TABLE_BITS:
-        raws = layout.raws[column.field]  # a table's item -1 is its last one
+        raws = layout.raws[column.field]
+        # Negative values come last, since Python's index -1 is the last item of a tuple.
         return f"{name}[{raw}]", name, tuple(map(column.read, (*range(raws.stop), *range(raws.start, 0))))
     return f"{name}({raw})", name, lru_cache(REMEMBERED)(column.read)
 
@@ -152,7 +153,7 @@ def writer(
     That is an error to be told in words, or an unknown position, which only all its fields together make. Adding `()`
     makes a plain tuple, which the interpreter takes apart in one step, where a named one goes through an iterator.
     """
-    if not columns:
+    if not columns:  # a message without data is always the same frame
         empty = Frame(cob_id, bytes(layout.length))
         return lambda _: empty
     names: dict[str, Any] = {"new": tuple.__new__, "Frame": Frame, "careful": careful, "unencodable": UNENCODABLE}

@@ -199,7 +199,7 @@ def _upload(address: Address, progress: Progress, room: Room) -> ClientSteps:
     answer = yield [wire.initiate(ClientCommand.UPLOAD << 5, address)]
     initiated = _initiated(answer, ServerCommand.UPLOAD, address)
     if initiated.command & wire.EXPEDITED:
-        return Ended(initiated.rest[: initiated.size], [])
+        return Ended(initiated.rest[: initiated.size], [])  # without a size all four bytes are the value
     content, toggle, last, count = bytearray(), 0, 0, 0
     most = room.of(answer, initiated.size)
     while not last:
@@ -237,12 +237,13 @@ def _block_upload(address: Address, segments: int, progress: Progress, room: Roo
         arrived, complete, latest = yield from _receive_block(request, content, segments)
         fruitless = 0 if arrived else fruitless + 1
         progress(len(content) if size is None else min(len(content), size), size)
-        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)
+        _check_end(latest, len(content) - wire.SEGMENT_SIZE, most)  # up to a segment of it may be filling
         if fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(latest, "of a block that begins with segment 1", AbortCode.SEQUENCE_NUMBER)
         request = wire.plain(ClientCommand.BLOCK_UPLOAD << 5 | Block.ACKNOWLEDGE, bytes([arrived, segments]))
     end = yield [request]
     _check(end, ServerCommand.BLOCK_UPLOAD, Block.END)
+    # The last segment is filled up to 7 bytes; the end says how many of them mean nothing (CiA 301, 7.2.4.3.15).
     del content[len(content) - wire.unused_in(end) :]
     _check_size(end, content, size, complete=True)
     if initiated.command & wire.BLOCK_CRC and crc_hqx(content, 0) != wire.crc_in(end):
@@ -263,7 +264,7 @@ def _receive_block(
         while not last and number < segments:
             latest = yield requests
             requests, number, last = [], latest[0] & ~wire.BLOCK_LAST, bool(latest[0] & wire.BLOCK_LAST)
-            if number == arrived + 1:
+            if number == arrived + 1:  # what follows a gap is sent again after the acknowledgement
                 content += latest[1:]
                 arrived, complete = number, last
     except Silence:
@@ -287,7 +288,7 @@ def _block_download(address: Address, content: bytes, progress: Progress) -> Cli
         fruitless = 0 if arrived else fruitless + 1
         if arrived > len(sent) or fruitless == FRUITLESS_BLOCKS:
             raise OddAnswer(answer, f"about {len(sent)} segments that were sent", AbortCode.SEQUENCE_NUMBER)
-        place += arrived * wire.SEGMENT_SIZE
+        place += arrived * wire.SEGMENT_SIZE  # the next block begins with the first segment that did not arrive
         progress(min(place, len(content)), len(content))
     answer = yield [wire.block_end(ClientCommand.BLOCK_DOWNLOAD, content, crc_hqx(content, 0))]
     _check(answer, ServerCommand.BLOCK_DOWNLOAD, Block.END)
@@ -312,7 +313,7 @@ def _check(answer: bytes, specifier: ServerCommand, sub_command: Block = Block.I
 def _initiated(answer: bytes, specifier: ServerCommand, address: Address) -> Initiate:
     _check(answer, specifier)
     initiated = Initiate.of(answer)
-    if initiated.address != address:
+    if initiated.address != address:  # a late answer to a transfer that was given up, say
         raise OddAnswer(answer, f"about {label(address)}", AbortCode.GENERAL)
     return initiated
 

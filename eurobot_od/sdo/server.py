@@ -93,7 +93,7 @@ class SdoServer:
         except Abort as abort:
             return self._aborted(abort.code)
         self.deadline = now + TIMEOUT
-        if self._takes is None:
+        if self._takes is None:  # the last answer: nothing is left to time out
             self.forget()
         return frames
 
@@ -135,6 +135,7 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
         sent = wire.block(content, place, segments)
         data = yield Answer(sent, takes)
         _check_block(data, Block.ACKNOWLEDGE)
+        # The client may change the size of the blocks with each acknowledgement; what it missed is sent again.
         arrived, segments = data[1], _checked_block_size(data[2])
         if arrived > len(sent):
             raise Abort(AbortCode.SEQUENCE_NUMBER)
@@ -184,6 +185,7 @@ class Download:
             raise Abort(AbortCode.TOO_LONG)
 
     def finish(self) -> None:
+        # The object is written only now, whole: a transfer that breaks off leaves it as it was.
         if self._size is not None and len(self.content) < self._size:
             raise Abort(AbortCode.TOO_SHORT)
         self._access.write(self._address, bytes(self.content))
@@ -219,19 +221,21 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
         # A segment has no command, only its number: until the last one has come, a frame cannot be anything else.
         data = yield Answer(answers, lambda _: True)
         number, last = data[0] & ~wire.BLOCK_LAST, bool(data[0] & wire.BLOCK_LAST)
-        if number == 0:
+        if number == 0:  # segments count from 1 (CiA 301, 7.2.4.3.9)
             raise Abort(AbortCode.SEQUENCE_NUMBER)
         if number == arrived + 1:
             arrived, complete = number, last
             download.content += data[1:]
+            # How many bytes of the last segment count is known only at the end, so it may look too long until then.
             download.check_room(surplus=wire.SEGMENT_SIZE)
-        answers = []
+        answers = []  # a block is acknowledged as a whole: its client sends on without waiting
         if last or number == wire.BLOCK_SEGMENTS:
             answers = [wire.plain(command | Block.ACKNOWLEDGE, bytes([arrived, wire.BLOCK_SEGMENTS]))]
-            arrived = 0
+            arrived = 0  # each block numbers its segments anew
     data = yield Answer(answers, lambda c: c >> 5 == ClientCommand.BLOCK_DOWNLOAD and c & 3 == Block.END)
     del download.content[len(download.content) - wire.unused_in(data) :]
     download.check_room()
+    # The CRC counts only if the client offered one; we always do (CiA 301, 7.2.4.3.8).
     if request.command & wire.BLOCK_CRC and crc_hqx(download.content, 0) != wire.crc_in(data):
         raise Abort(AbortCode.CRC)
     download.finish()
