@@ -132,7 +132,7 @@ class Dictionary:
 
     def default(self, address: Address) -> Value:
         """Return a variable's ParameterValue (DCF) or DefaultValue; None if it has neither."""
-        if address in self._present:
+        if address in self._present:  # what a live device has counts more than its file
             return self._present[address]
         variable = self.variable(address)
         return None if variable is None else od.default_of(variable)

@@ -377,6 +377,7 @@ class _Writer:
             said = int(entry is not None and parse_number(entry.value) == Number(1))
             if section and entry is None:
                 self._changes.append(Change(section.line, f"{key}=0 added"))
+            # canopen leaves out a mapped dummy that is not enabled, and reads all fields after it at wrong bits.
             if code in mapped and not said:
                 line = section.line if section else 1
                 self._changes.append(Change(line, f"{key} set to 1: a PDO maps it", standard=section is None))
@@ -470,6 +471,7 @@ class _Writer:
         if "parametername" not in entries:
             self._out.append("ParameterName=")
         if each.code is not code and each.code is ObjectCode.DEFSTRUCT:
+            # canopen knows no DEFSTRUCT; it is a record to whoever reads and writes its members.
             self._dropped.append(Dropped(each.index, None, "object_code", ObjectCode.DEFSTRUCT))
         type_text = f"ObjectType=0x{code.value:X}"
         if parse_number(section.text("objecttype")) != Number(code.value):
@@ -500,7 +502,7 @@ class _Writer:
         section, type_ = each.section, self._type(each, whole)
         sub = each.sub if name[4:] else None
         self._head(name, section)
-        if "parametername" not in section.entries:
+        if "parametername" not in section.entries:  # canopen raises KeyError without one
             self._out.append("ParameterName=")
         if not section.text("datatype"):
             self._changes.append(

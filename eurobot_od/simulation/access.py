@@ -159,14 +159,16 @@ class Access:
             seen = yield bit
             if seen == bit:
                 continue
+            # Nobody can make a dominant bit recessive, and after the arbitration nobody else sends.
             if seen == RECESSIVE or place >= wire.arbitration:
                 return Fault.ERROR
-            if place in wire.stuffed:
+            if place in wire.stuffed:  # an error that a transmitter does not count (rule c, exception 2)
                 return Fault.ARBITRATION_STUFFING
+            # The arbitration is lost: it goes on as a receiver of what it has sent so far, and of this bit.
             return (yield from self._receive((*wire.bits[:place], seen)))
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
             return Fault.ERROR
-        if (yield RECESSIVE) == RECESSIVE:
+        if (yield RECESSIVE) == RECESSIVE:  # the acknowledge slot: every receiver overwrites it
             return Fault.NOT_ACKNOWLEDGED
         for _ in range(1 + END_OF_FRAME):  # after the acknowledge delimiter
             if (yield RECESSIVE) == DOMINANT:
@@ -190,10 +192,11 @@ class Access:
             return Fault.ERROR
         if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; then a wrong CRC is told
             return Fault.ERROR
-        self._note(Rule.RECEIVED)
+        self._note(Rule.RECEIVED)  # counted with the acknowledgement, before the end of frame can still go wrong
         for _ in range(END_OF_FRAME - 1):
             if (yield RECESSIVE) == DOMINANT:
                 return Fault.ERROR
+        # The frame is valid for receivers before its last bit: a dominant one there is an overload, not an error.
         last = yield RECESSIVE
         if reading.frame is not None:
             self._note(Through(reading.frame, sent=False))
@@ -231,9 +234,10 @@ class Access:
         dominant = 0
         while (yield RECESSIVE) == DOMINANT:
             dominant += 1
+            # Who saw the error first finds the flags of the others behind its own: it is the likely culprit (rule b).
             if dominant == 1 and not self.transmitting and fault is not Fault.OVERLOAD:
                 self._note(Rule.RECEIVER_DOMINANT_AFTER_FLAG)
-            if dominant % STUCK == 0:
+            if dominant % STUCK == 0:  # rule f: after each further eight dominant bits
                 self._note(Rule.TRANSMITTER_STUCK if self.transmitting else Rule.RECEIVER_STUCK)
         for place in reversed(range(DELIMITER - 1)):
             if (yield RECESSIVE) == DOMINANT:

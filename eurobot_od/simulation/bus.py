@@ -207,6 +207,7 @@ class Bus:
 
     def _finish(self, course: Course, now: float) -> None:
         self._under_way, self._idle_since = None, now
+        # Suspended: an error passive sender lets the others begin first (ISO 11898-1, suspend transmission).
         for controller in course.suspended:
             controller.suspended_until = now + SUSPENDED / self.bitrate
         for controller, sequences in course.sequences:
@@ -268,7 +269,8 @@ class Bus:
         sources = [iter(errors(attempt)) for errors in self._bit_errors]
         firsts = [next(source, NEVER) for source in sources]
         if min(first.bit for first in firsts) >= attempt.bits + INTERMISSION:
-            return NO_FLIPS
+            return NO_FLIPS  # most attempts, even on a bad bus: `_begin` need not play them
+        # An iterator of tee's can be copied, so `leave` can play an attempt again up to some bit.
         return tee(merge(*map(chain, zip(firsts), sources), key=lambda flip: flip.bit))[0]
 
     def _go(self, attempt: UnderWay) -> None:

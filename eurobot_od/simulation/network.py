@@ -256,6 +256,7 @@ class Network:
         for observer in self.observers:
             observer(self.now, frame)
         stations = [self._stations[each] for each in receivers if each in self._stations]
+        # The frame is through for its senders, whatever the receivers then make of it: a program may be slow or frozen.
         for delay in self.disturb(self.now, frame):
             for station in filter(self._is_awake, stations):
                 look = self.now + delay + self._places[station].processing
