@@ -1,4 +1,4 @@
-"""The bench in its short form: every row gives its figures, the table and the JSON show them. No time is judged."""
+"""The bench in its short form: the rows of a group give their figures, the table and the JSON show them."""
 
 from __future__ import annotations
 
@@ -32,10 +32,8 @@ def short(*words: str) -> list[str]:
     return [*words, "--short", "--rounds", str(ROUNDS)]
 
 
-@pytest.mark.parametrize("group", dict.fromkeys(series.group for series in EVERYTHING))
-def test_every_row_gives_figures_or_says_why_not(
-    group: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_row_of_a_group_gives_figures_or_says_why_not(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    group = "codec"  # .ci/run goes through all of them
     file = tmp_path / "bench.json"
     assert command.main(short(group, "--json", str(file))) == 0
     written = json.loads(file.read_text())

@@ -42,7 +42,7 @@ WORKS = [
     (["decode", "a.log"], "height=170 mm, speed=100 %"),
     (["field", "a.log", "-o", "b.svg"], ""),
     (["check", "--simulate"], "1 suite: 20 ok"),
-    (["check", "--conformance", "--simulate"], "24 suites"),
+    (["check", "--conformance", "--simulate", "--tag", "emcy"], "4 suites"),
     (["show", "Lift State Response"], "motion"),
     (["faults", "lift"], "lift:\n  lift-stop-not-heard "),
     (["faults", "core"], "lift-set-not-sent"),
