@@ -248,6 +248,12 @@ def test_a_process_that_fails_is_wrong() -> None:
         run_process([PYTHON, "-c", "import sys; print('no bus', file=sys.stderr); sys.exit(3)"])
 
 
+def test_a_program_that_does_not_end_is_killed_with_what_it_has_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.process.LONGEST", 0.5)
+    with pytest.raises(Wrong, match="not ended within"):
+        run_process([PYTHON, "-c", "import time; time.sleep(1000)"])
+
+
 LINES: list[tuple[str, str, bool]] = [
     ("1.0  can0  Goto XY  x=6 mm, speed=23 %", "(1.0) can0 008#06 :: Goto_XY(x: 6 mm, speed: 23 %)", True),
     ("1.0  can0  Goto XY  x=7 mm, speed=23 %", "(1.0) can0 008#06 :: Goto_XY(x: 6 mm, speed: 23 %)", False),

@@ -1,6 +1,6 @@
 """Whole processes as contenders: wall time, CPU time and memory, from the start of the program to its end.
 
-Rule of this file: a process that fails is Wrong, with the last line it had to say.
+Rule of this file: a process that fails, or does not end in its time, is Wrong, with the last line it had to say.
 """
 
 from __future__ import annotations
@@ -10,10 +10,13 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from bench.measure import Figures, Quantity, Wrong
 
@@ -23,6 +26,9 @@ UNWANTED = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED", "EUROBOT_OD_DIALECT",
 """Variables that would change what is measured: installed programs have their bytecode beside them."""
 
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name not in UNWANTED}
+LONGEST = 300.0
+"""Seconds after which a program is killed with all that it has started: the slowest row takes a tenth of that."""
+
 Words = Sequence[str | Path]
 NO_VARIABLES: Mapping[str, str] = MappingProxyType({})
 
@@ -46,22 +52,42 @@ def run(
 ) -> Figures:
     """Run a command with its input, output and further variables; raises Wrong if it fails."""
     launcher = [PYTHON, "-I", "-S", str(PROGRAMS / "launch.py"), str(source), str(target)]
-    done = subprocess.run(
-        [*launcher, *map(str, command)], capture_output=True, text=True, check=False, env={**ENVIRONMENT, **variables}
-    )
-    told = json.loads(done.stdout) if done.returncode == 0 else {"status": done.returncode}
+    with started([*launcher, *map(str, command)], {**ENVIRONMENT, **variables}) as process:
+        out, said = process.communicate()
+    told = json.loads(out) if process.returncode == 0 else {"status": process.returncode}
     if told["status"]:
-        raise Wrong(_failure(command, told["status"], done.stderr))
+        raise Wrong(_failure(command, told["status"], said))
     return {Quantity.TIME: told["seconds"], Quantity.CPU_TIME: told["cpu"], Quantity.MEMORY: told["memory"]}
+
+
+@contextmanager
+def started(command: Sequence[str], variables: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
+    """Start a command with pipes for what it says; it is killed after LONGEST seconds."""
+    with (
+        subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=variables, start_new_session=True
+        ) as process,
+        limited(process),
+    ):
+        yield process
+
+
+@contextmanager
+def limited(process: subprocess.Popen[Any]) -> Iterator[None]:
+    """Kill a process that leads a session, and all that it has started, after LONGEST seconds."""
+    timer = threading.Timer(LONGEST, os.killpg, (process.pid, signal.SIGKILL))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def until_first_line(command: Words) -> Figures:
     """Run a command until it has written its first line, then end it; raises Wrong if it writes none."""
     variables = ENVIRONMENT | {"PYTHONUNBUFFERED": "1"}  # into a pipe the first line would come with the last one
     begin = time.perf_counter()
-    with subprocess.Popen(
-        [str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=variables
-    ) as process:
+    with started([str(word) for word in command], variables) as process:
         assert process.stdout is not None  # both are pipes
         assert process.stderr is not None
         line = process.stdout.readline()
@@ -74,5 +100,7 @@ def until_first_line(command: Words) -> Figures:
 
 
 def _failure(command: Words, status: int, said: str) -> str:
+    if status == -signal.SIGKILL:
+        return f"{Path(command[0]).name} {' '.join(map(str, command[1:]))}: not ended within {LONGEST:.0f} s"
     last = said.strip().rpartition("\n")[2]
     return f"{Path(command[0]).name} {' '.join(map(str, command[1:]))}: exit status {status}: {last}"

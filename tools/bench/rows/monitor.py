@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from functools import partial
 
 from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
-from bench.process import ENVIRONMENT, PROGRAMS, PYTHON
+from bench.process import ENVIRONMENT, PROGRAMS, PYTHON, limited
 
 READERS = ("monitor", "viewer", "notifier")
 TERMINAL = {"TERM": "xterm-256color", "LINES": "50", "COLUMNS": "160"}
@@ -27,8 +27,17 @@ def on_terminal(reader: str, seconds: float) -> Figures:
     control, terminal = pty.openpty()
     result, report = os.pipe()
     command = [PYTHON, str(PROGRAMS / "watch.py"), reader, str(seconds), str(report)]
-    with subprocess.Popen(
-        command, stdin=terminal, stdout=terminal, stderr=terminal, pass_fds=[report], env=ENVIRONMENT | TERMINAL
+    with (
+        subprocess.Popen(
+            command,
+            stdin=terminal,
+            stdout=terminal,
+            stderr=terminal,
+            pass_fds=[report],
+            env=ENVIRONMENT | TERMINAL,
+            start_new_session=True,
+        ) as process,
+        limited(process),
     ):
         os.close(terminal)
         os.close(report)

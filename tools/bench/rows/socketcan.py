@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import socket
-import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
@@ -19,7 +18,7 @@ from typing import Any
 import can
 
 from bench.measure import Claim, Contender, Figures, NotHere, Quantity, Scale, Series, Way, Wrong
-from bench.process import ENVIRONMENT, PROGRAMS, PYTHON
+from bench.process import ENVIRONMENT, PROGRAMS, PYTHON, started
 from bench.shared import protocol
 from eurobot_od.gatekeeper import Gatekeeper, MessageQueue
 from eurobot_od.live import Live
@@ -76,12 +75,13 @@ def listened(reader: Callable[[], AbstractContextManager[Count]], shortest: int,
     command = [PYTHON, str(PROGRAMS / "send_paced.py"), CHANNEL, str(BITRATE), str(seconds), str(shortest)]
     with reader() as count:
         begin = time.process_time()
-        done = subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
+        with started(command, ENVIRONMENT) as process:
+            out, said = process.communicate()
         _wait_until_quiet(count)
         cpu, came = time.process_time() - begin, count()
-    if done.returncode:
-        raise Wrong(f"the sender failed: {done.stderr.strip().rpartition(chr(10))[2]}")
-    sent = json.loads(done.stdout)
+    if process.returncode:
+        raise Wrong(f"the sender failed: {said.strip().rpartition(chr(10))[2]}")
+    sent = json.loads(out)
     load = sent["bits"] / seconds / BITRATE
     return {Quantity.CPU: cpu / seconds, Quantity.COUNT: sent["frames"] - came, Quantity.LOAD: load}
 
