@@ -27,8 +27,8 @@ PAGE = ROOT / "docs" / "interop.md"
 OPENING = """\
 # Interop: what other people's programs say
 
-Made by `python3 tools/interop.py --write`; `tests/interop` asks the same questions.
-The six EDS files go to every program as they are, but where a row says otherwise.
+Made by `python3 tools/interop.py --write`; `.ci/run` asks the same questions each time.
+Every program gets the six EDS files as they are, unless a row says otherwise.
 """
 BY_HAND = "\n## "
 """Where the part of the page begins that people have written: it stays."""

@@ -410,7 +410,7 @@ def test_json_of_many_seeds_is_an_object_a_line_the_same_on_any_number_of_proces
     here = run(capsys, *words, "1")
     there = subprocess.run([*SCRIPT, *words, "3"], capture_output=True, text=True, check=False)
     assert [json.loads(line)["seed"] for line in here.out.splitlines()] == [1, 2, 3, 4, 5]
-    assert (there.stdout, there.stderr, there.returncode) == (here.out, here.err, here.status)
+    assert (there.stdout, there.returncode) == (here.out, here.status)  # stderr says how far it is, if it is slow
 
 
 def test_a_seed_that_went_wrong_is_listed(capsys: pytest.CaptureFixture[str], spoil_eds: Callable[..., Path]) -> None:

@@ -130,8 +130,7 @@ def damaged(file: Path, how: str) -> None:
     file.write_bytes({"cut off": content[: len(content) // 2], "empty": b"", "other": b"x" * len(content)}[how])
 
 
-@pytest.mark.parametrize("how", ["cut off", "empty", "other"])
-@pytest.mark.parametrize("table", ["frames", "goto_xy", "runs"])
+@pytest.mark.parametrize(("table", "how"), [("frames", "cut off"), ("goto_xy", "empty"), ("runs", "other")])
 def test_a_damaged_file_is_named_and_left_out_and_mended_by_the_next_archive(
     season: str, tmp_path: Path, table: str, how: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -8,14 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from eurobot_od.campaign.executors import HERE, dask
+from eurobot_od.campaign.executors import HERE
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.robot.match import MatchOptions
-from eurobot_od.robot.match.played import PlayedMatch, play
+from eurobot_od.robot.match.played import play
 from eurobot_od.robot.match.seeds import play_many
 from eurobot_od.robot.match.stage import EdsFiles
 from eurobot_od.robot.match.strategies import StrategyFiles
-from tests.campaign.clusters import two_workers
 
 SHORT = MatchOptions(duration=3.0)
 
@@ -63,21 +62,6 @@ except ChildProcessError as error:
     print(error, len(active_children()))
 """
     assert run(program, 1000) == ["a process that did a part of the work has died 0"]
-
-
-@pytest.mark.filterwarnings("ignore")  # dask's own, when a worker is lost
-def test_a_dask_worker_that_is_killed_changes_nothing(tmp_path: Path) -> None:
-    pytest.importorskip("pyarrow", reason="the extra `cluster` is not installed")
-    from eurobot_od.campaign.results import Results
-
-    seeds, folder = range(1, 33), tmp_path / "results"
-    with two_workers(tmp_path) as cluster, dask(cluster.address) as workers:
-        matches = play_many(SHORT, seeds, workers, results=Results(folder, PlayedMatch, {}, resume=False))
-        found = [next(matches)]
-        cluster.started[1].kill()
-        found += matches
-    assert found == list(play_many(SHORT, seeds))
-    assert Results(folder, PlayedMatch, {}, resume=True).known(seeds) == dict(zip(map(str, seeds), found))
 
 
 def test_processes_end_when_their_parent_is_killed() -> None:
