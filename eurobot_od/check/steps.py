@@ -25,8 +25,8 @@ from eurobot_od.logs.meaning import Decoder
 from eurobot_od.od import objects
 from eurobot_od.od.values import NMT_COB_ID, Value
 from eurobot_od.sdo.client import (
+    Aborted,
     OddAnswer,
-    Refused,
     Silence,
     Transfer,
     block_download,
@@ -280,7 +280,7 @@ class Doer:
             data = transfer.result()
         except Silence:
             raise NoAnswer("SDO request", f"answer from {action.node.name}", 1, transfer.wait) from None
-        except Refused as error:
+        except Aborted as error:
             if action.abort is not None and action.abort.fits(error.code):
                 return None
             came = f"abort {code_and_reason(error.code)}"

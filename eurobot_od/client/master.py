@@ -24,9 +24,9 @@ from eurobot_od.od.values import (
 )
 from eurobot_od.sdo.client import (
     UNANNOUNCED,
+    Aborted,
     OddAnswer,
     Progress,
-    Refused,
     Room,
     Silence,
     Transfer,
@@ -222,7 +222,7 @@ class RemoteNode:
         request = f"{verb} {label(address, name)}"
         try:
             return transfer.result()
-        except Refused as error:
+        except Aborted as error:
             raise NodeRefused(self.node_id, request, error.code, reason(error.code)) from error
         except Silence as error:
             raise NoAnswer(request, f"answer from node {self.node_id}", 1, transfer.wait) from error

@@ -51,7 +51,7 @@ class TransferError(RemoteError):
     code: int
 
 
-class Refused(TransferError):
+class Aborted(TransferError):
     """The server aborted."""
 
     def __init__(self, code: int) -> None:
@@ -120,7 +120,7 @@ class Transfer:
             abort = Initiate.of(data)
             if abort.address not in (self._address, NO_OBJECT):
                 return []
-            return self._step(lambda: self._steps.throw(Refused(abort.number)), now)
+            return self._step(lambda: self._steps.throw(Aborted(abort.number)), now)
         return self._step(lambda: self._steps.send(data), now)
 
     def tick(self, now: float) -> list[bytes]:
@@ -128,7 +128,7 @@ class Transfer:
         return self._step(lambda: self._steps.throw(Silence()), now) if now >= self.deadline else []
 
     def result(self) -> bytes:
-        """Return the object's content, empty after a download; raises Refused, OddAnswer, Silence."""
+        """Return the object's content, empty after a download; raises Aborted, OddAnswer, Silence."""
         assert self._outcome is not None, "the transfer is under way"
         if isinstance(self._outcome, TransferError):
             raise self._outcome
@@ -142,7 +142,7 @@ class Transfer:
         except TransferError as error:
             self._outcome = error
             # An abort is not answered, neither by a server nor by us.
-            requests = [] if isinstance(error, Refused) else [wire.aborted(self._address, AbortCode(error.code))]
+            requests = [] if isinstance(error, Aborted) else [wire.aborted(self._address, AbortCode(error.code))]
         self.deadline = inf if self.done else now + self.wait
         return requests
 

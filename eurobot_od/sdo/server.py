@@ -38,14 +38,14 @@ class ObjectAccess(Protocol):
         """Give an object its value."""
 
 
-class Answer(NamedTuple):
+class Reply(NamedTuple):
     """The `frames` that answer a request, and which command bytes then go on with the transfer; None at its end."""
 
     frames: list[bytes]
     takes: Callable[[int], bool] | None = None
 
 
-ServerSteps: TypeAlias = Generator[Answer, bytes, None]
+ServerSteps: TypeAlias = Generator[Reply, bytes, None]
 """A transfer step by step; a step may raise Abort."""
 
 
@@ -111,10 +111,10 @@ def _upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
     content = access.read(request.address)
     answer = wire.carrying(ServerCommand.UPLOAD, request.address, content)
     for place in () if answer[0] & wire.EXPEDITED else wire.segments_of(content):
-        data = yield Answer([answer], _is_upload_segment)
+        data = yield Reply([answer], _is_upload_segment)
         answer = wire.next_segment(ServerCommand.UPLOAD_SEGMENT, content, place)
         _check_toggle(data, answer[0] & wire.TOGGLE)
-    yield Answer([answer])
+    yield Reply([answer])
 
 
 def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
@@ -130,18 +130,18 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
         ServerCommand.BLOCK_UPLOAD, content, crc_hqx(content, 0) if request.command & wire.BLOCK_CRC else 0
     )
     first = wire.initiate(command, request.address, len(content).to_bytes(4, "little"))
-    _check_block((yield Answer([first], takes)), Block.START)
+    _check_block((yield Reply([first], takes)), Block.START)
     while place in wire.segments_of(content):
         sent = wire.block(content, place, segments)
-        data = yield Answer(sent, takes)
+        data = yield Reply(sent, takes)
         _check_block(data, Block.ACKNOWLEDGE)
         # The client may change the size of the blocks with each acknowledgement; what it missed is sent again.
         arrived, segments = data[1], _checked_block_size(data[2])
         if arrived > len(sent):
             raise Abort(AbortCode.SEQUENCE_NUMBER)
         place += arrived * wire.SEGMENT_SIZE
-    _check_block((yield Answer([end], takes)), Block.END)
-    yield Answer([])
+    _check_block((yield Reply([end], takes)), Block.END)
+    yield Reply([])
 
 
 def _is_upload_segment(command: int) -> bool:
@@ -201,14 +201,14 @@ def _download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     else:
         download, toggle, last = Download(access, request.address, request.size), 0, 0
         while not last:
-            data = yield Answer([answer], _is_download_segment)
+            data = yield Reply([answer], _is_download_segment)
             _check_toggle(data, toggle)
             download.content += wire.part_in(data)
             download.check_room()
             answer, last = wire.plain(ServerCommand.DOWNLOAD_SEGMENT << 5 | toggle), data[0] & wire.LAST
             toggle ^= wire.TOGGLE
         download.finish()
-    yield Answer([answer])
+    yield Reply([answer])
 
 
 def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
@@ -219,7 +219,7 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     answers = [wire.initiate(command | wire.BLOCK_CRC, request.address, bytes([wire.BLOCK_SEGMENTS]))]
     while not complete:
         # A segment has no command, only its number: until the last one has come, a frame cannot be anything else.
-        data = yield Answer(answers, lambda _: True)
+        data = yield Reply(answers, lambda _: True)
         number, last = data[0] & ~wire.BLOCK_LAST, bool(data[0] & wire.BLOCK_LAST)
         if number == 0:  # segments count from 1 (CiA 301, 7.2.4.3.9)
             raise Abort(AbortCode.SEQUENCE_NUMBER)
@@ -232,14 +232,14 @@ def _block_download(access: ObjectAccess, request: Initiate) -> ServerSteps:
         if last or number == wire.BLOCK_SEGMENTS:
             answers = [wire.plain(command | Block.ACKNOWLEDGE, bytes([arrived, wire.BLOCK_SEGMENTS]))]
             arrived = 0  # each block numbers its segments anew
-    data = yield Answer(answers, lambda c: c >> 5 == ClientCommand.BLOCK_DOWNLOAD and c & 3 == Block.END)
+    data = yield Reply(answers, lambda c: c >> 5 == ClientCommand.BLOCK_DOWNLOAD and c & 3 == Block.END)
     del download.content[len(download.content) - wire.unused_in(data) :]
     download.check_room()
     # The CRC counts only if the client offered one; we always do (CiA 301, 7.2.4.3.8).
     if request.command & wire.BLOCK_CRC and crc_hqx(download.content, 0) != wire.crc_in(data):
         raise Abort(AbortCode.CRC)
     download.finish()
-    yield Answer([wire.plain(command | Block.END)])
+    yield Reply([wire.plain(command | Block.END)])
 
 
 INITIATE: Mapping[int, Callable[[ObjectAccess, Initiate], ServerSteps]] = {

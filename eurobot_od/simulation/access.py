@@ -14,8 +14,8 @@ from enum import Enum, auto
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.bits import DOMINANT, END_OF_FRAME, INTERMISSION, RECESSIVE, Reading, on_wire
-from eurobot_od.simulation.confinement import RECOVERY_BITS, Counters, ErrorState, Rule
+from eurobot_od.simulation.bits import DOMINANT, END_OF_FRAME, INTERMISSION, RECESSIVE, BitReading, on_wire
+from eurobot_od.simulation.confinement import RECOVERY_BITS, Counters, CountingRule, ErrorState
 from eurobot_od.simulation.controller import Controller
 
 FLAG = 6
@@ -28,7 +28,7 @@ STUCK = 8
 """So many dominant bits behind a flag are counted; up to seven are the flags of others."""
 
 
-class Fault(Enum):
+class Condition(Enum):
     """Why a controller sends a flag."""
 
     ERROR = auto()
@@ -38,23 +38,23 @@ class Fault(Enum):
     OVERLOAD = auto()
 
 
-TRANSMITTER_COUNTS: dict[Fault, Rule | None] = {
-    Fault.ERROR: Rule.TRANSMITTER_ERROR,
-    Fault.ARBITRATION_STUFFING: None,  # rule c, exception 2: it may well be the other one who is wrong
-    Fault.NOT_ACKNOWLEDGED: Rule.TRANSMITTER_ERROR,
-    Fault.FLAG_ERROR: Rule.TRANSMITTER_FLAG_ERROR,
-    Fault.OVERLOAD: None,
+TRANSMITTER_COUNTS: dict[Condition, CountingRule | None] = {
+    Condition.ERROR: CountingRule.TRANSMITTER_ERROR,
+    Condition.ARBITRATION_STUFFING: None,  # rule c, exception 2: it may well be the other one who is wrong
+    Condition.NOT_ACKNOWLEDGED: CountingRule.TRANSMITTER_ERROR,
+    Condition.FLAG_ERROR: CountingRule.TRANSMITTER_FLAG_ERROR,
+    Condition.OVERLOAD: None,
 }
-RECEIVER_COUNTS: dict[Fault, Rule | None] = {
-    Fault.ERROR: Rule.RECEIVER_ERROR,
-    Fault.FLAG_ERROR: Rule.RECEIVER_FLAG_ERROR,
-    Fault.OVERLOAD: None,
+RECEIVER_COUNTS: dict[Condition, CountingRule | None] = {
+    Condition.ERROR: CountingRule.RECEIVER_ERROR,
+    Condition.FLAG_ERROR: CountingRule.RECEIVER_FLAG_ERROR,
+    Condition.OVERLOAD: None,
 }
 
 Levels: TypeAlias = Generator[int, int, None]
 """Gives the level of each bit that is sent, gets the level that is seen."""
 
-Field: TypeAlias = Generator[int, int, "Fault | None"]
+Field: TypeAlias = Generator[int, int, "Condition | None"]
 """The same for a part of a frame; returns what went wrong in it."""
 
 
@@ -65,11 +65,11 @@ class Through(NamedTuple):
     sent: bool
 
 
-Note: TypeAlias = "Through | Rule"
+Note: TypeAlias = "Through | CountingRule"
 """What a controller notes."""
 
 
-class Access:
+class MediumAccess:
     """A controller during one attempt: `level` is what it sends now, `idle` tells whether it waits for a frame.
 
     `sequences` counts what it has to see to come back when it is bus-off.
@@ -118,7 +118,7 @@ class Access:
         self.level = next(self._levels)
 
     def _note(self, note: Note | None) -> None:
-        if isinstance(note, Rule):
+        if isinstance(note, CountingRule):
             self.counters = self.counters.after(note)
         if note is not None:
             self.noted.append(note)
@@ -142,7 +142,7 @@ class Access:
         """Wait until the bus is free; a dominant third bit is a start of frame."""
         for _ in range(INTERMISSION - 1):
             if (yield RECESSIVE) == DOMINANT:
-                return Fault.OVERLOAD
+                return Condition.OVERLOAD
         if (yield RECESSIVE) == DOMINANT:
             return (yield from self._received_at_once())
         return None
@@ -161,54 +161,55 @@ class Access:
                 continue
             # Nobody can make a dominant bit recessive, and after the arbitration nobody else sends.
             if seen == RECESSIVE or place >= wire.arbitration:
-                return Fault.ERROR
+                return Condition.ERROR
             if place in wire.stuffed:  # an error that a transmitter does not count (rule c, exception 2)
-                return Fault.ARBITRATION_STUFFING
+                return Condition.ARBITRATION_STUFFING
             # The arbitration is lost: it goes on as a receiver of what it has sent so far, and of this bit.
             return (yield from self._receive((*wire.bits[:place], seen)))
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
-            return Fault.ERROR
+            return Condition.ERROR
         if (yield RECESSIVE) == RECESSIVE:  # the acknowledge slot: every receiver overwrites it
-            return Fault.NOT_ACKNOWLEDGED
+            return Condition.NOT_ACKNOWLEDGED
         for _ in range(1 + END_OF_FRAME):  # after the acknowledge delimiter
             if (yield RECESSIVE) == DOMINANT:
-                return Fault.ERROR
-        self._note(Rule.TRANSMITTED)
+                return Condition.ERROR
+        self._note(CountingRule.TRANSMITTED)
         self._note(Through(frame, sent=True))
         return None
 
     def _receive(self, seen: tuple[int, ...]) -> Field:
         """Receive a frame from the bits on that were `seen`; it is valid before the last bit of its end."""
-        self.transmitting, reading = False, Reading()
+        self.transmitting, reading = False, BitReading()
         for bit in seen:  # a start of frame, or what was sent until the arbitration was lost: stuffed as it should be
             reading.take(bit)
         while not reading.complete:
             if not reading.take((yield RECESSIVE)):
-                return Fault.ERROR
+                return Condition.ERROR
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
-            return Fault.ERROR
+            return Condition.ERROR
         if (yield DOMINANT if intact else RECESSIVE) == RECESSIVE and intact:
-            return Fault.ERROR
+            return Condition.ERROR
         if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; then a wrong CRC is told
-            return Fault.ERROR
-        self._note(Rule.RECEIVED)  # counted with the acknowledgement, before the end of frame can still go wrong
+            return Condition.ERROR
+        # Counted with the acknowledgement; the end of frame can still go wrong.
+        self._note(CountingRule.RECEIVED)
         for _ in range(END_OF_FRAME - 1):
             if (yield RECESSIVE) == DOMINANT:
-                return Fault.ERROR
+                return Condition.ERROR
         # The frame is valid for receivers before its last bit: a dominant one there is an overload, not an error.
         last = yield RECESSIVE
         if reading.frame is not None:
             self._note(Through(reading.frame, sent=False))
-        return Fault.OVERLOAD if last == DOMINANT else None
+        return Condition.OVERLOAD if last == DOMINANT else None
 
     # What is sent when something is wrong
 
-    def _signal(self, fault: Fault) -> Field:
+    def _signal(self, fault: Condition) -> Field:
         """Send a flag and its delimiter, and count why. What makes it error passive is told by an active flag yet."""
-        passive = fault is not Fault.OVERLOAD and self.counters.state is ErrorState.PASSIVE
+        passive = fault is not Condition.OVERLOAD and self.counters.state is ErrorState.PASSIVE
         # Rule c, exception 1: a passive transmitter that is alone does not count on.
-        if not (passive and fault is Fault.NOT_ACKNOWLEDGED):
+        if not (passive and fault is Condition.NOT_ACKNOWLEDGED):
             self._note((TRANSMITTER_COUNTS if self.transmitting else RECEIVER_COUNTS)[fault])
         flag = self._passive_flag(fault) if passive else self._dominant_flag()
         failure = yield from flag
@@ -217,29 +218,29 @@ class Access:
     def _dominant_flag(self) -> Field:
         for _ in range(FLAG):
             if (yield DOMINANT) == RECESSIVE:
-                return Fault.FLAG_ERROR
+                return Condition.FLAG_ERROR
         return None
 
-    def _passive_flag(self, fault: Fault) -> Field:
+    def _passive_flag(self, fault: Condition) -> Field:
         """Wait for six equal bits. A lone node sees no dominant one: nobody is there, and it counts no further."""
         seen: list[int] = []
         while len(seen) < FLAG or len(set(seen[-FLAG:])) > 1:
             seen.append((yield RECESSIVE))
-        if fault is Fault.NOT_ACKNOWLEDGED and DOMINANT in seen:
-            self._note(Rule.TRANSMITTER_ERROR)
+        if fault is Condition.NOT_ACKNOWLEDGED and DOMINANT in seen:
+            self._note(CountingRule.TRANSMITTER_ERROR)
         return None
 
-    def _delimiter(self, fault: Fault) -> Field:
+    def _delimiter(self, fault: Condition) -> Field:
         """Wait until the flags of all others are over, then for the rest of the delimiter."""
         dominant = 0
         while (yield RECESSIVE) == DOMINANT:
             dominant += 1
             # Who saw the error first finds the flags of the others behind its own: it is the likely culprit (rule b).
-            if dominant == 1 and not self.transmitting and fault is not Fault.OVERLOAD:
-                self._note(Rule.RECEIVER_DOMINANT_AFTER_FLAG)
+            if dominant == 1 and not self.transmitting and fault is not Condition.OVERLOAD:
+                self._note(CountingRule.RECEIVER_DOMINANT_AFTER_FLAG)
             if dominant % STUCK == 0:  # rule f: after each further eight dominant bits
-                self._note(Rule.TRANSMITTER_STUCK if self.transmitting else Rule.RECEIVER_STUCK)
+                self._note(CountingRule.TRANSMITTER_STUCK if self.transmitting else CountingRule.RECEIVER_STUCK)
         for place in reversed(range(DELIMITER - 1)):
             if (yield RECESSIVE) == DOMINANT:
-                return Fault.ERROR if place else Fault.OVERLOAD
+                return Condition.ERROR if place else Condition.OVERLOAD
         return None

@@ -87,7 +87,7 @@ def _crc_of_byte(byte: int) -> int:
 CRC_OF_BYTE = [_crc_of_byte(byte) for byte in range(256)]
 
 
-class Reading:
+class BitReading:
     """What a receiver makes of the bits it sees, from the start of frame to the end of the CRC.
 
     A bit error may have made it a remote frame, or one with 29 bits: such a frame is read to its end, too.

@@ -20,10 +20,10 @@ from math import inf
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.access import Access
+from eurobot_od.simulation.access import MediumAccess
 from eurobot_od.simulation.bit_errors import Attempt, BitErrors, Flip
 from eurobot_od.simulation.bits import INTERMISSION, on_wire
-from eurobot_od.simulation.confinement import FRESH, RECOVERY_BITS, Counters, ErrorState, Rule
+from eurobot_od.simulation.confinement import FRESH, RECOVERY_BITS, Counters, CountingRule, ErrorState
 from eurobot_od.simulation.controller import Controller
 
 SUSPENDED = 8
@@ -49,7 +49,7 @@ class Moment(NamedTuple):
     """What happens so many bits after the start of frame: what is counted, and a frame that ends."""
 
     bit: int
-    counts: Sequence[tuple[Controller, Rule]]
+    counts: Sequence[tuple[Controller, CountingRule]]
     frame: Frame | None = None
     senders: Sequence[Controller] = ()
     receivers: Sequence[Controller] = ()
@@ -70,7 +70,7 @@ class Course(NamedTuple):
 class Play:
     """Plays an attempt bit by bit, from its start of frame until all controllers are idle."""
 
-    def __init__(self, parts: Sequence[Access], flips: Iterable[Flip] = ()) -> None:
+    def __init__(self, parts: Sequence[MediumAccess], flips: Iterable[Flip] = ()) -> None:
         self.parts, self.bit = parts, 0
         self.moments: list[Moment] = []
         self._flips = iter(flips)
@@ -111,8 +111,8 @@ class Play:
         notes = [(part.controller, note) for part in self.parts for note in part.noted]
         for part in self.parts:
             part.noted.clear()
-        yield Moment(self.bit, [(each, note) for each, note in notes if isinstance(note, Rule)])
-        through = [(each, note) for each, note in notes if not isinstance(note, Rule)]
+        yield Moment(self.bit, [(each, note) for each, note in notes if isinstance(note, CountingRule)])
+        through = [(each, note) for each, note in notes if not isinstance(note, CountingRule)]
         for frame in dict.fromkeys(note.frame for _, note in through):
             senders, receivers = ([each for each, note in through if note == (frame, sent)] for sent in (True, False))
             yield Moment(self.bit, (), frame, senders, receivers)
@@ -123,20 +123,20 @@ def _is_flipped(flips: Iterable[Flip], controller: Controller) -> bool:
     return sum(flip.at in (None, controller) for flip in flips) % 2 == 1
 
 
-Parts: TypeAlias = Callable[[], list[Access]]
+Parts: TypeAlias = Callable[[], list[MediumAccess]]
 """Makes the controllers as they were at some time, as often as it is called."""
 
 
-class Start(NamedTuple):
+class Beginning(NamedTuple):
     """How an attempt begins: who is there, with which counters, and which of them send what."""
 
     here: Sequence[Controller]
     counters: Sequence[Counters]
     offers: dict[Controller, Frame]
 
-    def parts(self) -> list[Access]:
+    def parts(self) -> list[MediumAccess]:
         """Make the controllers."""
-        return [Access(each, counters, self.offers.get(each)) for each, counters in zip(self.here, self.counters)]
+        return [MediumAccess(each, counters, self.offers.get(each)) for each, counters in zip(self.here, self.counters)]
 
 
 @dataclass
@@ -155,7 +155,7 @@ class UnderWay:
         bit = course.moments[self.told].bit if self.told < len(course.moments) else course.bits
         return self.start + bit / bitrate
 
-    def parts_at(self, bit: int) -> list[Access]:
+    def parts_at(self, bit: int) -> list[MediumAccess]:
         """Return the controllers as they are after so many bits."""
         return list(Play(self.parts(), copy(self.flips)).run(bit).parts)
 
@@ -199,7 +199,7 @@ class Bus:
             if moment.frame is not None:
                 self._ended(moment.frame, moment.senders, moment.receivers)
 
-    def _count(self, controller: Controller, rule: Rule) -> None:
+    def _count(self, controller: Controller, rule: CountingRule) -> None:
         before = controller.state
         controller.count(rule)
         if controller.state is not before:
@@ -257,7 +257,7 @@ class Bus:
         if self.next_event < inf:
             self._pass_idle(now)
         here = [each for each in self.controllers if each.silent_until <= now or each.recovery]
-        start = Start(here, [each.counters for each in here], offers)
+        start = Beginning(here, [each.counters for each in here], offers)
         frame = min(offers.values())
         end = on_wire(frame).end
         flips = self._flips(Attempt(now, frame, end, tuple(offers))) if self._bit_errors else NO_FLIPS
@@ -294,7 +294,7 @@ class Bus:
             return partial(attempt.parts_at, int((now - attempt.start) * self.bitrate + ROUNDING))
         self._pass_idle(now)
         here = [(each, each.counters) for each in self.controllers if each.silent_until <= now]
-        return lambda: [Access(each, counters, None) for each, counters in here]
+        return lambda: [MediumAccess(each, counters, None) for each, counters in here]
 
     def go_on(self, now: float, controllers: Iterable[Controller], parts: Parts) -> None:
         """Have other controllers, who go on from where they are: what one sends from now on, all these see."""
@@ -312,7 +312,7 @@ def regroup(now: float, buses: Iterable[Bus], groups: Iterable[tuple[Bus, Sequen
         bus.go_on(now, controllers, partial(_chosen, were, controllers))
 
 
-def _chosen(were: Iterable[Parts], controllers: Sequence[Controller]) -> list[Access]:
+def _chosen(were: Iterable[Parts], controllers: Sequence[Controller]) -> list[MediumAccess]:
     return [part for parts in were for part in parts() if part.controller in controllers]
 
 
@@ -324,7 +324,11 @@ def undisturbed(frame: Frame, offers: dict[Controller, Frame], here: Sequence[Co
         return None
     end = on_wire(frame).end
     worn = [each for each in here if each.counters is not FRESH]
-    counts = [(each, Rule.TRANSMITTED if each in senders else Rule.RECEIVED) for each in worn if not each.recovery]
+    counts = [
+        (each, CountingRule.TRANSMITTED if each in senders else CountingRule.RECEIVED)
+        for each in worn
+        if not each.recovery
+    ]
     suspended = [
         each for each, rule in counts if each in senders and each.counters.after(rule).state is ErrorState.PASSIVE
     ]

@@ -27,7 +27,7 @@ class ErrorState(Enum):
     OFF = "bus-off"
 
 
-class Rule(Enum):
+class CountingRule(Enum):
     """What is counted, by the standard's letters of its rules."""
 
     RECEIVER_ERROR = "a: a receiver finds an error, but none in a flag of its own"
@@ -41,7 +41,7 @@ class Rule(Enum):
     RECEIVED = "h: a frame is received"
 
 
-class Step(NamedTuple):
+class Increment(NamedTuple):
     """What is added to the transmit and to the receive error counter."""
 
     transmit: int
@@ -49,15 +49,15 @@ class Step(NamedTuple):
 
 
 STEPS = {
-    Rule.RECEIVER_ERROR: Step(0, 1),
-    Rule.RECEIVER_DOMINANT_AFTER_FLAG: Step(0, 8),
-    Rule.TRANSMITTER_ERROR: Step(8, 0),
-    Rule.TRANSMITTER_FLAG_ERROR: Step(8, 0),
-    Rule.RECEIVER_FLAG_ERROR: Step(0, 8),
-    Rule.TRANSMITTER_STUCK: Step(8, 0),
-    Rule.RECEIVER_STUCK: Step(0, 8),
-    Rule.TRANSMITTED: Step(-1, 0),
-    Rule.RECEIVED: Step(0, -1),
+    CountingRule.RECEIVER_ERROR: Increment(0, 1),
+    CountingRule.RECEIVER_DOMINANT_AFTER_FLAG: Increment(0, 8),
+    CountingRule.TRANSMITTER_ERROR: Increment(8, 0),
+    CountingRule.TRANSMITTER_FLAG_ERROR: Increment(8, 0),
+    CountingRule.RECEIVER_FLAG_ERROR: Increment(0, 8),
+    CountingRule.TRANSMITTER_STUCK: Increment(8, 0),
+    CountingRule.RECEIVER_STUCK: Increment(0, 8),
+    CountingRule.TRANSMITTED: Increment(-1, 0),
+    CountingRule.RECEIVED: Increment(0, -1),
 }
 
 
@@ -74,13 +74,13 @@ class Counters(NamedTuple):
             return ErrorState.OFF
         return ErrorState.PASSIVE if max(self) > PASSIVE_ABOVE else ErrorState.ACTIVE
 
-    def after(self, rule: Rule) -> Counters:
+    def after(self, rule: CountingRule) -> Counters:
         """Return the counters after an event; a frame received makes a receive counter above 127 one of 127."""
         return _after(self, rule)
 
 
 @cache
-def _after(counters: Counters, rule: Rule) -> Counters:
+def _after(counters: Counters, rule: CountingRule) -> Counters:
     step = STEPS[rule]
     # The standard leaves open to which value between 119 and 127 it goes back.
     received = min(counters.receive, PASSIVE_ABOVE + 1) if step.receive < 0 else counters.receive

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.confinement import FRESH, RECOVERY_SEQUENCES, Counters, ErrorState, Rule
+from eurobot_od.simulation.confinement import FRESH, RECOVERY_SEQUENCES, Counters, CountingRule, ErrorState
 
 
-class Source(Protocol):
+class FrameSource(Protocol):
     """Where a controller's frames come from; `gatekeeper.Mailboxes` is one."""
 
     def urgent(self) -> Frame | None:
@@ -54,7 +54,7 @@ class Controller:
     bus-off, it waits for `recovery` more sequences of recessive bits.
     """
 
-    source: Source
+    source: FrameSource
     silent_until: float = 0.0
     suspended_until: float = 0.0
     counters: Counters = FRESH
@@ -69,7 +69,7 @@ class Controller:
         """Tell whether it may begin to send if the bus is free."""
         return self.silent_until <= now >= self.suspended_until and not self.recovery
 
-    def count(self, rule: Rule) -> None:
+    def count(self, rule: CountingRule) -> None:
         """Count an event by a rule of the standard."""
         self.counters = self.counters.after(rule)
         if self.counters.state is ErrorState.OFF:

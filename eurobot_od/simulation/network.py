@@ -65,7 +65,7 @@ REPORTED = {
 
 
 @dataclass
-class Place:
+class Attachment:
     """A station's place on the bus; it looks at a frame `processing` seconds after that came."""
 
     station: Station
@@ -99,7 +99,7 @@ class Network:
         self.reports: list[Report] = []
         self.disturb: Disturb = lambda _now, _frame: ON_TIME
         self.bit_errors: list[BitErrors] = []
-        self._places: dict[Station, Place] = {}
+        self._places: dict[Station, Attachment] = {}
         self._stations: dict[Controller, Station] = {}
         self._queue: list[tuple[float, int, Callable[[], None]]] = []
         self._order = itertools.count()
@@ -117,7 +117,7 @@ class Network:
         node.wake = partial(station.plan.at, -inf)  # called from outside, it has its time asked for at once
         mailboxes = station.gatekeeper.mailboxes
         controller = Controller(mailboxes, silent_until=inf)
-        self._places[station] = Place(station, mailboxes, controller, processing)
+        self._places[station] = Attachment(station, mailboxes, controller, processing)
         self._stations[controller] = station
         self._whole.controllers.append(controller)
         self._plan(start, partial(self._start, station))
@@ -207,7 +207,7 @@ class Network:
             times.append(self.now)
         return max(min(times, default=inf), self.now)
 
-    def _has_new(self, bus: Bus, waiting: Iterable[Place]) -> bool:
+    def _has_new(self, bus: Bus, waiting: Iterable[Attachment]) -> bool:
         """Tell whether a frame was submitted from outside, between two events, and may be sent now."""
         return bus.is_free(self.now) and any(
             place.controller.may_send(self.now) and place.controller in bus.controllers for place in waiting

@@ -11,8 +11,8 @@ import pytest
 
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.client import (
+    Aborted,
     OddAnswer,
-    Refused,
     Room,
     Silence,
     Transfer,
@@ -99,7 +99,7 @@ def test_segments_of_a_block_download_that_are_lost_are_sent_again(lost: set[int
 def test_a_server_that_refuses_says_why(transfer: Transfer) -> None:
     shelf = Shelf()
     shelf.admit = lambda address, _: len(shelf.read(address))  # type: ignore[method-assign, assignment]
-    with pytest.raises(Refused, match=r"^the node aborts: Object does not exist \(0x06020000\)$") as refused:
+    with pytest.raises(Aborted, match=r"^the node aborts: Object does not exist \(0x06020000\)$") as refused:
         Line(SdoServer(shelf)).run(transfer)
     assert refused.value.code == AbortCode.NO_OBJECT
 
@@ -109,7 +109,7 @@ def test_a_server_refuses_in_the_middle_too(write: Callable[..., Transfer]) -> N
     shelf = Shelf()
     shelf.room[TEXT] = 5
     shelf.admit = lambda *_: 1000  # type: ignore[method-assign]
-    with pytest.raises(Refused) as refused:
+    with pytest.raises(Aborted) as refused:
         Line(SdoServer(shelf)).run(write(TEXT, bytes(20), WAIT))
     assert refused.value.code == AbortCode.TOO_SHORT
 
@@ -315,7 +315,7 @@ def test_an_abort_for_another_object_does_not_end_a_transfer(name: str) -> None:
 def test_an_abort_ends_a_transfer(about: str) -> None:
     transfer = upload(TEXT, WAIT)
     talk(transfer, ["41081000 08", f"80{about} 00000405"])
-    with pytest.raises(Refused):
+    with pytest.raises(Aborted):
         transfer.result()
 
 

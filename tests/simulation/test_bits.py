@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.bits import Reading, frame_bits, on_wire
+from eurobot_od.simulation.bits import BitReading, frame_bits, on_wire
 
 GENERATOR = 0b1100010110011001
 """x15 + x14 + x10 + x8 + x7 + x4 + x3 + 1 (ISO 11898-1)."""
@@ -41,9 +41,9 @@ def stuffed(bits: str) -> tuple[str, list[int]]:
     return wire, places
 
 
-def read(bits: str) -> Reading:
+def read(bits: str) -> BitReading:
     """Read bits until a stuff error."""
-    reading = Reading()
+    reading = BitReading()
     assert all(reading.take(int(bit)) for bit in bits)
     return reading
 
@@ -100,7 +100,7 @@ def test_a_frame_is_complete_no_sooner_than_with_its_last_bit(frame: Frame, data
 def test_one_wrong_bit_is_always_noticed(frame: Frame, data: st.DataObject) -> None:
     bits = [int(bit) for bit in encoded(frame)[0]]
     bits[data.draw(st.integers(0, len(bits) - 1))] ^= 1
-    reading = Reading()
+    reading = BitReading()
     fits = all(reading.take(bit) for bit in bits)
     assert not (fits and reading.complete and reading.intact and reading.frame == frame)
 
@@ -117,7 +117,7 @@ ODD = {
 @pytest.mark.parametrize(("head", "length"), ODD.values(), ids=ODD)
 def test_frames_that_nobody_sends_are_read_to_their_end(head: str, length: int) -> None:
     plain = head + ("01" * 32)[: length - len(head)]
-    reading = Reading()
+    reading = BitReading()
     for bit in stuffed(plain + f"{remainder(int(plain, 2) << 15):015b}")[0]:
         assert not reading.complete
         assert reading.take(int(bit))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.simulation.access import Access
+from eurobot_od.simulation.access import MediumAccess
 from eurobot_od.simulation.bit_errors import LAST_BUT_ONE, Attempt, BitErrors, Noise, Strike
 from eurobot_od.simulation.bits import frame_bits, on_wire
 from eurobot_od.simulation.bus import Bus, Play, undisturbed
@@ -110,7 +110,7 @@ def test_a_frame_without_errors_ends_as_if_its_bits_were_played_out(
     sending = {here[place]: frame for place, frame in sorted(chosen.items())}
     short = undisturbed(min(sending.values()), sending, here)
     assert short is not None
-    parts = [Access(each, each.counters, sending.get(each)) for each in here]
+    parts = [MediumAccess(each, each.counters, sending.get(each)) for each in here]
     long = Play(parts).run().course
     assert long.bits == short.bits
     assert [each for each in long.moments if each.frame] == [each._replace(counts=()) for each in short.moments]
@@ -126,7 +126,7 @@ def test_who_is_bus_off_sees_one_sequence_of_recessive_bits_with_each_frame() ->
     off = Controller(Frames(), counters=Counters(256, 0), recovery=128)
     short = undisturbed(FRAME, {here[0]: FRAME}, [*here, off])
     assert short is not None
-    parts = [Access(each, each.counters, FRAME if each is here[0] else None) for each in (*here, off)]
+    parts = [MediumAccess(each, each.counters, FRAME if each is here[0] else None) for each in (*here, off)]
     assert list(Play(parts).run().course.sequences) == list(short.sequences) == [(off, 1)]
 
 
