@@ -22,6 +22,7 @@ from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
 from eurobot_od.robot.world.beacons import Beacons
+from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.support.address import Address
 from tests.cli.console import run
@@ -47,7 +48,7 @@ class Scene(NamedTuple):
     """A world, and a drive and a navigation in it, in processes of their own; and the options of a third node."""
 
     world: subprocess.Popen[str]
-    address: Address
+    address: WorldAddress
     options: list[str]
 
 
@@ -63,7 +64,7 @@ def served() -> Iterator[Scene]:
         options = ["--world", f"{where[1]}:{where[2]}", "-i", "remote", "-c", bus]
         for name in ("drive", "navigation"):
             line(stack.enter_context(node(name, *options)), "Ctrl-C ends it")
-        yield Scene(world, Address(where[1], int(where[2])), options)
+        yield Scene(world, WorldAddress(Address(where[1], int(where[2]))), options)
 
 
 def lead(served: Scene, folder: Path, strategy: str, duration: str) -> subprocess.CompletedProcess[str]:
@@ -166,10 +167,21 @@ def test_as_json_it_is_a_line_for_each_event_and_the_summary(capsys: pytest.Capt
     assert last["summary"] | {"seconds": 0} == {"seconds": 0, **nothing}
 
 
-def test_who_lets_others_in_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    said = run(capsys, "world", "--listen", "0.0.0.0:0", "--duration", "1 ms")
-    assert said.status == 0
-    assert re.fullmatch(r"eurobot-od: anybody who reaches 0\.0\.0\.0:[0-9]+ can move the robot\n", said.err)
+@pytest.mark.parametrize(
+    ("listen", "printed"),
+    [
+        ("0.0.0.0:0", r"world on [0-9a-f]{24}@0\.0\.0\.0:[0-9]+;"),
+        ("ours@0.0.0.0:0", r"world on ours@0\.0\.0\.0:[0-9]+;"),
+        ("ours@127.0.0.1:0", r"world on ours@127\.0\.0\.1:[0-9]+;"),
+        ("127.0.0.1:0", r"world on 127\.0\.0\.1:[0-9]+;"),
+    ],
+)
+def test_beyond_this_machine_its_address_has_a_token(
+    capsys: pytest.CaptureFixture[str], listen: str, printed: str
+) -> None:
+    said = run(capsys, "world", "--listen", listen, "--duration", "1 ms")
+    assert (said.status, said.err) == (0, "")
+    assert re.search(printed, said.out)
 
 
 WORLD = ["--world", "127.0.0.1:9"]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
+from eurobot_od.robot.commands.world import world_address
 from eurobot_od.robot.model.values import TeamColour
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ def add_arguments(group: argparse._ActionsContainer) -> None:
     group.add_argument("--drill", action="store_true", help="core only: do what the core does when it is checked")
     group.add_argument("--beacons", action="store_true", help="navigation only: simulated beacons for a red robot")
     group.add_argument(
-        "--world", type=shared.address, metavar="HOST:PORT", help="wheels, beacons, sensor in `eurobot-od world`"
+        "--world", type=world_address, metavar="[TOKEN@]HOST:PORT", help="wheels, beacons, sensor in `eurobot-od world`"
     )
     group.add_argument(
         "--strategy",

@@ -6,13 +6,14 @@ import argparse
 import asyncio
 import ipaddress
 import json
+import secrets
 import signal
-import sys
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import options as shared
+from eurobot_od.errors import LocalError
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support import durations
 from eurobot_od.support.address import Address
@@ -20,17 +21,24 @@ from eurobot_od.support.address import Address
 if TYPE_CHECKING:
     from eurobot_od.robot.match import MatchEvent
     from eurobot_od.robot.world import World
-    from eurobot_od.robot.world.channel import Channel
+    from eurobot_od.robot.world.channel import Channel, WorldAddress
 
 HERE = "127.0.0.1:2014"
-"""Where it listens unless it is told otherwise: nobody but this machine reaches it."""
+"""Where it listens by default: only this machine reaches it."""
+
+TOKEN_BYTES = 12
+"""Of chance in a token: too many to be guessed over a network."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     colours = [colour.name.lower() for colour in TeamColour]
     parser.add_argument(
-        "--listen", type=shared.address, default=HERE, metavar="HOST:PORT", help=f"where to (default: {HERE})"
+        "--listen",
+        type=world_address,
+        default=HERE,
+        metavar="[TOKEN@]HOST:PORT",
+        help=f"where to (default: {HERE}); beyond this machine requests need the token, a new one unless it is given",
     )
     parser.add_argument("--team", choices=colours, default="red", help="our colour (default: red)")
     parser.add_argument("--enemies", type=int, choices=range(3), default=2, help="how many enemies (default: 2)")
@@ -77,20 +85,35 @@ def run(arguments: argparse.Namespace) -> None:
     )
     begin = time.monotonic()
     world = World(options, lambda: time.monotonic() - begin)
-    channel = Channel(world, {OURS: options})
+    where = arguments.listen
+    if not where.token and not _is_here(where.address):
+        where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
+    channel = Channel(world, {OURS: options}, where.token)
     show = _show_as_json if arguments.json else _show
     duration = float("inf") if arguments.duration is None else arguments.duration
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does
     with suppress(KeyboardInterrupt):  # to be ended is no error: who serves has no other end
-        asyncio.run(Server(world, channel, show).serve(arguments.listen, duration, _warn))
+        asyncio.run(Server(world, channel, show).serve(where, duration))
     summary = _summary(world, channel)
     print(json.dumps({"summary": summary}) if arguments.json else _in_words(summary))
 
 
-def _warn(address: Address) -> None:
-    """Say on standard error if others than this machine can reach the world."""
-    if not ipaddress.ip_address(address.host).is_loopback:
-        print(f"eurobot-od: anybody who reaches {address} can move the robot", file=sys.stderr, flush=True)
+def world_address(text: str) -> WorldAddress:
+    """Read [TOKEN@]HOST:PORT for argparse."""
+    from eurobot_od.robot.world.channel import WorldAddress
+
+    try:
+        return WorldAddress.parse(text)
+    except LocalError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _is_here(address: Address) -> bool:
+    """Tell whether only this machine reaches an address; a host name other than localhost may be anything."""
+    try:
+        return ipaddress.ip_address(address.host).is_loopback
+    except ValueError:
+        return address.host == "localhost"
 
 
 def _show(event: MatchEvent) -> None:

@@ -7,6 +7,7 @@ The reference is `docs/world.md`.
 
 from __future__ import annotations
 
+import hmac
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -17,6 +18,7 @@ from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.world.world import OURS, LocalVehicle, World
+from eurobot_od.support.address import Address, parse
 
 VERSION = 1
 """Of the requests and answers; a client refuses another one."""
@@ -26,12 +28,29 @@ LINE_LIMIT = 4096
 
 REQUEST = "request"
 ROBOT = "robot"
+TOKEN = "token"
 ANSWER = "answer"
 ERROR = "error"
 """The keys that every request, or every answer, may have."""
 
 
 WHOM = {source.name.lower(): source for source in Source}
+
+
+class WorldAddress(NamedTuple):
+    """Where a world listens, and the token that requests from other machines need; str() leaves the token out."""
+
+    address: Address
+    token: str = ""
+
+    def __str__(self) -> str:
+        return str(self.address)
+
+    @classmethod
+    def parse(cls, text: str) -> WorldAddress:
+        """Read [TOKEN@]HOST:PORT; raises LocalError."""
+        token, _, address = text.rpartition("@")
+        return cls(parse(address), token)
 
 
 class Field(NamedTuple):
@@ -120,12 +139,13 @@ REQUESTS = {
 class Channel:
     """The world's end of the side channel; `requests` counts the lines, `refused` those that were wrong.
 
-    `matches` has, for each robot that is driven by nodes, the match as it sees it.
+    `matches` has, for each robot that is driven by nodes, the match as it sees it. With a `token`, a request without
+    it is refused.
     """
 
-    def __init__(self, world: World, matches: Mapping[str, MatchOptions]) -> None:
+    def __init__(self, world: World, matches: Mapping[str, MatchOptions], token: str = "") -> None:
         self.requests = self.refused = 0
-        self._world, self._matches = world, matches
+        self._world, self._matches, self._token = world, matches, token
 
     def answer(self, line: bytes) -> bytes:
         """Return the answer to a line; both are without, and with, the line's end."""
@@ -138,7 +158,9 @@ class Channel:
         return json.dumps(said).encode() + b"\n"
 
     def _result(self, given: dict[str, Any]) -> Any:
-        name, robot = given.pop(REQUEST, None), given.pop(ROBOT, OURS)
+        name, robot, token = given.pop(REQUEST, None), given.pop(ROBOT, OURS), str(given.pop(TOKEN, ""))
+        if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
+            raise LocalError("the token is missing or wrong: give the address as the world printed it")
         if name not in tuple(REQUESTS):
             raise UnknownName("request", name, REQUESTS)
         if robot not in tuple(self._matches):

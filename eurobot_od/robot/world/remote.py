@@ -20,7 +20,7 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Obstacle, Source, TeamColour
 from eurobot_od.robot.nodes.equipment import Detection
 from eurobot_od.robot.nodes.motion import Odometry
-from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, VERSION
+from eurobot_od.robot.world.channel import ANSWER, ERROR, LINE_LIMIT, REQUEST, ROBOT, TOKEN, VERSION, WorldAddress
 from eurobot_od.robot.world.world import OURS
 from eurobot_od.support.address import Address
 
@@ -103,9 +103,10 @@ class RemoteVehicle:
     anew is found again.
     """
 
-    def __init__(self, address: Address, report: Callable[[str], None], robot: str = OURS) -> None:
-        self._address, self._report, self._robot = address, report, robot
-        self._connection, self._lock = _Connection(address), Lock()
+    def __init__(self, where: WorldAddress, report: Callable[[str], None], robot: str = OURS) -> None:
+        self._address, self._report = where.address, report
+        self._given = {ROBOT: robot} | ({TOKEN: where.token} if where.token else {})
+        self._connection, self._lock = _Connection(where.address), Lock()
         self._is_away = False
 
     def close(self) -> None:
@@ -167,7 +168,7 @@ class RemoteVehicle:
         """Ask, and tell once if there is no answer, or an answer again; raises WorldError, LocalError for a refusal."""
         with self._lock:
             try:
-                value = read(self._ask({REQUEST: request, ROBOT: self._robot, **fields}))
+                value = read(self._ask({REQUEST: request, **self._given, **fields}))
             except (OSError, WorldError, KeyError, TypeError, ValueError, AttributeError) as error:
                 text = f"the world at {self._address} does not answer: {getattr(error, 'strerror', None) or error}"
                 self._tell(True, f"{text}; nothing moves, and nothing is seen")

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import cast
 
 from eurobot_od.errors import WorldError
-from eurobot_od.robot.world.channel import LINE_LIMIT, Channel
+from eurobot_od.robot.world.channel import LINE_LIMIT, TOKEN, Channel, WorldAddress
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS, World
 from eurobot_od.support.address import Address
@@ -63,18 +63,20 @@ class Server:
         self._clients: set[asyncio.Transport] = set()
         self._touches = self._scores = 0
 
-    async def serve(self, address: Address, duration: float, listening: Callable[[Address], None]) -> None:
+    async def serve(
+        self, where: WorldAddress, duration: float, listening: Callable[[WorldAddress], object] = lambda _: None
+    ) -> None:
         """Serve for so many seconds; `listening` is called with the address once it does. Raises WorldError."""
         loop = asyncio.get_running_loop()
         try:
-            server = await loop.create_server(lambda: _Client(self._channel.answer, self._clients), *address)
+            server = await loop.create_server(lambda: _Client(self._channel.answer, self._clients), *where.address)
         except OSError as error:
-            raise WorldError(f"cannot listen on {address}: {error.strerror or error}") from error
+            raise WorldError(f"cannot listen on {where}: {error.strerror or error}") from error
         bound = Address(*server.sockets[0].getsockname()[:2])
-        self._show(
-            MatchEvent(self._world.clock(), EventKind.START, f"world on {bound}; Ctrl-C ends it", bound._asdict())
-        )
-        listening(bound)
+        full = f"{where.token}@{bound}" if where.token else str(bound)
+        data = bound._asdict() | ({TOKEN: where.token} if where.token else {})
+        self._show(MatchEvent(self._world.clock(), EventKind.START, f"world on {full}; Ctrl-C ends it", data))
+        listening(WorldAddress(bound, where.token))
         try:
             await self._look_for(duration)
         finally:

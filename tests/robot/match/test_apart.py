@@ -14,12 +14,13 @@ from eurobot_od.robot.match.summary import FrameCounter
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.nodes import Core, Drive, Navigation
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.support.address import Address
 from tests.client.peers import new_channel, open_bus
 
-NOWHERE = Address("127.0.0.1", 9)
+NOWHERE = WorldAddress(Address("127.0.0.1", 9))
 """The port of a service that nobody offers any more."""
 
 

@@ -21,7 +21,7 @@ from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.world import World, remote
 from eurobot_od.robot.world.beacons import Beacons
-from eurobot_od.robot.world.channel import VERSION, Channel
+from eurobot_od.robot.world.channel import VERSION, Channel, WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.server import Server
@@ -47,17 +47,17 @@ def make_world() -> World:
 
 
 @contextmanager
-def served(address: Address = Address("127.0.0.1", 0)) -> Iterator[Address]:  # noqa: B008 (immutable)
+def served(address: Address = Address("127.0.0.1", 0), token: str = "") -> Iterator[WorldAddress]:  # noqa: B008 (immutable)
     """Serve a world from a thread; gives where it listens."""
-    ready, where = threading.Event(), list[Address]()
+    ready, where = threading.Event(), list[WorldAddress]()
     loop = asyncio.new_event_loop()
-    server = Server(world := make_world(), Channel(world, {OURS: OPTIONS}), lambda _: None)
+    server = Server(world := make_world(), Channel(world, {OURS: OPTIONS}, token), lambda _: None)
 
-    def listening(bound: Address) -> None:
+    def listening(bound: WorldAddress) -> None:
         where.append(bound)
         ready.set()
 
-    serving = loop.create_task(server.serve(address, float("inf"), listening))
+    serving = loop.create_task(server.serve(WorldAddress(address, token), float("inf"), listening))
 
     def run() -> None:
         loop.run_until_complete(asyncio.wait([serving]))
@@ -74,12 +74,26 @@ def served(address: Address = Address("127.0.0.1", 0)) -> Iterator[Address]:  # 
 
 
 @contextmanager
-def reaching(address: Address) -> Iterator[tuple[RemoteVehicle, list[str]]]:
+def reaching(address: WorldAddress) -> Iterator[tuple[RemoteVehicle, list[str]]]:
     """Give a vehicle, and what it reports."""
     reports: list[str] = []
     vehicle = RemoteVehicle(address, reports.append)
     yield vehicle, reports
     vehicle.close()
+
+
+def test_a_world_with_a_token_answers_only_who_has_it() -> None:
+    with served(token="secret") as where:
+        assert where.token == "secret"
+        assert str(where).startswith("127.0.0.1:"), "no error and no log has the token in it"
+        with reaching(where) as (vehicle, _):
+            assert vehicle.hello().seed == OPTIONS.seed
+        for token in ("", "other", "gehe\xefm"):
+            with reaching(where._replace(token=token)) as (vehicle, reports):
+                with pytest.raises(LocalError, match="the token is missing or wrong: give the address"):
+                    vehicle.hello()
+                assert vehicle.move(Odometry(100.0, 0.0), 0.01) is None
+                assert "the token is missing or wrong" in reports[0]
 
 
 def wait_for(condition: Callable[[], bool]) -> None:
@@ -145,7 +159,7 @@ def test_a_world_that_was_started_anew_is_found_again() -> None:
             vehicle, reports = stack.enter_context(reaching(address))
             assert vehicle.move(STEP, 0.01) is not None
         assert vehicle.move(STEP, 0.01) is None
-        with served(address):
+        with served(address.address):
             wait_for(lambda: vehicle.move(STEP, 0.01) is not None)
     assert len(reports) == 2
     assert reports[1] == f"the world at {address} answers again"
@@ -157,12 +171,12 @@ def test_a_world_that_was_not_there_is_not_asked_again_at_once(monkeypatch: pyte
         pass
     with reaching(address) as (vehicle, _):
         assert vehicle.move(STEP, 0.01) is None
-        with served(address), pytest.raises(WorldError, match="it is asked again soon"):
+        with served(address.address), pytest.raises(WorldError, match="it is asked again soon"):
             vehicle.truth()
 
 
 @contextmanager
-def saying(answer: bytes | None) -> Iterator[Address]:
+def saying(answer: bytes | None) -> Iterator[WorldAddress]:
     """Run something else in the place of a world: it says the same to everybody, or hangs up; None hangs."""
     listener = socket.create_server(("127.0.0.1", 0))
     waiting: list[socket.socket] = []
@@ -182,7 +196,7 @@ def saying(answer: bytes | None) -> Iterator[Address]:
 
     thread = threading.Thread(target=accept, daemon=True)
     thread.start()
-    yield Address(*listener.getsockname())
+    yield WorldAddress(Address(*listener.getsockname()))
     listener.shutdown(socket.SHUT_RDWR)
     listener.close()
     thread.join(PATIENCE)

@@ -15,7 +15,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.options import MatchOptions
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.channel import LINE_LIMIT, Channel
+from eurobot_od.robot.world.channel import LINE_LIMIT, Channel, WorldAddress
 from eurobot_od.robot.world.server import REMEMBERED, Server
 from eurobot_od.robot.world.timeline import EventKind, MatchEvent
 from eurobot_od.robot.world.world import OURS
@@ -23,7 +23,7 @@ from eurobot_od.support.address import Address
 
 FACTS = robot_file.read()
 
-ANY = Address("127.0.0.1", 0)
+ANY = WorldAddress(Address("127.0.0.1", 0))
 FOREVER = float("inf")
 HELLO = b'{"request": "hello"}\n'
 PATIENCE = 60.0
@@ -40,11 +40,11 @@ class Served:
         self.events: list[MatchEvent] = []
         self.server = Server(self.world, self.channel, self.events.append)
 
-    def run(self, test: Callable[[Address], Awaitable[None]]) -> None:
+    def run(self, test: Callable[[WorldAddress], Awaitable[None]]) -> None:
         """Serve until the test is done."""
         asyncio.run(self._run(test))
 
-    async def _run(self, test: Callable[[Address], Awaitable[None]]) -> None:
+    async def _run(self, test: Callable[[WorldAddress], Awaitable[None]]) -> None:
         address = asyncio.get_running_loop().create_future()
         serving = asyncio.ensure_future(self.server.serve(ANY, FOREVER, address.set_result))
         await asyncio.wait_for(test(await address), PATIENCE)
@@ -59,8 +59,8 @@ async def answer(reader: asyncio.StreamReader) -> Any:
 def test_lines_are_answered_in_their_order_however_they_are_cut() -> None:
     served = Served()
 
-    async def talk(address: Address) -> None:
-        reader, writer = await asyncio.open_connection(*address)
+    async def talk(address: WorldAddress) -> None:
+        reader, writer = await asyncio.open_connection(*address.address)
         writer.write(HELLO[:5])
         await asyncio.sleep(0)
         writer.write(HELLO[5:] + b'bad\n\n{"request": "truth"}\n' + HELLO[:7])
@@ -92,8 +92,8 @@ def test_a_web_page_does_not_move_a_robot(begins: bytes) -> None:
     served = Served()
     before = served.world.robots[OURS].pose
 
-    async def talk(address: Address) -> None:
-        reader, writer = await asyncio.open_connection(*address)
+    async def talk(address: WorldAddress) -> None:
+        reader, writer = await asyncio.open_connection(*address.address)
         writer.write(begins + MOVE)
         with suppress(ConnectionError):
             assert await reader.read() == b""
@@ -108,8 +108,8 @@ def test_a_web_page_does_not_move_a_robot(begins: bytes) -> None:
 def test_a_line_that_is_too_long_is_refused_once_and_not_kept(length: int) -> None:
     served = Served()
 
-    async def talk(address: Address) -> None:
-        reader, writer = await asyncio.open_connection(*address)
+    async def talk(address: WorldAddress) -> None:
+        reader, writer = await asyncio.open_connection(*address.address)
         writer.write(b"x" * length + b"\n" + HELLO)
         assert (await answer(reader))["error"] == f"a line of more than {LINE_LIMIT} bytes"
         assert "answer" in await answer(reader)
@@ -122,8 +122,8 @@ def test_a_line_that_is_too_long_is_refused_once_and_not_kept(length: int) -> No
 def test_a_line_that_is_too_long_is_none_for_its_beginning() -> None:
     served = Served()
 
-    async def talk(address: Address) -> None:
-        (reader, writer), (other, asking) = [await asyncio.open_connection(*address) for _ in range(2)]
+    async def talk(address: WorldAddress) -> None:
+        (reader, writer), (other, asking) = [await asyncio.open_connection(*address.address) for _ in range(2)]
         writer.write(HELLO[:-1] + b" " * LINE_LIMIT)
         asking.write(HELLO)
         await answer(other)  # by now the server has had the beginning
@@ -138,13 +138,13 @@ def test_a_line_that_is_too_long_is_none_for_its_beginning() -> None:
 def test_a_client_that_hangs_or_does_not_read_blocks_nobody() -> None:
     served, flood = Served(), 100_000
 
-    async def talk(address: Address) -> None:
-        _, silent = await asyncio.open_connection(*address)
+    async def talk(address: WorldAddress) -> None:
+        _, silent = await asyncio.open_connection(*address.address)
         silent.write(HELLO[:-1])
-        deaf, loud = await asyncio.open_connection(*address, limit=1)
+        deaf, loud = await asyncio.open_connection(*address.address, limit=1)
         loud.write(HELLO * flood)
         for _ in range(10):
-            reader, writer = await asyncio.open_connection(*address)
+            reader, writer = await asyncio.open_connection(*address.address)
             writer.write(HELLO)
             assert "answer" in await answer(reader)
             writer.close()
@@ -159,8 +159,8 @@ def test_a_client_that_hangs_or_does_not_read_blocks_nobody() -> None:
 def test_touches_and_points_are_told_once_and_in_time() -> None:
     served = Served()
 
-    async def talk(address: Address) -> None:
-        reader, writer = await asyncio.open_connection(*address)
+    async def talk(address: WorldAddress) -> None:
+        reader, writer = await asyncio.open_connection(*address.address)
         served.world.robots[OURS].place(FACTS.tasks(TeamColour.RED)["mammoth"].pose)
         for line in (
             b'{"request": "finish", "task": "mammoth"}\n',
@@ -182,7 +182,7 @@ def test_what_a_robot_did_long_ago_is_forgotten() -> None:
     trace = served.world.robots[OURS].trace
     trace += trace * (2 * REMEMBERED)
 
-    async def do_nothing(_: Address) -> None:
+    async def do_nothing(_: WorldAddress) -> None:
         pass
 
     served.run(do_nothing)
@@ -190,7 +190,7 @@ def test_what_a_robot_did_long_ago_is_forgotten() -> None:
 
 
 def test_a_place_that_is_taken_is_named() -> None:
-    async def take_it_again(address: Address) -> None:
+    async def take_it_again(address: WorldAddress) -> None:
         with pytest.raises(WorldError, match=f"^cannot listen on {address}: .*in use"):
             await Served().server.serve(address, FOREVER, lambda _: None)
 
