@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, remote
 from eurobot_od.support.amounts import amount
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
     from eurobot_od.client.configure import ChangePlan
@@ -71,4 +72,4 @@ def summary(plan: ChangePlan, node_id: int) -> str:
         return f"node {node_id} already is as {file} says"
     head = f"node {node_id} differs from {file} in {amount(len(plan.changes), 'object')}:"
     rows = ((label(each.thing), " -> ".join(each.texts)) for each in plan.changes)
-    return f"{head}\n{remote.columns(rows)}"
+    return "\n".join([head, *columns(rows)])

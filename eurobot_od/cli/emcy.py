@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, options, remote
 from eurobot_od.device.emergency import error_words
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
     from eurobot_od.client.history import History
@@ -48,4 +49,4 @@ def text(found: History, node_id: int, own: Mapping[int, str]) -> str:
         (f"0x{each.code:04X}", error_words(each.code, own), f"0x{each.info:04X}" if each.info else "")
         for each in found.entries
     ]
-    return f"{head}\n{remote.columns(rows)}" if rows else f"{head}\nno error remembered"
+    return "\n".join([head, *columns(rows)] if rows else [head, "no error remembered"])

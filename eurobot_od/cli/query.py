@@ -17,6 +17,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.plugin import Plugin
 from eurobot_od.support import extras
 from eurobot_od.support.escaping import cell, one_line
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
     import polars as pl
@@ -133,21 +134,10 @@ def _table(rows: pl.DataFrame) -> str:
 
 
 def _lines(rows: pl.DataFrame) -> Iterator[str]:
-    """Yield aligned lines: numbers to the right, all else to the left."""
-    columns = [[one_line(name), *map(_shown, rows[name].to_list())] for name in rows.columns]
-    widths = [max(map(len, column)) for column in columns]
-    aligned: list[Callable[[str, int], str]] = [
-        str.rjust if rows[name].dtype.is_numeric() else str.ljust for name in rows.columns
-    ]
-    for cells in zip(*columns):
-        yield "  ".join(align(cell, width) for cell, width, align in zip(cells, widths, aligned)).rstrip()
+    """Write aligned lines: numbers to the right, all else to the left."""
+    align = "".join("r" if type_.is_numeric() else "l" for type_ in rows.dtypes)
+    return columns([rows.columns, *(list(map(_shown, row)) for row in rows.iter_rows())], align)
 
 
 def _shown(value: object) -> str:
-    return (
-        ""
-        if value is None
-        else f"{value:.6f}".rstrip("0").rstrip(".")
-        if isinstance(value, float)
-        else one_line(str(value))
-    )
+    return "" if value is None else f"{value:.6f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from eurobot_od.od import network
 from eurobot_od.od.objects import address_of, data_type, is_described, written
 from eurobot_od.od.values import NODE_IDS, label
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description
@@ -124,19 +124,12 @@ def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Descr
 # Printing
 
 
-def columns(rows: Iterable[Sequence[str]]) -> str:
-    """Lay out rows of texts in columns."""
-    lines = [[*map(one_line, row)] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*lines)]
-    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
-
-
 def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
     """Print objects and their values, or why there is none."""
     if as_json:
         print(json.dumps([as_data(each) for each in readings], indent=2))
     else:
-        print(columns(_row(each) for each in readings))
+        print(*columns(map(_row, readings)), sep="\n")
 
 
 def as_data(reading: Reading) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus, remote
 from eurobot_od.device.nmt import STATE_NAMES
 from eurobot_od.support import durations
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
     from eurobot_od.client.scan import Found
@@ -31,7 +32,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     if arguments.json:
         print(json.dumps([as_data(each) for each in found], indent=2))
     else:
-        print(remote.columns(rows(found)) if found else "no node answers")
+        print(*(columns(rows(found)) if found else ["no node answers"]), sep="\n")
     return ExitStatus.FINE if found else ExitStatus.FOUND
 
 

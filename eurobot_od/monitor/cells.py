@@ -1,34 +1,22 @@
-"""The live table's cells as text, the same for every terminal.
-
-Rule of this file: how numbers are written stands here once.
-"""
+"""The live table's cells as text, the same for every terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from eurobot_od.logs.meaning import with_defects
 from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
 from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import GAP, columns
 
-ALIGN: Mapping[str, Callable[[str, int], str]] = {
-    "ID": str.ljust,
-    "Message": str.ljust,
-    "Count": str.rjust,
-    "Period ms": str.rjust,
-    "Age s": str.rjust,
-    "Last values": str.ljust,
-}
-HEADINGS = tuple(ALIGN)
+HEADINGS = ("ID", "Message", "Count", "Period ms", "Age s", "Last values")
+ALIGN = "llrrrl"
 
 DROPPED = ("Age s", "Count", "Period ms")
 """The columns that a narrow terminal does without, the least important first."""
 
 ROOM = 24
 """Characters that the last values have, as long as there is a column to do without."""
-
-GAP = "  "
-"""Between two columns."""
 
 
 def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
@@ -64,8 +52,4 @@ def health(name: str, node: NodeHealth, now: float) -> str:
 
 def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:
     """Write the table without colours, one line a row."""
-    lines = [HEADINGS, *(cells(row, now) for row in rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(HEADINGS) - 1)]
-    for line in lines:
-        first = (ALIGN[heading](text, width) for heading, text, width in zip(HEADINGS, line, widths))
-        yield f"{GAP.join(first)}{GAP}{line[-1]}".rstrip()
+    return columns([HEADINGS, *(cells(row, now) for row in rows)], ALIGN)

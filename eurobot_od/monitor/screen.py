@@ -13,10 +13,11 @@ from rich.table import Table
 from rich.text import Text
 
 from eurobot_od.logs.meaning import CANOPEN
-from eurobot_od.monitor.cells import ALIGN, GAP, HEADINGS, cells, fitting, health
+from eurobot_od.monitor.cells import ALIGN, HEADINGS, cells, fitting, health
 from eurobot_od.monitor.controls import HELP, Controls
 from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
 from eurobot_od.support.amounts import amount
+from eurobot_od.support.tables import GAP
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
 """Colours of the groups of messages, in the catalogue's order; further groups have none of their own."""
@@ -75,10 +76,10 @@ def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str], width
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
     lines = [cells(row, now) for row in rows]
     columns = fitting(lines, width)
-    for heading in map(HEADINGS.__getitem__, columns):
-        ratio = 1 if heading == HEADINGS[-1] else None
-        justify: JustifyMethod = "right" if ALIGN[heading] is str.rjust else "left"
-        table.add_column(heading, justify=justify, no_wrap=True, ratio=ratio)
+    for column in columns:
+        ratio = 1 if column == len(HEADINGS) - 1 else None
+        justify: JustifyMethod = "right" if ALIGN[column] == "r" else "left"
+        table.add_column(HEADINGS[column], justify=justify, no_wrap=True, ratio=ratio)
     for row, line in zip(rows, lines):
         table.add_row(*(Text(line[column]) for column in columns), style=_style(row, now, colours))
     return table
