@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from importlib import import_module
 from pathlib import Path
 
 from environment import ROOT, ensure
@@ -20,16 +19,15 @@ FILES = re.compile(r"(^|_)(files?|logs?|robot|left|right|output|store|strategy|a
 
 def parser() -> argparse.ArgumentParser:
     """Return the whole command line as one parser."""
-    from eurobot_od.cli import COMMANDS, add_robot
+    from eurobot_od.cli import COMMANDS, add_robot, find
     from eurobot_od.robot.plugin import ROBOT
 
     whole = argparse.ArgumentParser("eurobot-od")
     whole.add_argument("--version", action="store_true", help="print the version, and end")
     commands = whole.add_subparsers()
-    modules = {name: (text, f"eurobot_od.cli.{name.replace('-', '_')}") for name, text in COMMANDS.items()}
-    for command, (text, module) in {**modules, **ROBOT.commands}.items():
+    for command, text in {**COMMANDS, **{name: own.text for name, own in ROBOT.commands.items()}}.items():
         each = commands.add_parser(command, help=text)
-        import_module(module).add_arguments(each)
+        find(command).add_arguments(each)
         add_robot(each)
         _prepare(each)
     return whole

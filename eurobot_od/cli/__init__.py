@@ -2,9 +2,9 @@
 
 A robot (see `plugin`) has commands of its own beside these.
 
-Rule of this package: one module a command, with `add_arguments(parser)` and `run(arguments)`, which parses, calls a
-plain function of a lower layer, prints, and returns an `ExitStatus`, or None if it cannot be but fine. A module is
-imported when its command is called and not before.
+Rule of this package: a command is a module with `add_arguments(parser)` and `run(arguments)`, or a row of a table that
+has both (`table.Row`). It parses, calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
+if all is fine. Its module is imported when the command is called and not before.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from enum import IntEnum
 from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.support.escaping import one_line
@@ -66,8 +65,15 @@ COMMANDS = {
 }
 
 
+TABLES = {
+    **dict.fromkeys(("read", "write", "dump", "export-dcf", "emcy"), "objects"),
+    **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
+    **dict.fromkeys(("scan", "nmt", "watch", "sync", "time"), "bus"),
+}
+"""The module of a command that is a row of a table; any other command has a module of its own."""
+
 ALLOCATIONS = 50_000
-"""So many new objects make Python look for garbage among them; 700 by default."""
+"""After this many new objects Python looks for garbage among them; 700 by default."""
 
 
 class ExitStatus(IntEnum):
@@ -179,9 +185,9 @@ def _run(words: list[str]) -> int:
     # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
     gc.disable()
     try:
-        module = _module(command, robot)
-        parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0], robot=robot)
-        module.add_arguments(parser)
+        found = find(command, robot)
+        parser = Parser(f"eurobot-od {command}", description=(found.__doc__ or "").partition("\n")[0], robot=robot)
+        found.add_arguments(parser)
         add_robot(parser)
         arguments = parser.parse_args(words[1:])
         arguments.robot = robot
@@ -189,7 +195,7 @@ def _run(words: list[str]) -> int:
         gc.freeze()
         gc.set_threshold(ALLOCATIONS)
         gc.enable()
-    status: int | None = module.run(arguments)
+    status = found.run(arguments)
     sys.stdout.flush()  # here, where a reader that has left is no error
     return status or ExitStatus.FINE
 
@@ -216,14 +222,30 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", metavar="ROBOT", help="whose messages, nodes and commands: a name, folder or module")
 
 
-def _module(command: str, robot: str | None) -> ModuleType:
-    """Import the module of a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
+class Command(Protocol):
+    """A command: a module, or a row of a table. The first line of its docstring is what its help says."""
+
+    __doc__: str | None
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Describe the command line."""
+
+    def run(self, arguments: argparse.Namespace) -> ExitStatus | None:
+        """Do what the command line says."""
+
+
+def find(command: str, robot: str | None = None) -> Command:
+    """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
     if command in COMMANDS:
-        return import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
-    own = _find(robot).commands
-    if command not in own:
-        raise UnknownName("command", command, [*COMMANDS, *own])
-    return import_module(own[command].module)
+        name = f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}"
+    else:
+        own = _find(robot).commands
+        if command not in own:
+            raise UnknownName("command", command, [*COMMANDS, *own])
+        name = own[command].module
+    module = import_module(name)
+    row: Command = vars(module).get("COMMANDS", {}).get(command, module)
+    return row
 
 
 class Version(argparse.Action):

@@ -8,9 +8,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eurobot_od.cli import options, progress
+from eurobot_od.cli import options
 from eurobot_od.errors import LocalError
-from eurobot_od.support import extras
+from eurobot_od.support import extras, progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,7 +11,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, logs, options
-from eurobot_od.cli.decode import add_filters, filters
+from eurobot_od.cli.decode import Filters, add_filters
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import durations
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-
     parser.add_argument("first", metavar="LOG", help="what it should be")
     parser.add_argument("second", metavar="LOG", help="what it is")
     logs.add_reading(parser)
@@ -45,10 +44,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     """Compare; print the differences in the order of time, and how many there are."""
     from eurobot_od.compare import Tolerances, compare
 
-    decoder = options.decoder(arguments)
+    decoder = options.Devices.of(arguments).decoder()
     fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)
-    wanted = filters(arguments, decoder)
-    first, second = (_read(log, arguments, decoder, wanted) for log in (arguments.first, arguments.second))
+    wanted, reading = Filters.of(arguments).wanted(decoder), logs.Reading.of(arguments)
+    first, second = (_read(log, reading, decoder, wanted) for log in (arguments.first, arguments.second))
     differences = compare(first, second, decoder, Tolerances(arguments.time, fields))
     for each in differences:
         print(json.dumps(each._asdict() | {"kind": each.kind.value}) if arguments.json else _line(each))
@@ -80,8 +79,8 @@ def _number(name: str, text: str) -> float:
     return number
 
 
-def _read(log: str, arguments: argparse.Namespace, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
-    entries = (entry for _, entry in logs.entries([log], arguments))
+def _read(log: str, reading: logs.Reading, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
+    entries = (entry for _, entry in logs.entries([log], reading))
     return [(time, raw) for _, time, _, raw in entries if wanted is None or wanted(decoder(raw))]
 
 

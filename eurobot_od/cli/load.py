@@ -79,50 +79,48 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.load.report import as_data, load_report, table
     from eurobot_od.load.sweep import sentences
 
-    messages = message_set(arguments)
+    messages = _read(arguments.path, arguments.dialect, arguments.bitrate, options.robot(arguments))
+    if arguments.mailboxes is not None:
+        nodes = {each.node for each in messages.messages}
+        messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})
+    if arguments.errors is not None:
+        messages = messages._replace(errors=arguments.errors)
     bit_rate = arguments.bitrate or messages.bit_rate or BIT_RATE
     report = load_report(messages, bit_rate)
     found = _limits(messages, bit_rate) if arguments.sweep and messages.messages else None
     if arguments.json:
         print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
     else:
-        print("\n".join([*table(report), *(sentences(found) if found else ())]))
+        print(*table(report), *(sentences(found) if found else ()), sep="\n")
     if arguments.svg:
         write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND
 
 
 def _limits(messages: MessageSet, bit_rate: int) -> Limits:
-    """Search the limits, which takes a while for many messages: with a bar."""
-    from eurobot_od.cli import progress
+    """Search the limits, with a bar: for many messages it takes a while."""
     from eurobot_od.load.sweep import SEARCHES, limits
+    from eurobot_od.support import progress
 
-    with progress.bar("sweep", unit=progress.Unit("limits", "limits/s", 1), after=progress.SHORT) as draw:
+    with progress.bar("sweep", unit=progress.Unit("limits", "limits/s"), after=progress.SHORT) as draw:
         return limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
 
 
-def message_set(arguments: argparse.Namespace) -> MessageSet:
+def _read(path: str | None, dialect: str | None, bit_rate: int | None, robot: Plugin) -> MessageSet:
     """Return the messages that the command line is about; raises LocalError, DictionaryError, SetError, OSError."""
-    messages = _read(arguments)
-    if arguments.mailboxes is not None:
-        nodes = {each.node for each in messages.messages}
-        messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})
-    return messages if arguments.errors is None else messages._replace(errors=arguments.errors)
-
-
-def _read(arguments: argparse.Namespace) -> MessageSet:
     from eurobot_od.load.set_file import is_message_set, read_set
+    from eurobot_od.od.network import load, read_network
 
-    path = arguments.path
     if path is None:
-        return of_robot(options.robot(arguments), arguments.dialect)
-    if arguments.dialect:
+        return of_robot(robot, dialect)
+    if dialect:
         raise LocalError("--dialect is for a robot's network: leave it out, or the file")
     if Path(path).suffix.lower() in (".yaml", ".yml"):
         text = bounded.read(path).decode(errors="replace")
         if is_message_set(text):
-            return read_set(text, path, arguments.bitrate)
-    return _of_network(path, options.robot(arguments))
+            return read_set(text, path, bit_rate)
+    network = read_network(path)
+    return _of_outlines(load(network.nodes), network, path, robot)
 
 
 def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
@@ -133,13 +131,6 @@ def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
     file = robot.dialects.network_file()
     outlines = robot.dialects.load_all(dialect)
     return _of_outlines(outlines, read_network(file) if file else NetworkFile(), str(file), robot)
-
-
-def _of_network(path: str, robot: Plugin) -> MessageSet:
-    from eurobot_od.od.network import load, read_network
-
-    network = read_network(path)
-    return _of_outlines(load(network.nodes), network, path, robot)
 
 
 def _of_outlines(outlines: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.keyboard import keys
-from eurobot_od.cli.logs import add_reading, entries
-from eurobot_od.cli.terminal import redraws
+from eurobot_od.cli.logs import Reading, add_reading, entries
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
+from eurobot_od.support.terminal import redraws
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Meaning
@@ -58,22 +58,30 @@ def _speed(text: str) -> float:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Watch until the logs end or the watcher has enough; print the table once more."""
+    """Watch until the logs or the user end it; print the table once more."""
     from eurobot_od import live as runtime
     from eurobot_od.load.seen import NOTHING, table
     from eurobot_od.monitor.cells import plain_table
     from eurobot_od.monitor.controls import Controls
+    from eurobot_od.monitor.sources import BusSource, LogSource
     from eurobot_od.monitor.traffic import Traffic, selected
 
     if arguments.ask and arguments.logs:
-        raise LocalError("--ask is for a bus: a log has nobody to ask")
-    decoder = (options.asking_decoder if arguments.ask else options.decoder)(arguments)
-    promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
+        raise LocalError("--ask is for a bus: a log has no devices to ask")
+    devices, open_bus = options.Devices.of(arguments), options.opener(arguments)
+    decoder = devices.asking_decoder(open_bus) if arguments.ask else devices.decoder()
+    promised = devices.promised(decoder) if arguments.statistics else NOTHING
     traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
     rich = redraws(sys.stdout) and not arguments.plain and _has_rich()
     with ExitStack() as stack:
-        source = stack.enter_context(closing(_source(arguments)))
+        source: Source
+        if arguments.logs:
+            read = entries(arguments.logs, Reading.of(arguments), is_watched=False)
+            source = LogSource(((time, raw) for _, (_, time, _, raw) in read), arguments.speed)
+        else:
+            source = BusSource(open_bus(), opener=options.reopener(arguments))
+        stack.enter_context(closing(source))
         monitor = Monitor(traffic, controls, source)
         took, refresh = stack.enter_context((on_screen if rich else _lines)(monitor))
         with suppress(KeyboardInterrupt):  # the usual way to end it
@@ -94,16 +102,16 @@ def _has_rich() -> bool:
 
 
 class Monitor(NamedTuple):
-    """One session: where frames come from, what is made of them, and what the watcher wants."""
+    """One session: where frames come from, what is counted of them, and what the user has set."""
 
     traffic: Traffic
     controls: Controls
     source: Source
 
     def run(self, took: Took, refresh: Refresh) -> None:
-        """Take in frames and refresh what is shown until the source or the watcher ends it.
+        """Take in frames and refresh what is shown until the source or the user ends it.
 
-        While it is paused, frames are taken in, and what is shown changes with a key only.
+        While it is paused, frames are still taken in, but only a key changes what is shown.
         """
         pressed = ""
         with keys() as wait:
@@ -118,18 +126,6 @@ class Monitor(NamedTuple):
                 if self.controls.clear:
                     self.controls.clear = False
                     self.traffic.clear()
-
-
-# Where frames come from
-
-
-def _source(arguments: argparse.Namespace) -> Source:
-    from eurobot_od.monitor.sources import BusSource, LogSource
-
-    if not arguments.logs:
-        return BusSource(options.open_bus(arguments), opener=options.opener(arguments))
-    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments, is_watched=False))
-    return LogSource(timed, arguments.speed)
 
 
 # What is shown

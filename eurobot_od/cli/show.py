@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
-    protocol = shared.protocol(arguments)
+    protocol = shared.Devices.of(arguments).protocol()
     chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
     if arguments.json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))

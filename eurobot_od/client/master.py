@@ -25,7 +25,6 @@ from eurobot_od.od.values import (
 from eurobot_od.sdo.client import (
     UNANNOUNCED,
     OddAnswer,
-    Progress,
     Refused,
     Room,
     Silence,
@@ -33,10 +32,10 @@ from eurobot_od.sdo.client import (
     block_download,
     block_upload,
     download,
-    unwatched,
     upload,
 )
 from eurobot_od.sdo.wire import LARGEST, reason
+from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import can
