@@ -30,14 +30,14 @@ if TYPE_CHECKING:
 COMMANDS = {
     "show": "show the messages as the EDS files map them, or one message's bits",
     "node": "run one device on a CAN bus",
-    "send": "send a message, and wait for an answer if asked to",
+    "send": "send a message, and wait for an answer",
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
     "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, pcap, pcapng, or standard input",
     "archive": "put logs into a season: Parquet files of frames, messages and damage",
-    "query": "ask a season by SQL, or by a ready report, with pictures",
+    "query": "query a season by SQL, or by a ready report, with pictures",
     "compare": "compare two logs: what differs, is missing, is late",
-    "replay": "replay a log onto a bus at its old times",
+    "replay": "replay a log onto a bus with its recorded timing",
     "monitor": "watch a bus, or a log, as a live table",
     "serve": "show a bus, or logs, in a browser",
     "load": "compute how full a bus is, and how late each message can be",
@@ -52,16 +52,16 @@ COMMANDS = {
     "configure": "configure a CANopen node from a DCF",
     "export-dcf": "write the DCF of a live CANopen node",
     "store": "have a CANopen node store its parameters",
-    "restore": "have a CANopen node take the defaults of its parameters",
+    "restore": "have a CANopen node restore the defaults of its parameters",
     "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
     "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "nmt": "start, stop or reset a CANopen node",
-    "watch": "tell when CANopen nodes boot, are lost and are back",
+    "watch": "print when CANopen nodes boot, are lost and come back",
     "sync": "send SYNC messages at a fixed period",
     "time": "send the time as CANopen's TIME message",
-    "doctor": "say what is installed, which CAN interfaces are here, and what mends them",
-    "completion": "print what completes commands and options in a shell",
+    "doctor": "print what is installed, the CAN interfaces, and how to fix what is wrong",
+    "completion": "print the completion script of a shell",
 }
 
 
@@ -98,11 +98,11 @@ STATUS_OF = {
     EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }
-"""The exit status of an error is that of the first class that it is of."""
+"""The exit status of an error is that of the first class that it belongs to."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line; its help is as wide as the terminal.
+    """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
 
     `robot` is what `--robot` names, for options that only a robot has.
     """
@@ -128,7 +128,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _whole(text: str) -> int:
-    """Read a whole number; argparse itself would tell a person of an `invalid int value`."""
+    """Read a whole number; argparse's own message is `invalid int value`."""
     try:
         return int(text)
     except ValueError:
@@ -166,7 +166,7 @@ def complain(what: str) -> None:
 
 
 def _open_streams() -> None:
-    """Have streams to write to: what a stream cannot write becomes an escape. Raises OSError without an output."""
+    """Have the streams escape what they cannot write. Raises OSError without a standard output."""
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115  # as long as the program
     if sys.stdout is None:
@@ -219,7 +219,7 @@ def _find(robot: str | None) -> Plugin:
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
     """Add --robot, which every command has."""
-    parser.add_argument("--robot", metavar="ROBOT", help="whose messages, nodes and commands: a name, folder or module")
+    parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder or a module")
 
 
 class Command(Protocol):
@@ -282,5 +282,5 @@ def _overview(robot: Plugin) -> argparse.ArgumentParser:
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
     add_robot(parser)
-    parser.add_argument("--version", action=Version, nargs=0, help="print the version, and end")
+    parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     return parser

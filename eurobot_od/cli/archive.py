@@ -27,8 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="logs in any format, packed with gzip or not")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="SEASON", help="folder of the season")
-    parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
-    parser.add_argument("--jobs", type=options.jobs, metavar="N", help="logs at once (default: one a core)")
+    parser.add_argument("--format", choices=FORMATS, help="format of the logs (default: by suffix)")
+    parser.add_argument("--jobs", type=options.jobs, metavar="N", help="logs at the same time (default: one per core)")
     options.add_network(parser)
 
 

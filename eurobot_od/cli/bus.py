@@ -69,9 +69,9 @@ HEARTBEAT_WAIT = 1.2
 
 
 def nmt(target: Target, command: str) -> ExitStatus:
-    """Send an NMT command to a CANopen node, or to all, and see by the heartbeat what it did.
+    """Send an NMT command to a CANopen node, or to all, and print the state that the heartbeat reports.
 
-    An NMT command has no answer: what is printed is what the node's heartbeat or boot-up said. Exit status 1 if the
+    An NMT command has no answer: the heartbeat or the boot-up message shows what the node did. Exit status 1 if the
     heartbeat shows that the node did not follow.
     """
     number = NMT_COMMANDS[command]
@@ -108,9 +108,9 @@ def watch(
     open_bus: Opener,
     reopen: Opener | None,
 ) -> ExitStatus:
-    """Watch CANopen nodes: a line when one boots, is lost or is back, by its heartbeat or by guarding it.
+    """Watch CANopen nodes by heartbeat or node guarding: a line when one boots, is lost or comes back.
 
-    Without nodes all that are heard are watched. Exit status 1 if a node is lost at the end.
+    Without node-IDs every node that is heard is watched. Exit status 1 if a node is lost at the end.
     """
     from eurobot_od.client.master import Master
     from eurobot_od.client.watch import NodeWatch, watch_nodes
@@ -191,9 +191,9 @@ def identifier(text: str) -> int:
 def _production(cob_id: int, period: str, count: int | None = None) -> tuple[Parameter, ...]:
     """Return the parameters of what is sent periodically."""
     return (
-        option("--period", type=_period, default=period, metavar="TIME", help=f"({period})"),
+        option("--period", type=_period, default=period, metavar="TIME", help=f"time between two messages ({period})"),
         option("--count", type=int, default=count, metavar="N", help="end after N messages"),
-        option("--cob-id", type=identifier, default=cob_id, metavar="ID", help=f"(0x{cob_id:03X})"),
+        option("--cob-id", type=identifier, default=cob_id, metavar="ID", help=f"identifier (0x{cob_id:03X})"),
         BUS,
         RECONNECT,
     )
@@ -202,26 +202,43 @@ def _production(cob_id: int, period: str, count: int | None = None) -> tuple[Par
 COMMANDS = {
     "scan": Row(
         scan,
-        option("--listen", type=durations.seconds, default=1.5, metavar="TIME", help="for heartbeats (1.5 s)"),
+        option(
+            "--listen",
+            type=durations.seconds,
+            default=1.5,
+            metavar="TIME",
+            help="listen for heartbeats for this time (1.5 s)",
+        ),
         JSON,
         MASTER,
     ),
-    "nmt": Row(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="what to do; NODE may be `all`")),
+    "nmt": Row(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
     "watch": Row(
         watch,
-        option("nodes", nargs="*", type=int, metavar="NODE-ID", help="nodes that have to be there"),
+        option("nodes", nargs="*", type=int, metavar="NODE-ID", help="nodes that must be there"),
         option(
-            "--within", type=durations.seconds, default=2.0, metavar="TIME", help="in which they must be heard (2 s)"
+            "--within",
+            type=durations.seconds,
+            default=2.0,
+            metavar="TIME",
+            help="time in which they must be heard (2 s)",
         ),
         option("--guard", type=durations.seconds, metavar="TIME", help="poll them by remote frames with this period"),
-        option("--for", dest="span", type=durations.seconds, default=inf, metavar="TIME", help="default: until Ctrl-C"),
-        option("--json", dest="as_json", action="store_true", help="print a JSON object a line"),
+        option(
+            "--for",
+            dest="span",
+            type=durations.seconds,
+            default=inf,
+            metavar="TIME",
+            help="how long to watch (default: until Ctrl-C)",
+        ),
+        option("--json", dest="as_json", action="store_true", help="print one JSON object per line"),
         BUS,
         RECONNECT,
     ),
     "sync": Row(
         sync,
-        option("--counter", type=int, metavar="N", help="count the messages from 1 to N, 2..240, and again"),
+        option("--counter", type=int, metavar="N", help="number the messages from 1 to N (2..240), over and over"),
         *_production(SYNC_COB_ID, "100 ms"),
     ),
     "time": Row(

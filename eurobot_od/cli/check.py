@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("files", nargs="*", metavar="FILE", help="suite files, or names of the robot's suites (--list)")
-    parser.add_argument("--list", action="store_true", help="list the robot's suites, or the given ones, and end")
-    parser.add_argument("--schema", action="store_true", help="print the JSON Schema of suites, for editors, and end")
+    parser.add_argument("--list", action="store_true", help="list the robot's suites, or the given ones, and exit")
+    parser.add_argument("--schema", action="store_true", help="print the JSON Schema of suites, for editors, and exit")
     parser.add_argument("--simulate", action="store_true", help="check simulated nodes, in simulated time")
     parser.add_argument("--fault", action="append", default=[], metavar="NAME", help="give simulated nodes a fault")
     parser.add_argument(
@@ -30,21 +30,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--tag", action="append", default=[], metavar="TAG", help="run the suites with this tag")
     parser.add_argument(
-        "--step", action="append", default=[], metavar="TEXT", help="do the steps named like this, and those before"
+        "--step",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="run the steps whose names contain this, and those before them",
     )
-    parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files: CiA 301")
+    parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files, by CiA 301")
     parser.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and end")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and exit")
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
     parser.add_argument("--repeat", type=_count, default=1, metavar="N", help="run everything N times, seed by seed")
-    parser.add_argument("--seed", type=int, default=1, help="seed of all chance in the simulation (default: 1)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of everything random in the simulation (default: 1)")
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit XML report")
     form = parser.add_mutually_exclusive_group()
     form.add_argument("--tap", action="store_true", help="print as TAP")
     form.add_argument("--json", action="store_true", help="print as JSON")
     form.add_argument("--format", choices=("github",), help="also print annotations for GitHub Actions")
-    form.add_argument("-v", "--verbose", action="store_true", help="print every step, also green and skipped ones")
-    form.add_argument("-q", "--quiet", action="store_true", help="print what is red, and the last line")
+    form.add_argument("-v", "--verbose", action="store_true", help="print every step, green and skipped ones too")
+    form.add_argument("-q", "--quiet", action="store_true", help="print only the red steps and the last line")
     campaign.add_campaign(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)

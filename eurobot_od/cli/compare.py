@@ -1,4 +1,4 @@
-"""Compare two logs of what should be the same: which frames are missing, extra, late, or have other values.
+"""Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
 
 Exit status 1 if they differ: a regression test for a node's program.
 """
@@ -24,18 +24,20 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("first", metavar="LOG", help="what it should be")
-    parser.add_argument("second", metavar="LOG", help="what it is")
+    parser.add_argument("first", metavar="LOG", help="the expected log")
+    parser.add_argument("second", metavar="LOG", help="the log to compare with it")
     logs.add_reading(parser)
-    parser.add_argument("--time", type=durations.seconds, default="1 ms", metavar="TIME", help="between times (1 ms)")
+    parser.add_argument(
+        "--time", type=durations.seconds, default="1 ms", metavar="TIME", help="tolerance of times (1 ms)"
+    )
     parser.add_argument(
         "--tolerance",
         action="append",
         default=[],
         metavar="[MESSAGE.]FIELD=NUMBER",
-        help="between two values of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
+        help="tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object a difference")
+    parser.add_argument("--json", action="store_true", help="one JSON object per difference")
     add_filters(parser)
     options.add_network(parser)
 

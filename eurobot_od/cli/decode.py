@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     add_log(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="one JSON object a line")
+    form.add_argument("--json", action="store_true", help="one JSON object per line")
     form.add_argument("--csv", action="store_true", help="comma-separated values")
     add_filters(parser)
     parser.add_argument("--since", type=float, default=0.0, metavar="S", help="from this time on, in s")
@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--statistics",
         action="store_true",
-        help="instead of lines: load, gaps, jitter, response times and their bounds",
+        help="print load, gaps, jitter, response times and their bounds instead of lines",
     )
     parser.add_argument(
-        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for --statistics; left out: %(default)s"
+        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for --statistics (default: %(default)s)"
     )
     parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
     options.add_network(parser)
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_filters(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which frames are wanted."""
-    group = parser.add_argument_group("filters", "an entry has to pass all kinds of them that are given")
+    group = parser.add_argument_group("filters", "an entry has to pass all that are given")
     group.add_argument(
         "--message",
         action="append",
@@ -54,14 +54,18 @@ def add_filters(parser: argparse.ArgumentParser) -> None:
         help="message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable",
     )
     group.add_argument(
-        "--node", action="append", default=[], metavar="NAME", help="what a node sends or receives; repeatable"
+        "--node",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="messages that this node sends or receives; repeatable",
     )
     group.add_argument(
         "--where",
         action="append",
         default=[],
         metavar="CONDITION",
-        help="field value: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; several must all hold",
+        help="condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable",
     )
 
 

@@ -20,7 +20,7 @@ from eurobot_od.support.files import check_writable, write_whole
 STEM = "pdo"
 """Begins the identifiers in what goes to standard output."""
 
-NAME = option("--name", help=f"begins all identifiers; left out: the output's name, or {STEM}")
+NAME = option("--name", help=f"prefix of all identifiers (default: the output's name, or {STEM})")
 
 
 def _stem(name: str | None, output: Path | None) -> str:
@@ -134,7 +134,7 @@ FORMS = {
         Row(
             docs,
             OUTPUT,
-            option("--format", choices=("markdown", "html"), help="left out: by FILE's suffix, else markdown"),
+            option("--format", choices=("markdown", "html"), help="default: by FILE's suffix, else markdown"),
             DEVICES,
         ),
     ),
@@ -161,9 +161,9 @@ FORMS = {
         Row(
             cdcf,
             option("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF"),
-            option("-o", "--output", type=Path, metavar="FILE", help="left out: the writes are printed"),
-            option("--eds", metavar="FILE", help="of the device that a concise DCF is for"),
-            option("--node-id", type=int, metavar="N", help="of the DCF that is made (default: the EDS's)"),
+            option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes"),
+            option("--eds", metavar="FILE", help="EDS of the device that a concise DCF is for"),
+            option("--node-id", type=int, metavar="N", help="node-ID of the new DCF (default: the EDS's)"),
         ),
     ),
 }

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of `eurobot-od lint`."""
     parser.add_argument(
-        "files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also a network file, or a folder"
+        "files", nargs="*", metavar="FILE", help="EDS or DCF; with --network also a network file, or a folder"
     )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
     form = parser.add_mutually_exclusive_group()
@@ -53,7 +53,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         action="store_true",
         help="rewrite the files in the normal form that every tool reads, and list the changes",
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: where to write; left out: the file itself")
+    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: the file to write (default: the same file)")
     parser.add_argument("--explain", metavar="CODE", help="print what a rule demands, and its source")
 
 

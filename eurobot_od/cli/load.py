@@ -33,15 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "path",
         nargs="?",
         metavar="NETWORK|MESSAGES.yaml",
-        help="network file or folder of EDS files, or a set of messages; left out: the robot's network",
+        help="network file, folder of EDS files, or set of messages (default: the robot's network)",
     )
-    parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s; left out: what the file says, or 500000")
-    parser.add_argument("--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, as 1/10ms")
+    parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s (default: the file's, or 500000)")
+    parser.add_argument(
+        "--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, such as 1/10ms"
+    )
     parser.add_argument(
         "--mailboxes",
         type=_mailboxes,
         metavar="N",
-        help="transmit mailboxes without abort of every node, 0 for as many as it needs; left out: the setting of each",
+        help="transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)",
     )
     parser.add_argument(
         "--sweep", action="store_true", help="also search the limits: bit rate, traffic, messages, nodes"

@@ -28,7 +28,7 @@ CHUNK = 1 << 16
 
 def add_log(parser: argparse.ArgumentParser) -> None:
     """Add the logs to read and how they are read."""
-    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; left out or -: standard input")
+    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; - for standard input, the default")
     add_reading(parser)
 
 
@@ -40,7 +40,7 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format",
         choices=FORMATS,
-        help="format of the logs; left out: by their first bytes, or else by suffix",
+        help="format of the logs (default: by their first bytes, or else by suffix)",
     )
     parser.add_argument(
         "--largest",

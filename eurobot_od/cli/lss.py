@@ -27,7 +27,7 @@ NUMBERS = 4
 def lss(
     action: str, identity: Identity | None, alone: bool, timeout: float, open_bus: Opener, **settings: Any
 ) -> ExitStatus:
-    """Find CANopen devices by LSS, and give them node-ID and bit rate (CiA 305): before they have any.
+    """Find CANopen devices that have no node-ID yet by LSS, and set node-ID and bit rate (CiA 305).
 
     `find` lists the devices without a node-ID, or prints the node-ID of the one with --identity. `set` is for that one,
     for the only device on the bus (--alone), or else for the first without a node-ID. Exit status 1 if there is no such
@@ -124,7 +124,12 @@ def _identity(text: str) -> Identity:
 
 def _add_device(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--identity", type=_identity, metavar="VENDOR:PRODUCT:REVISION:SERIAL", help="as in 0x1018")
+    which.add_argument(
+        "--identity",
+        type=_identity,
+        metavar="VENDOR:PRODUCT:REVISION:SERIAL",
+        help="the device with this identity (0x1018)",
+    )
     which.add_argument("--alone", action="store_true", help="the device is the only one on the bus")
 
 

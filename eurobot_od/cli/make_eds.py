@@ -14,8 +14,12 @@ from eurobot_od.support.amounts import amount
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("table", type=Path, metavar="TABLE", help="YAML in the form of eds/protocol.yaml")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="where the folders go")
-    parser.add_argument("--check", action="store_true", help="write nothing; say which files differ, exit 1 if any do")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="folder to put the dialects' folders in"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; list the files that differ, with exit status 1 if any do"
+    )
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

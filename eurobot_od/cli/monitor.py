@@ -38,16 +38,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     from eurobot_od.monitor.traffic import SORTS
 
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play; left out: watch a bus")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play (default: watch a bus)")
     add_reading(parser)
     parser.add_argument("--speed", type=_speed, default=1.0, help="how many times faster to play a log, or max")
-    parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
-    parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
-    parser.add_argument("--plain", action="store_true", help="lines as decode writes them, and the table at the end")
     parser.add_argument(
-        "--statistics", action="store_true", help="at the end also load, gaps, response times and bounds"
+        "--filter",
+        default="",
+        metavar="TEXT",
+        help="show only messages with this in their name, or their protocol's or a node's",
     )
-    parser.add_argument("--ask", action="store_true", help="read the PDOs as the devices have them now, by SDO")
+    parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
+    parser.add_argument("--plain", action="store_true", help="print lines as decode does, and the table at the end")
+    parser.add_argument(
+        "--statistics", action="store_true", help="also print load, gaps, response times and bounds at the end"
+    )
+    parser.add_argument("--ask", action="store_true", help="read the devices' present PDO parameters by SDO")
     options.add_network(parser)
     options.add_bus(parser)
     options.add_reconnect(parser)

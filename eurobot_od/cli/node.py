@@ -1,4 +1,4 @@
-"""Run one device on a CAN bus until it is interrupted: anybody's from its EDS, or a node of a robot."""
+"""Run one device on a CAN bus until interrupted: any device from its EDS, or a node of a robot."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("node", nargs="?", help="which one of the devices; left out: the only one")
+    parser.add_argument("node", nargs="?", help="which of the devices (default: the only one)")
     parser.add_argument("--node-id", type=int, metavar="N", help="node-ID 1..127 (default: the file's)")
-    parser.add_argument("--store", metavar="FILE", help="DCF for the parameters that a master has it store")
+    parser.add_argument("--store", metavar="FILE", help="DCF in which the device stores its parameters")
     parser.add_argument("--duration", type=durations.seconds, metavar="TIME", help="end after this time, such as 10 s")
-    parser.add_argument("-v", "--verbose", action="store_true", help="print every message the node hears")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print every message that the node receives")
     parser.add_argument("--fault", metavar="NAME", help="give the node a fault; `eurobot-od faults` lists them")
     device = parser.add_argument_group("any device")
     device.add_argument(
@@ -44,9 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="OBJECT=VALUE",
-        help="value in place of the file's, such as 0x2000:1=5 or Motor.Speed=5; of a robot's node: a fact; repeatable",
+        help="value instead of the file's, such as 0x2000:1=5 or Motor.Speed=5; for a robot's node: a fact; repeatable",
     )
-    device.add_argument("--values", type=Path, metavar="FILE", help="YAML of waveforms: what the device measures")
+    device.add_argument("--values", type=Path, metavar="FILE", help="YAML with the waveforms that the device measures")
     robot = plugin.find(getattr(parser, "robot", None))
     if robot.stage is not None:
         robot.stage().add_arguments(parser.add_argument_group(f"nodes of {robot.name}"))

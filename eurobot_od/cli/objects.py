@@ -81,7 +81,7 @@ def write(target: Target, name: str, value: str | None, file: Path | None) -> No
 
 
 def dump(target: Target, as_json: bool) -> None:
-    """Print all objects of a CANopen node that can be read, with their values.
+    """Print all readable objects of a CANopen node with their values.
 
     An object that the node refuses is listed with the reason.
     """
@@ -154,7 +154,9 @@ COMMANDS = {
     "read": Row(
         read,
         TARGET,
-        option("objects", nargs="+", metavar="INDEX[:SUB]", help="as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'"),
+        option(
+            "objects", nargs="+", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1018:1, Motion, 'Motion.Maximum speed'"
+        ),
         JSON,
         option("--file", type=Path, help="write the bytes of one object to this file, by block transfer"),
     ),

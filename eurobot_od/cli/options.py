@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
     """Add -i, -c and -b; what is left out comes from python-can's own configuration, or is `else_`."""
-    group = parser.add_argument_group("bus", f"left out: python-can's configuration{else_}")
+    group = parser.add_argument_group("bus", f"default: python-can's configuration{else_}")
     group.add_argument("-i", "--interface", help="python-can interface, such as socketcan, pcan, slcan, remote")
     group.add_argument("-c", "--channel", help="channel of the interface, such as can0")
     group.add_argument("-b", "--bitrate", type=bit_rate, help="bit/s, 500000 if nothing else is configured")
@@ -96,7 +96,7 @@ def add_log(parser: argparse.ArgumentParser) -> None:
         "--log",
         type=Path,
         metavar="FILE",
-        help="write all frames; the suffix says the format; with --seeds {seed} in it is the seed",
+        help="write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed",
     )
     parser.add_argument(
         "--log-failure",
@@ -108,7 +108,9 @@ def add_log(parser: argparse.ArgumentParser) -> None:
 
 def add_reconnect(parser: argparse.ArgumentParser) -> None:
     """Add --no-reconnect, for commands that stay on a bus."""
-    parser.add_argument("--no-reconnect", action="store_true", help="end when the bus is lost; else it is opened again")
+    parser.add_argument(
+        "--no-reconnect", action="store_true", help="end when the bus is lost, instead of opening it again"
+    )
 
 
 def opener(arguments: argparse.Namespace) -> Opener:
@@ -133,7 +135,7 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--dialect",
         metavar="NAME",
-        help=f"a robot's EDS files, by their dialect's name, or a folder; left out: the variable {DIALECT_VARIABLE}",
+        help=f"name of a robot's dialect, or a folder of EDS files (default: the variable {DIALECT_VARIABLE})",
     )
 
 
@@ -158,13 +160,13 @@ def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str,
 
 def add_network(parser: argparse.ArgumentParser) -> None:
     """Add --eds, --network and --dialect: whose EDS and DCF files are loaded."""
-    group = parser.add_argument_group("devices", f"left out: {network.DEFAULT} of this folder, else the robot's")
+    group = parser.add_argument_group("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
     group.add_argument(
         "--eds",
         action="append",
         default=[],
         metavar="[NODE-ID=]FILE",
-        help="EDS or DCF of a device; node-ID where the file says none; repeatable",
+        help="EDS or DCF of a device, with a node-ID if the file has none; repeatable",
     )
     group.add_argument(
         "--network",

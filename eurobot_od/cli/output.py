@@ -13,7 +13,7 @@ from eurobot_od.support.files import write_whole
 if TYPE_CHECKING:
     from eurobot_od.od.dcf import Dcf
 
-OUTPUT = option("-o", "--output", type=Path, metavar="FILE", help="left out: standard output")
+OUTPUT = option("-o", "--output", type=Path, metavar="FILE", help="default: standard output")
 
 
 def write(output: Path | None, text: str) -> None:

@@ -74,7 +74,7 @@ def store(target: Target) -> None:
 
 
 def restore(target: Target, reset: bool) -> None:
-    """Have a CANopen node go back to the defaults of its parameters, from its next reset on (0x1011)."""
+    """Have a CANopen node restore the defaults of its parameters, from its next reset on (0x1011)."""
     from eurobot_od.client import configure
 
     with target.opened() as node:
@@ -114,21 +114,30 @@ COMMANDS = {
     "configure": Row(
         configure,
         TARGET,
-        option("file", metavar="FILE.dcf", help="for this device and this node-ID"),
+        option("file", metavar="FILE.dcf", help="the DCF, for this device and this node-ID"),
         option("--dry-run", action="store_true", help="print what differs and write nothing"),
         option("--only", choices=CHAPTERS, action="append", help="only these objects; repeatable"),
-        option("--no-store", action="store_true", help="do not have the node store it: it holds until a reset"),
-        option("--no-reset", action="store_true", help="do not reset the node to see whether it has stored it"),
+        option("--no-store", action="store_true", help="do not have the node store it: it is lost at a reset"),
+        option("--no-reset", action="store_true", help="do not reset the node to verify what it has stored"),
     ),
     "store": Row(store, TARGET),
     "restore": Row(
-        restore, TARGET, option("--reset", action="store_true", help="reset the node, so that it takes effect")
+        restore, TARGET, option("--reset", action="store_true", help="reset the node, so that they take effect")
     ),
     "program": Row(
         program,
         TARGET,
         option("file", type=Path, metavar="FILE", help="the program, as the node's maker delivers it"),
-        option("--program", dest="number", type=_subindex, default=1, metavar="N", help="its sub-index (1)"),
-        option("--no-crc", action="store_true", help="do not compare 0x1F56 with the file: here it is no CRC"),
+        option(
+            "--program",
+            dest="number",
+            type=_subindex,
+            default=1,
+            metavar="N",
+            help="number of the program in the node, its sub-index (1)",
+        ),
+        option(
+            "--no-crc", action="store_true", help="do not compare 0x1F56 with the file: in this device it is not a CRC"
+        ),
     ),
 }

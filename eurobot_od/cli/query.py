@@ -28,14 +28,14 @@ BIT_RATE = 500_000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("season", type=Path, metavar="SEASON", help="folder made by `archive`")
-    parser.add_argument("sql", nargs="?", metavar="SQL", help="a query; left out: the tables")
+    parser.add_argument("sql", nargs="?", metavar="SQL", help="a query (default: list the tables)")
     parser.add_argument("--report", metavar="NAME", help="a ready query; `--report list` lists them")
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="one JSON object a row")
+    form.add_argument("--json", action="store_true", help="one JSON object per row")
     form.add_argument("--csv", action="store_true", help="comma-separated values")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="also draw the answer as SVG")
     parser.add_argument(
-        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for the load; left out: %(default)s"
+        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for the load (default: %(default)s)"
     )
 
 

@@ -45,7 +45,7 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
         type=_bytes,
         default=1 << 20,
         metavar="BYTES",
-        help="most that is read of an object whose size its node does not say (1048576)",
+        help="most to read of an object whose size the node does not announce (1048576)",
     )
     options.add_bus(parser)
 

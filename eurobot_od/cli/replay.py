@@ -15,17 +15,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     logs.add_log(parser)
     parser.add_argument(
-        "--speed", type=options.positive, default=1.0, metavar="N", help="so many times as fast (default: 1)"
+        "--speed", type=options.positive, default=1.0, metavar="N", help="how many times faster (default: 1)"
     )
     whose = parser.add_mutually_exclusive_group()
-    whose.add_argument("--only", action="append", default=[], metavar="NODE", help="what this node sent; repeatable")
+    whose.add_argument(
+        "--only", action="append", default=[], metavar="NODE", help="only frames that this node sent; repeatable"
+    )
     whose.add_argument(
         "--except",
         dest="without",
         action="append",
         default=[],
         metavar="NODE",
-        help="all but what this node sent; repeatable",
+        help="no frames that this node sent; repeatable",
     )
     options.add_network(parser)
     options.add_bus(parser)

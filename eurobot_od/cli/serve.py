@@ -37,7 +37,7 @@ MOST_LOGS = 2
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="one log, or two side by side; left out: the bus")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="one log, or two side by side (default: the bus)")
     add_reading(parser)
     parser.add_argument("--control", action="store_true", help="let the page send, write objects and command nodes")
     parser.add_argument(
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=options.address,
         default=f"127.0.0.1:{PORT}",
         metavar="HOST:PORT",
-        help="where browsers find it (default: 127.0.0.1:8014); any but this machine takes a token, printed once",
+        help="address of the page (default: 127.0.0.1:8014); from other machines it takes a token, printed once",
     )
     options.add_network(parser)
     options.add_bus(parser)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("message", nargs="?", help="a message by its name, such as 'Goto XY'; left out: all")
+    parser.add_argument("message", nargs="?", help="name of a message, such as 'Goto XY' (default: all)")
     parser.add_argument("--json", action="store_true", help="print as JSON")
     shared.add_network(parser)
 

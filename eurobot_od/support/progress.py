@@ -135,10 +135,11 @@ def counted(
                 left = (now - first) / (count - 1) * (number - count)
                 if count == 1 + at_once and left >= LONG:
                     processes = f" on {at_once} processes" if at_once > 1 else ""
-                    print(f"{number} {what}, about {_about(left)}{processes}", file=out, flush=True)
+                    out.write(f"{number} {what}, about {_about(left)}{processes}\n")
                 if now - said >= LONG:
                     said = now
-                    print(f"{count} of {number} {what}, about {_about(left)} left", file=out, flush=True)
+                    out.write(f"{count} of {number} {what}, about {_about(left)} left\n")
+                out.flush()
             draw(count, number)
             yield thing
 

@@ -46,6 +46,8 @@ COMPLETED = [
     (["lint", "--str"], ["--strict"]),
     (["nmt", "2", "pre"], ["pre-operational"]),
     (["completion", "f"], ["fish"]),
+    (["match", "--fault", "mushroom-l"], ["mushroom-late"]),
+    (["check", "--fault", "angle-36"], ["angle-360-taken"]),
 ]
 
 
