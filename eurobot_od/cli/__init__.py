@@ -3,7 +3,7 @@
 A robot (see `plugin`) has commands of its own beside these.
 
 Rule of this package: a command is a module with `add_arguments(parser)` and `run(arguments)`, or a row of a table that
-has both (`table.Row`). It parses, calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
+has both (`table.CommandRow`). It calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
 if all is fine. Its module is imported when the command is called and not before.
 """
 
@@ -222,7 +222,7 @@ def add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder or a module")
 
 
-class Command(Protocol):
+class Runnable(Protocol):
     """A command: a module, or a row of a table. The first line of its docstring is what its help says."""
 
     __doc__: str | None
@@ -234,7 +234,7 @@ class Command(Protocol):
         """Do what the command line says."""
 
 
-def find(command: str, robot: str | None = None) -> Command:
+def find(command: str, robot: str | None = None) -> Runnable:
     """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
     if command in COMMANDS:
         name = f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}"
@@ -244,7 +244,7 @@ def find(command: str, robot: str | None = None) -> Command:
             raise UnknownName("command", command, [*COMMANDS, *own])
         name = own[command].module
     module = import_module(name)
-    row: Command = vars(module).get("COMMANDS", {}).get(command, module)
+    row: Runnable = vars(module).get("COMMANDS", {}).get(command, module)
     return row
 
 

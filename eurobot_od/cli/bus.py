@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.remote import MASTER, TARGET, Target
-from eurobot_od.cli.table import BUS, JSON, RECONNECT, Parameter, Row, option
+from eurobot_od.cli.table import BUS, JSON, RECONNECT, CommandRow, Parameter, option
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError
@@ -200,7 +200,7 @@ def _production(cob_id: int, period: str, count: int | None = None) -> tuple[Par
 
 
 COMMANDS = {
-    "scan": Row(
+    "scan": CommandRow(
         scan,
         option(
             "--listen",
@@ -212,8 +212,8 @@ COMMANDS = {
         JSON,
         MASTER,
     ),
-    "nmt": Row(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
-    "watch": Row(
+    "nmt": CommandRow(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
+    "watch": CommandRow(
         watch,
         option("nodes", nargs="*", type=int, metavar="NODE-ID", help="nodes that must be there"),
         option(
@@ -236,12 +236,12 @@ COMMANDS = {
         BUS,
         RECONNECT,
     ),
-    "sync": Row(
+    "sync": CommandRow(
         sync,
         option("--counter", type=int, metavar="N", help="number the messages from 1 to N (2..240), over and over"),
         *_production(SYNC_COB_ID, "100 ms"),
     ),
-    "time": Row(
+    "time": CommandRow(
         time,
         option("--utc", action="store_true", help="UTC instead of local time"),
         *_production(TIME_COB_ID, "1 s", count=1),

@@ -40,7 +40,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and exit")
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
-    parser.add_argument("--repeat", type=_count, default=1, metavar="N", help="run everything N times, seed by seed")
+    parser.add_argument(
+        "--repeat",
+        type=shared.whole(1, what="a number of times"),
+        default=1,
+        metavar="N",
+        help="run everything N times, seed by seed",
+    )
     parser.add_argument("--seed", type=int, default=1, help="seed of everything random in the simulation (default: 1)")
     parser.add_argument("--junit", type=Path, metavar="FILE", help="write a JUnit XML report")
     form = parser.add_mutually_exclusive_group()
@@ -52,12 +58,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     campaign.add_campaign(parser, "--simulate --repeat")
     shared.add_network(parser)
     shared.add_bus(parser)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of times")
-    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:

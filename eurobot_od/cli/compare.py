@@ -16,7 +16,7 @@ from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import durations
 
 if TYPE_CHECKING:
-    from eurobot_od.compare import Difference, Timed
+    from eurobot_od.compare import Timed
     from eurobot_od.logs.filters import Wanted
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.pdo.protocol import Protocol
@@ -48,13 +48,16 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
 
     decoder = options.Devices.of(arguments).decoder()
     fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)
-    wanted, reading = Filters.of(arguments).wanted(decoder), logs.Reading.of(arguments)
+    wanted, reading = Filters.of(arguments).wanted(decoder), logs.ReadOptions.of(arguments)
     first, second = (_read(log, reading, decoder, wanted) for log in (arguments.first, arguments.second))
     differences = compare(first, second, decoder, Tolerances(arguments.time, fields))
     for each in differences:
-        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if arguments.json else _line(each))
+        line = f"{each.time:13.6f}  {each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
+        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if arguments.json else line)
     if not arguments.json:
-        print(_summary(differences, len(first), len(second)))
+        kinds = Counter(each.kind.value for each in differences)
+        found = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no difference"
+        print(f"{len(first)} and {len(second)} frames: {found}")
     return ExitStatus.FOUND if differences else ExitStatus.FINE
 
 
@@ -81,17 +84,6 @@ def _number(name: str, text: str) -> float:
     return number
 
 
-def _read(log: str, reading: logs.Reading, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
+def _read(log: str, reading: logs.ReadOptions, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
     entries = (entry for _, entry in logs.entries([log], reading))
     return [(time, raw) for _, time, _, raw in entries if wanted is None or wanted(decoder(raw))]
-
-
-def _line(difference: Difference) -> str:
-    time, kind, name, text = difference
-    return f"{time:13.6f}  {kind.value:<8} {name:<29} {text}".rstrip()
-
-
-def _summary(differences: list[Difference], *counts: int) -> str:
-    frames = " and ".join(map(str, counts))
-    kinds = Counter(each.kind.value for each in differences)
-    return f"{frames} frames: {', '.join(f'{count} {kind}' for kind, count in kinds.items()) or 'no difference'}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.lint.diff import Difference, compare, compare_live, place, read_device, readable
+from eurobot_od.lint.diff import EdsDifference, compare, compare_live, place, read_device, readable
 from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od.values import NODE_IDS
 
@@ -52,7 +52,7 @@ def run(arguments: Namespace) -> ExitStatus:
     return ExitStatus.FOUND if found else ExitStatus.FINE
 
 
-def _compare_live(device: LintedDevice, node_id: int, open_bus: Opener) -> list[Difference]:
+def _compare_live(device: LintedDevice, node_id: int, open_bus: Opener) -> list[EdsDifference]:
     from eurobot_od.client.master import Master
     from eurobot_od.client.reading import read_bytes
     from eurobot_od.support.progress import passing

@@ -11,7 +11,7 @@ from eurobot_od.cli import output as files
 from eurobot_od.cli.options import Devices
 from eurobot_od.cli.output import OUTPUT
 from eurobot_od.cli.remote import print_readings
-from eurobot_od.cli.table import DEVICES, Row, option
+from eurobot_od.cli.table import DEVICES, CommandRow, option
 from eurobot_od.errors import DictionaryError, LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.amounts import amount
@@ -56,7 +56,7 @@ def wireshark(output: Path | None, name: str | None, devices: Devices) -> None:
     files.write(output, lua_text(devices.protocol(), _stem(name, output)))
 
 
-def mcap(log: str, output: Path, reading: logs.Reading, devices: Devices) -> None:
+def mcap(log: str, output: Path, reading: logs.ReadOptions, devices: Devices) -> None:
     """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any."""
     with extras.needed("mcap"):
         from eurobot_od.export.mcap import write
@@ -127,11 +127,14 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
 
 
 FORMS = {
-    "c": ("C99 header with structs and functions that pack and unpack all messages", Row(c, OUTPUT, NAME, DEVICES)),
-    "dbc": ("DBC (CAN database) of all messages", Row(dbc, OUTPUT, DEVICES)),
+    "c": (
+        "C99 header with structs and functions that pack and unpack all messages",
+        CommandRow(c, OUTPUT, NAME, DEVICES),
+    ),
+    "dbc": ("DBC (CAN database) of all messages", CommandRow(dbc, OUTPUT, DEVICES)),
     "docs": (
         "messages and objects as Markdown or HTML to read",
-        Row(
+        CommandRow(
             docs,
             OUTPUT,
             option("--format", choices=("markdown", "html"), help="default: by FILE's suffix, else markdown"),
@@ -140,11 +143,11 @@ FORMS = {
     ),
     "wireshark": (
         "dissector of all messages for Wireshark and tshark, in Lua",
-        Row(wireshark, OUTPUT, NAME, DEVICES),
+        CommandRow(wireshark, OUTPUT, NAME, DEVICES),
     ),
     "mcap": (
         "log as MCAP, for Foxglove and PlotJuggler",
-        Row(
+        CommandRow(
             mcap,
             option("log", metavar="LOG", help="log in any format; -: standard input"),
             option("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file"),
@@ -154,11 +157,11 @@ FORMS = {
     ),
     "xdd": (
         "device description in XML (CiA 311) of one EDS or DCF",
-        Row(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
+        CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
     ),
     "cdcf": (
         "concise DCF (0x1F22) from a DCF, or back",
-        Row(
+        CommandRow(
             cdcf,
             option("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF"),
             option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes"),

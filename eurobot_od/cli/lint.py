@@ -136,7 +136,7 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
 
 def read_network(files: Sequence[str]) -> LintedNetwork:
     """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
-    from eurobot_od.lint.network import LintedNetwork, Member, nodes_of
+    from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
     from eurobot_od.od.network import SUFFIXES, read_network
     from eurobot_od.od.network_file import NetworkFile, NodeFile
 
@@ -144,7 +144,8 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
     said = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
     devices = [(each, load(read_bytes(each.file), each.file)) for each in said.nodes]
     members = [
-        Member(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id) for each, device in devices
+        NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
+        for each, device in devices
     ]
     return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
 

@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--mailboxes",
-        type=_mailboxes,
+        type=options.whole(0, what="a number of mailboxes"),
         metavar="N",
         help="transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)",
     )
@@ -51,13 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print as JSON, times in us")
     parser.add_argument("--svg", type=Path, metavar="FILE", help="write a chart of the response times")
     options.add_dialect(parser)
-
-
-def _mailboxes(text: str) -> int:
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of mailboxes")
-    return number
 
 
 def _errors(text: str) -> ErrorRate:

@@ -13,6 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
+from eurobot_od.cli import options
 from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError
 
@@ -44,37 +45,30 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--largest",
-        type=_bytes,
+        type=options.whole(1024, what="a number of bytes, 1024 or more"),
         default=LARGEST,
         metavar="BYTES",
         help="longest line or record of a log that is read (default: %(default)s)",
     )
 
 
-def _bytes(text: str) -> int:
-    number = int(text) if text.isdecimal() and len(text) < 16 else 0
-    if number < 1024:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of bytes, 1024 or more")
-    return number
-
-
-class Reading(NamedTuple):
+class ReadOptions(NamedTuple):
     """How logs are read: their format, None to find out, and the most bytes of a line or record."""
 
     form: str | None
     largest: int
 
     @classmethod
-    def of(cls, arguments: argparse.Namespace) -> Reading:
+    def of(cls, arguments: argparse.Namespace) -> ReadOptions:
         """Take it from a command line."""
         return cls(arguments.format, arguments.largest)
 
 
-READING = Parameter("reading", add_reading, Reading.of)
+READING = Parameter("reading", add_reading, ReadOptions.of)
 
 
 def entries(
-    logs: Iterable[str], reading: Reading, is_watched: bool = True
+    logs: Iterable[str], reading: ReadOptions, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
     """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`.
 
@@ -89,7 +83,7 @@ def entries(
 
 
 def meanings(
-    logs: Iterable[str], reading: Reading, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
+    logs: Iterable[str], reading: ReadOptions, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
 ) -> Iterator[tuple[float, Meaning]]:
     """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
     from eurobot_od.logs.entries import REMEMBERED

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from eurobot_od.cli import ExitStatus
-from eurobot_od.cli.table import BUS, Parameter, Row, option
+from eurobot_od.cli.table import BUS, CommandRow, Parameter, option
 from eurobot_od.errors import LocalError, RemoteError
 from eurobot_od.od.values import parse_number
 from eurobot_od.support import durations
@@ -134,7 +134,7 @@ def _add_device(parser: argparse.ArgumentParser) -> None:
 
 
 COMMANDS = {
-    "lss": Row(
+    "lss": CommandRow(
         lss,
         option("action", choices=("find", "set")),
         Parameter("identity", _add_device, lambda arguments: arguments.identity),

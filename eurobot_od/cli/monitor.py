@@ -11,11 +11,12 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.keyboard import keys
-from eurobot_od.cli.logs import Reading, add_reading, entries
+from eurobot_od.cli.logs import ReadOptions, add_reading, entries
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
 from eurobot_od.support.terminal import redraws
@@ -40,7 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play (default: watch a bus)")
     add_reading(parser)
-    parser.add_argument("--speed", type=_speed, default=1.0, help="how many times faster to play a log, or max")
+    parser.add_argument(
+        "--speed",
+        type=lambda text: inf if text == "max" else options.positive(text, " nor max"),
+        default=1.0,
+        help="how many times faster to play a log, or max",
+    )
     parser.add_argument(
         "--filter",
         default="",
@@ -56,10 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     options.add_network(parser)
     options.add_bus(parser)
     options.add_reconnect(parser)
-
-
-def _speed(text: str) -> float:
-    return float("inf") if text == "max" else options.positive(text, " nor max")
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -82,7 +84,7 @@ def run(arguments: argparse.Namespace) -> None:
     with ExitStack() as stack:
         source: Source
         if arguments.logs:
-            read = entries(arguments.logs, Reading.of(arguments), is_watched=False)
+            read = entries(arguments.logs, ReadOptions.of(arguments), is_watched=False)
             source = LogSource(((time, raw) for _, (_, time, _, raw) in read), arguments.speed)
         else:
             source = BusSource(open_bus(), opener=options.reopener(arguments))

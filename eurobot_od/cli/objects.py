@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from eurobot_od.cli import ExitStatus, complain
 from eurobot_od.cli import output as files
 from eurobot_od.cli.remote import TARGET, Target, print_readings
-from eurobot_od.cli.table import JSON, Row, option
+from eurobot_od.cli.table import JSON, CommandRow, option
 from eurobot_od.device.emergency import error_words
 from eurobot_od.errors import LocalError
 from eurobot_od.od.objects import address_of, encode, find, find_one, is_described, label, parse, shown, written
@@ -151,7 +151,7 @@ def errors_as_text(found: History, node_id: int, own: Mapping[int, str]) -> list
 
 
 COMMANDS = {
-    "read": Row(
+    "read": CommandRow(
         read,
         TARGET,
         option(
@@ -160,14 +160,14 @@ COMMANDS = {
         JSON,
         option("--file", type=Path, help="write the bytes of one object to this file, by block transfer"),
     ),
-    "write": Row(
+    "write": CommandRow(
         write,
         TARGET,
         option("name", metavar="INDEX[:SUB]", help="such as 0x1017, 0x1016:1, 'Motion.Maximum speed'"),
         option("value", nargs="?", help="number, decimal or 0x..; text; or hexadecimal digits: as the type says"),
         option("--file", type=Path, help="write the bytes of this file, by block transfer"),
     ),
-    "dump": Row(dump, TARGET, JSON),
-    "export-dcf": Row(export_dcf, TARGET, files.OUTPUT),
-    "emcy": Row(emcy, TARGET, option("--clear", action="store_true", help="empty the error history"), JSON),
+    "dump": CommandRow(dump, TARGET, JSON),
+    "export-dcf": CommandRow(export_dcf, TARGET, files.OUTPUT),
+    "emcy": CommandRow(emcy, TARGET, option("--clear", action="store_true", help="empty the error history"), JSON),
 }

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -52,24 +53,23 @@ def positive(text: str, of: str = "") -> float:
     return value
 
 
-def bit_rate(text: str) -> int:
-    """Read a bit rate of classic CAN in bit/s."""
-    rate = int(text) if text.isdecimal() and len(text) < 10 else 0
-    if not 1000 <= rate <= 1_000_000:
-        raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
-    return rate
+def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
+    """Return the reader of a whole number in a range, which is `what` the complaint of another one asks for."""
+
+    def read(text: str) -> int:
+        number = int(text) if text.isdecimal() and len(text) < 16 else -1
+        if not low <= number <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not {what or f'in {low}..{high}'}")
+        return number
+
+    return read
 
 
 MOST_JOBS = 60
 """More processes than these cannot be waited for on Windows."""
 
-
-def jobs(text: str) -> int:
-    """Read a number of processes."""
-    number = int(text) if text.isdecimal() and len(text) < 10 else 0
-    if not 1 <= number <= MOST_JOBS:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from 1 to {MOST_JOBS}")
-    return number
+bit_rate = whole(1000, 1_000_000, "in 1000..1000000 bit/s")
+jobs = whole(1, MOST_JOBS, f"a number from 1 to {MOST_JOBS}")
 
 
 def address(text: str) -> Address:

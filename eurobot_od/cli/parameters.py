@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus
+from eurobot_od.cli import ExitStatus, options
 from eurobot_od.cli.remote import TARGET, Target
-from eurobot_od.cli.table import Row, option
+from eurobot_od.cli.table import CommandRow, option
 from eurobot_od.errors import LocalError
 from eurobot_od.od.values import MOST_SUBS
 from eurobot_od.support.amounts import amount
@@ -104,14 +103,8 @@ def program(target: Target, file: Path, number: int, no_crc: bool) -> None:
     print(f"node {node.node_id}: program {number}: {amount(loaded.size, 'byte')} written, {verified}, started")
 
 
-def _subindex(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= MOST_SUBS:
-        raise argparse.ArgumentTypeError(f"{text} is not in 1..{MOST_SUBS}")
-    return int(text)
-
-
 COMMANDS = {
-    "configure": Row(
+    "configure": CommandRow(
         configure,
         TARGET,
         option("file", metavar="FILE.dcf", help="the DCF, for this device and this node-ID"),
@@ -120,18 +113,18 @@ COMMANDS = {
         option("--no-store", action="store_true", help="do not have the node store it: it is lost at a reset"),
         option("--no-reset", action="store_true", help="do not reset the node to verify what it has stored"),
     ),
-    "store": Row(store, TARGET),
-    "restore": Row(
+    "store": CommandRow(store, TARGET),
+    "restore": CommandRow(
         restore, TARGET, option("--reset", action="store_true", help="reset the node, so that they take effect")
     ),
-    "program": Row(
+    "program": CommandRow(
         program,
         TARGET,
         option("file", type=Path, metavar="FILE", help="the program, as the node's maker delivers it"),
         option(
             "--program",
             dest="number",
-            type=_subindex,
+            type=options.whole(1, MOST_SUBS),
             default=1,
             metavar="N",
             help="number of the program in the node, its sub-index (1)",

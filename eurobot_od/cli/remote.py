@@ -42,18 +42,12 @@ def add_bus(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--largest",
-        type=_bytes,
+        type=options.whole(1, what="a number of bytes"),
         default=1 << 20,
         metavar="BYTES",
         help="most to read of an object whose size the node does not announce (1048576)",
     )
     options.add_bus(parser)
-
-
-def _bytes(text: str) -> int:
-    if not text.isdecimal() or len(text) > 10 or not int(text):
-        raise argparse.ArgumentTypeError(f"{text} is not a number of bytes")
-    return int(text)
 
 
 class Target(NamedTuple):
@@ -154,7 +148,11 @@ def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
     if as_json:
         print(json.dumps([as_data(each) for each in readings], indent=2))
     else:
-        print(*columns(map(_row, readings)), sep="\n")
+        rows = (
+            (label(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
+            for thing, value, refusal in readings
+        )
+        print(*columns(rows), sep="\n")
 
 
 def as_data(reading: Reading) -> dict[str, Any]:
@@ -164,8 +162,3 @@ def as_data(reading: Reading) -> dict[str, Any]:
     data = {"index": thing.index, "subindex": thing.subindex, "name": thing.qualname, "type": type_name}
     result = {"refused": refusal} if refusal else {"value": value.hex() if isinstance(value, bytes) else value}
     return {**data, **result}
-
-
-def _row(reading: Reading) -> tuple[str, str, str]:
-    thing, value, refusal = reading
-    return label(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value)

@@ -40,7 +40,10 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.frame import Frame
     from eurobot_od.logs.senders import by_sender
 
-    decoder, entries = options.Devices.of(arguments).decoder(), logs.entries(arguments.logs, logs.Reading.of(arguments))
+    decoder, entries = (
+        options.Devices.of(arguments).decoder(),
+        logs.entries(arguments.logs, logs.ReadOptions.of(arguments)),
+    )
     wanted = by_sender(decoder.outlines, decoder.protocol, arguments.only, arguments.without)
     timed = ((time, raw) for _, (_, time, _, raw) in entries if isinstance(raw, Frame) and wanted(raw))
     with Master(options.open_bus(arguments)) as master:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import complain, options
-from eurobot_od.cli.logs import Reading, add_reading, meanings
+from eurobot_od.cli.logs import ReadOptions, add_reading, meanings
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
 
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> None:
     panels = [each.of(decoder.protocol) for each in devices.robot.panels() if each.fits(decoder.protocol)]
     with suppress(KeyboardInterrupt):  # the usual way to end it
         if logs:
-            columns = [_columns(log, Reading.of(arguments), decoder, bitrate, panels) for log in logs]
+            columns = [_columns(log, ReadOptions.of(arguments), decoder, bitrate, panels) for log in logs]
             asyncio.run(_show_logs(columns, panels, arguments.listen))
         else:
             from eurobot_od.web.session import Session
@@ -101,7 +101,7 @@ async def _show_logs(columns: Sequence[Columns], panels: Sequence[type[Panel]], 
     await _serve(page(title, [each.data() for each in columns], panels), listen)
 
 
-def _columns(log: str, reading: Reading, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]) -> Columns:
+def _columns(log: str, reading: ReadOptions, decoder: Decoder, bitrate: int, panels: Sequence[type[Panel]]) -> Columns:
     from eurobot_od.logs.statistics import DamageCounts
     from eurobot_od.web.columns import Columns
 

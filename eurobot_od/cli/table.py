@@ -33,7 +33,7 @@ BUS = Parameter("open_bus", options.add_bus, options.opener)
 RECONNECT = Parameter("reopen", options.add_reconnect, options.reopener)
 
 
-class Row:
+class CommandRow:
     """A command; the first line of its function's docstring is what its help says."""
 
     def __init__(self, run: Callable[..., ExitStatus | None], *parameters: Parameter) -> None:

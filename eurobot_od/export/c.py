@@ -79,7 +79,7 @@ class Member(NamedTuple):
         return (1 << (self.field.width - 1)) - 1
 
 
-class Block(NamedTuple):
+class MessageBlock(NamedTuple):
     """A message, its name in lower-case identifiers, after the network's, and its struct's members."""
 
     name: str
@@ -101,7 +101,7 @@ def header_of(messages: Iterable[DescribedMessage], name: str) -> str:
     """Return the header of messages."""
     prefix, blocks = prefix_of(name), blocks_of(messages, name)
     macros = Identifiers(longest=PARTS * (LONGEST_IDENTIFIER + 1))
-    lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), *_foot()]
+    lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), "", "#endif"]
     return "\n".join(lines) + "\n"
 
 
@@ -110,18 +110,18 @@ def prefix_of(name: str) -> str:
     return Identifiers(WORDS).new(name).lower()
 
 
-def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[Block]:
+def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[MessageBlock]:
     """Return the messages with the names that they and their fields have in the header."""
     of_messages, prefix = Identifiers(), prefix_of(name)
-    return [Block(f"{prefix}_{of_messages.new(each.name).lower()}", each, _members(each)) for each in messages]
+    blocks = []
+    for each in messages:
+        names = Identifiers(WORDS)
+        members = [Member(names.new(field.name).lower(), field) for field in each.fields]
+        blocks.append(MessageBlock(f"{prefix}_{of_messages.new(each.name).lower()}", each, members))
+    return blocks
 
 
-def _members(message: DescribedMessage) -> list[Member]:
-    names = Identifiers(WORDS)
-    return [Member(names.new(field.name).lower(), field) for field in message.fields]
-
-
-def _head(prefix: str, blocks: Iterable[Block]) -> Iterator[str]:
+def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
     files = dict.fromkeys(each.message.file.name for each in blocks)
     yield f"/* Messages of {_comment(', '.join(files))}, made by `eurobot-od export c`; do not edit."
     yield " *"
@@ -142,25 +142,15 @@ def _head(prefix: str, blocks: Iterable[Block]) -> Iterator[str]:
             yield f"typedef char {prefix}_{real}_has_{bits}_bits[sizeof({real}) == {bits // 8} ? 1 : -1];"
 
 
-def _foot() -> Iterator[str]:
-    yield ""
-    yield "#endif"
-
-
 def _comment(text: str) -> str:
     """Make a text fit for a comment; `??` could begin a trigraph."""
     return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
-def _text(text: str) -> str:
-    """Make a text fit for a string of C, and short."""
-    return _comment(text).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
-
-
 # A message
 
 
-def _block(block: Block, macros: Identifiers) -> Iterator[str]:
+def _block(block: MessageBlock, macros: Identifiers) -> Iterator[str]:
     message = block.message
     about = f"{message.name}: {message.path}" + (f". {message.text}" if message.text else "")
     yield ""
@@ -183,21 +173,22 @@ def _macro(macros: Identifiers, *parts: str) -> str:
     return macros.new("_".join(parts)).upper()
 
 
-def _macros(block: Block, member: Member, macros: Identifiers) -> Iterator[str]:
+def _macros(block: MessageBlock, member: Member, macros: Identifiers) -> Iterator[str]:
     """Write a field's limits and the names of its values as macros: an enum's constants fit into an int only."""
     field, of_values = member.field, Identifiers()
     if field.numeral is not Numeral.REAL:
         for word, value in zip(("min", "max"), field.limits):
             yield f"#define {_macro(macros, block.name, member.name, word)} {_number(value, member)}"
     if field.unit:
-        yield f'#define {_macro(macros, block.name, member.name, "unit")} "{_text(field.unit)}"'
+        unit = _comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
+        yield f'#define {_macro(macros, block.name, member.name, "unit")} "{unit}"'
     if field.unknown is not None and field.unknown not in field.named:
         yield f"#define {_macro(macros, block.name, member.name, 'unknown')} {_number(field.unknown, member)}"
     for value, text in field.named.items():
         yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {_number(value, member)}"
 
 
-def _struct(block: Block) -> Iterator[str]:
+def _struct(block: MessageBlock) -> Iterator[str]:
     yield ""
     yield "typedef struct {"
     for member in block.members:
@@ -230,7 +221,7 @@ def _number(value: int, member: Member) -> str:
 # Functions
 
 
-def _pack(block: Block) -> Iterator[str]:
+def _pack(block: MessageBlock) -> Iterator[str]:
     length = block.message.length
     yield ""
     yield f"static inline size_t {block.name}_pack(uint8_t *data, size_t size, const {block.name}_t *message)"
@@ -271,7 +262,7 @@ def _placed(member: Member, chunk: Chunk) -> str:
     return f"({part} << {chunk.bit})" if chunk.bit else part
 
 
-def _unpack(block: Block) -> Iterator[str]:
+def _unpack(block: MessageBlock) -> Iterator[str]:
     length, source = block.message.length, "all" if block.is_cut else "data"
     yield ""
     yield f"static inline bool {block.name}_unpack({block.name}_t *message, const uint8_t *data, size_t length)"
@@ -288,7 +279,7 @@ def _unpack(block: Block) -> Iterator[str]:
     yield "}"
 
 
-def _is_unknown(block: Block) -> Iterator[str]:
+def _is_unknown(block: MessageBlock) -> Iterator[str]:
     together = [each for each in block.members if each.field.unknown is not None]
     if len(together) > 1:
         tests = (f"message->{each.name} == {_number(each.field.unknown or 0, each)}" for each in together)

@@ -59,7 +59,7 @@ class Signal(NamedTuple):
     field: DescribedField
 
 
-class Entry(NamedTuple):
+class DbcMessage(NamedTuple):
     """A message with the names that message, nodes and fields have in the file."""
 
     name: str
@@ -92,7 +92,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     return "\n".join(line for part in parts for line in part) + "\n"
 
 
-def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[Entry]:
+def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[DbcMessage]:
     """Give messages, nodes and fields names of the file; `nodes` are filled in the order in which they are met."""
     of_nodes, of_messages = Identifiers(RESERVED), Identifiers(RESERVED)
     for each in messages:
@@ -100,7 +100,7 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
             if node not in nodes:
                 nodes[node] = of_nodes.new(node)
         of_signals = Identifiers(RESERVED)
-        yield Entry(
+        yield DbcMessage(
             of_messages.new(each.name),
             each,
             [nodes[node] for node in each.senders],
@@ -109,7 +109,7 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
         )
 
 
-def _id(entry: Entry) -> int:
+def _id(entry: DbcMessage) -> int:
     return entry.message.cob_id
 
 
@@ -118,24 +118,14 @@ def _quoted(text: str) -> str:
     return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
 
 
-def _message(entry: Entry) -> Iterator[str]:
+def _message(entry: DbcMessage) -> Iterator[str]:
     yield f"BO_ {_id(entry)} {entry.name}: {entry.message.length} {next(iter(entry.senders), NOBODY)}"
-    for signal in entry.signals:
-        yield _signal(entry, signal)
-
-
-def _signal(entry: Entry, signal: Signal) -> str:
-    field = signal.field
-    order, start = _place(entry.message, field)
-    receivers, unit = ",".join(entry.receivers) or NOBODY, _quoted(field.unit)
-    bits, limits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}", _limits(field)
-    return f" SG_ {signal.name} : {bits} (1,0) {limits} {unit} {receivers}"
-
-
-def _limits(field: DescribedField) -> str:
-    """Write minimum and maximum; equal ones, as of a REAL, say that there are none."""
-    low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits
-    return f"[{low}|{high}]"
+    receivers = ",".join(entry.receivers) or NOBODY
+    for name, field in entry.signals:
+        order, start = _place(entry.message, field)
+        low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
+        bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
+        yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
 
 
 def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
@@ -151,14 +141,14 @@ def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
     raise MappingError(message.file, message.mapping_index, what)
 
 
-def _comments(entries: Iterable[Entry]) -> Iterator[str]:
+def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
     for each in entries:
         yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
         for signal in each.signals:
             yield f"CM_ SG_ {_id(each)} {signal.name} {_quoted(signal.field.allowed)};"
 
 
-def _value_tables(entries: Iterable[Entry]) -> Iterator[str]:
+def _value_tables(entries: Iterable[DbcMessage]) -> Iterator[str]:
     for each in entries:
         for signal in each.signals:
             if values := signal.field.named:
@@ -166,7 +156,7 @@ def _value_tables(entries: Iterable[Entry]) -> Iterator[str]:
                 yield f"VAL_ {_id(each)} {signal.name} {table} ;"
 
 
-def _value_types(entries: Iterable[Entry]) -> Iterator[str]:
+def _value_types(entries: Iterable[DbcMessage]) -> Iterator[str]:
     for each in entries:
         for signal in each.signals:
             if signal.field.numeral is Numeral.REAL:

@@ -90,17 +90,13 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     yield f"            name = {_quoted(label(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
     yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
     yield f"            bytes = {last - first + 1},"
-    yield from _limits(field)
+    if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
+        yield f"            low = {field.limits.low}, high = {field.limits.high},"
     if field.default is not None:
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
     listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"
     yield "        },"
-
-
-def _limits(field: DescribedField) -> Iterator[str]:
-    if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
-        yield f"            low = {field.limits.low}, high = {field.limits.high},"
 
 
 def _quoted(text: str) -> str:

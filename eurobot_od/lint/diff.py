@@ -15,7 +15,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, LintedPdo, load
 from eurobot_od.od import values
-from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable
+from eurobot_od.od.description import COMPOSED, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, DataType, Number
@@ -30,7 +30,7 @@ WHOLE_DEVICE = (-1, -1)
 """Where a difference is that belongs to no object."""
 
 
-class Difference(NamedTuple):
+class EdsDifference(NamedTuple):
     """One difference: where (a sub-index below 0: in the whole object), in what, the two texts, the object's name."""
 
     where: Address
@@ -62,7 +62,7 @@ def read_device(file: str) -> LintedDevice:
 
 def compare(
     left: LintedDevice, right: LintedDevice, node_id: int | None = None, with_names: bool = False
-) -> list[Difference]:
+) -> list[EdsDifference]:
     """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
     node_id = node_id or left.node_id or right.node_id
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
@@ -71,7 +71,7 @@ def compare(
     return _named(found, left, right)
 
 
-def _named(found: Iterable[Difference], *devices: LintedDevice) -> list[Difference]:
+def _named(found: Iterable[EdsDifference], *devices: LintedDevice) -> list[EdsDifference]:
     """Return differences with the names of their objects, from the first device that has what they are in."""
     return [
         each._replace(
@@ -90,18 +90,14 @@ def _name_in(device: LintedDevice, address: Address) -> str:
     return f"{whole.name}.{variable.name}"
 
 
-def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[Difference]:
+def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
     """Tell both devices as wholes, and what each of their objects is."""
     rates = (", ".join(map(str, sorted(bit_rates(each)))) or "none" for each in (one, other))
-    yield Difference(WHOLE_DEVICE, "bit rates", *rates)
+    yield EdsDifference(WHOLE_DEVICE, "bit rates", *rates)
     for index in one.objects.keys() | other.objects.keys():
-        yield Difference((index, -1), "object", *(_kind(each.objects.get(index)) for each in (one, other)))
-
-
-def _kind(each: DescribedObject | None) -> str:
-    if each is None:
-        return ABSENT
-    return each.code.name if each.code else "unknown"
+        objects = (each.objects.get(index) for each in (one, other))
+        kinds = (ABSENT if each is None else each.code.name if each.code else "unknown" for each in objects)
+        yield EdsDifference((index, -1), "object", *kinds)
 
 
 def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
@@ -109,11 +105,11 @@ def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
     return {(each.index, each.sub): each for whole in device.objects.values() for each in whole.variables()}
 
 
-def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[Difference]:
+def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
     """Give the sub-indices that one has and the other has not, of objects that are in both."""
     for index, left, right in _shared(one, other):
         for sub in left.keys() ^ right.keys():
-            yield Difference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
+            yield EdsDifference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
@@ -136,13 +132,13 @@ Aspect = Callable[[DescribedVariable, int | None], str]
 
 def _variables(
     one: LintedDevice, other: LintedDevice, node_id: int | None, aspects: Mapping[str, Aspect]
-) -> Iterator[Difference]:
+) -> Iterator[EdsDifference]:
     for index, left, right in _shared(one, other):
         for sub in left.keys() & right.keys():
             for name, aspect in aspects.items():
                 texts = aspect(left[sub], node_id), aspect(right[sub], node_id)
                 if texts[0] != texts[1]:
-                    yield Difference((index, sub), name, *_as_written(name, texts, left[sub], right[sub]))
+                    yield EdsDifference((index, sub), name, *_as_written(name, texts, left[sub], right[sub]))
 
 
 ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
@@ -214,14 +210,14 @@ ASPECTS: Mapping[str, Aspect] = {
 NAMES: Mapping[str, Aspect] = {"name": lambda each, _: each.name or ABSENT}
 
 
-def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterator[Difference]:
+def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterator[EdsDifference]:
     """Tell the PDOs that both have."""
     left, right = ({(each.direction, each.number): each for each in device.pdos} for device in (one, other))
     for direction, number in left.keys() & right.keys():
         pdos = left[direction, number], right[direction, number]
         index, name = direction.value + number - 1, pdos[0].name
-        yield Difference((index, 1), f"{name} COB-ID", *(cob_id(each, node_id) for each in pdos))
-        yield Difference((index + values.MAPPING_OFFSET, -1), f"{name} mapping", *map(mapping, pdos))
+        yield EdsDifference((index, 1), f"{name} COB-ID", *(cob_id(each, node_id) for each in pdos))
+        yield EdsDifference((index + values.MAPPING_OFFSET, -1), f"{name} mapping", *map(mapping, pdos))
 
 
 def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
@@ -259,7 +255,7 @@ def readable(device: LintedDevice) -> list[Address]:
     return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
-def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[Difference]:
+def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[EdsDifference]:
     """Compare a file with what a node answered to SDO reads of it; process data and states are only looked for.
 
     An answer is the object's bytes, or the abort code. A DCF tells what one device has: what it gives no value need not
@@ -278,16 +274,16 @@ def _is_told(variable: DescribedVariable, answer: bytes | int) -> bool:
     return bool(variable.section.text("parametervalue")) or (isinstance(answer, bytes) and variable.is_writable)
 
 
-def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[Difference]:
+def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[EdsDifference]:
     """Yield what a node has not, does not give, or gives in another length."""
     if answer == AbortCode.NO_DATA:  # it is there and has nothing to tell, as an error field without errors
         return
     if isinstance(answer, int):
         is_missing = answer in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
         told = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
-        yield Difference(address, "on the node", _presence(variable), told)
+        yield EdsDifference(address, "on the node", _presence(variable), told)
     elif variable.type and variable.type.bits and len(answer) != variable.type.size:
-        yield Difference(address, "bytes", str(variable.type.size), str(len(answer)))
+        yield EdsDifference(address, "bytes", str(variable.type.size), str(len(answer)))
 
 
 def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> LintedDevice:

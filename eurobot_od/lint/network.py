@@ -194,7 +194,7 @@ def _services(node: NetworkNode) -> Iterator[tuple[int, str, Spot]]:
         yield from ((identifier, "LSS", node.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS)
 
 
-class Member(NamedTuple):
+class NetworkMember(NamedTuple):
     """A device that is to be in the network; without node-ID its file's own one is taken, or the next free one."""
 
     name: str
@@ -203,7 +203,7 @@ class Member(NamedTuple):
     node_id: int | None = None
 
 
-def nodes_of(members: Sequence[Member]) -> list[NetworkNode]:
+def nodes_of(members: Sequence[NetworkMember]) -> list[NetworkNode]:
     """Make nodes of devices."""
     said = [each.node_id or own_node_id(each.device) for each in members]
     free = iter(number for number in values.NODE_IDS if number not in said)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from eurobot_od.logs.meaning import with_defects
-from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
+from eurobot_od.monitor.traffic import MonitorRow, NodeHealth
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.tables import GAP, columns
 
@@ -30,7 +30,7 @@ def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
     return shown
 
 
-def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
+def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     """Write a row, one text for each heading."""
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
     period = row.period
@@ -39,7 +39,7 @@ def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
     return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
 
 
-def values(row: TrafficRow) -> str:
+def values(row: MonitorRow) -> str:
     """Write the last values, and what is wrong with them."""
     return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
 
@@ -50,6 +50,6 @@ def health(name: str, node: NodeHealth, now: float) -> str:
     return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
 
 
-def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:
+def plain_table(rows: list[MonitorRow], now: float) -> Iterator[str]:
     """Write the table without colours, one line a row."""
     return columns([HEADINGS, *(cells(row, now) for row in rows)], ALIGN)

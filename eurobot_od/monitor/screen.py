@@ -15,7 +15,7 @@ from rich.text import Text
 from eurobot_od.logs.meaning import CANOPEN
 from eurobot_od.monitor.cells import ALIGN, HEADINGS, cells, fitting, health
 from eurobot_od.monitor.controls import HELP, Controls
-from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
+from eurobot_od.monitor.traffic import MonitorRow, Traffic, selected
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.tables import GAP
 
@@ -72,7 +72,7 @@ def _nodes(traffic: Traffic, now: float) -> Text:
     return text
 
 
-def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str], width: int) -> Table:
+def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width: int) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
     lines = [cells(row, now) for row in rows]
     columns = fitting(lines, width)
@@ -85,7 +85,7 @@ def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str], width
     return table
 
 
-def _style(row: TrafficRow, now: float, colours: Mapping[str, str]) -> str:
+def _style(row: MonitorRow, now: float, colours: Mapping[str, str]) -> str:
     if row.meaning.defects:
         return WRONG
     colour = colours.get(row.meaning.group, "")

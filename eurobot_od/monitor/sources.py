@@ -12,7 +12,6 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Frame
 from eurobot_od.live import Opener, Watch
 from eurobot_od.logs.binary import of_message
 from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
@@ -46,8 +45,17 @@ class BusSource:
         self._last, self._seen = 0.0, clock()
         self._overflow = 0
         self._leaving = ExitStack()
-        watch = Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
-        self._watch = self._leaving.enter_context(watch)
+        self._watch = self._leaving.enter_context(
+            Watch(
+                bus,
+                lambda time, frame: self._came.append((time, frame)),
+                None,
+                self._fail,
+                self._take_foreign,
+                opener=opener,
+                back=lambda gap: self.notes.append(f"the bus is back after a gap of {gap:.1f} s"),
+            )
+        )
 
     def _fail(self, why: BusError) -> None:
         if self._opener is None:
@@ -55,17 +63,11 @@ class BusSource:
         else:
             self.notes.append(f"{why}; it is opened again")
 
-    def _note_gap(self, gap: float) -> None:
-        self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
-
     def _note_overflow(self) -> None:
         self._overflow = self._watch.overflow()
         self.notes.append(
             f"{self._overflow} frames have found no room in the driver's queue so far, and are missing here"
         )
-
-    def _take(self, time: float, frame: Frame) -> None:
-        self._came.append((time, frame))
 
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:

@@ -40,7 +40,7 @@ class MeanPeriod(NamedTuple):
 
 
 @dataclass
-class TrafficRow:
+class MonitorRow:
     """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
 
     identifier: int | None
@@ -88,7 +88,7 @@ class Traffic:
         self.bitrate, self._promised = bitrate, promised
         self.seen = SeenTraffic(bitrate, promised)
         self.groups = decoder.protocol.catalogue.groups
-        self.rows: dict[int | Damage, TrafficRow] = {}
+        self.rows: dict[int | Damage, MonitorRow] = {}
         periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.outlines}
         self.nodes = {name: NodeHealth(Pulse(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
@@ -105,7 +105,7 @@ class Traffic:
         self.frames += 1
         row = self.rows.get(raw[0])  # by COB-ID or Damage
         if row is None:
-            row = self.rows[raw[0]] = TrafficRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+            row = self.rows[raw[0]] = MonitorRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
@@ -157,7 +157,7 @@ HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _
 # What is shown
 
 
-SORTS: Mapping[str, Callable[[TrafficRow], Any]] = {
+SORTS: Mapping[str, Callable[[MonitorRow], Any]] = {
     "identifier": lambda row: (row.identifier is None, row.identifier or 0),
     "name": lambda row: row.name.casefold(),
     "count": lambda row: -row.count,
@@ -168,7 +168,7 @@ SORTS: Mapping[str, Callable[[TrafficRow], Any]] = {
 """The orders of the table."""
 
 
-def selected(rows: Iterable[TrafficRow], sort: str, part: str) -> list[TrafficRow]:
+def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRow]:
     """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
     return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
 

@@ -15,7 +15,7 @@ from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, Suit
 from eurobot_od.device.storage import FileStore
 from eurobot_od.gatekeeper import Report
 from eurobot_od.gatekeeper.reports import Event
-from eurobot_od.lint.diff import Difference
+from eurobot_od.lint.diff import EdsDifference
 from eurobot_od.lint.findings import Finding
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
@@ -98,7 +98,7 @@ LINES = {
     "step": report.step_line(STEP),
     "reason": "\n".join(report.reason_lines(STEP.reason or Reason(""))),
     "finding": str(Finding(EVIL, 1, 1, "E001", EVIL)),
-    "difference": str(Difference((0x1000, 0), "name", EVIL, EVIL)),
+    "difference": str(EdsDifference((0x1000, 0), "name", EVIL, EVIL)),
     "node strings": "\n".join(columns([("1", EVIL), ("2", "b")])),
     "report": str(Report(Event.NODE_ALARM, EVIL, EVIL, 0.0)),
 }
