@@ -77,11 +77,11 @@ ALLOCATIONS = 50_000
 
 
 class ExitStatus(IntEnum):
-    """What a command tells the shell."""
+    """The exit status of a command."""
 
     FINE = 0
     FOUND = 1
-    """Findings, differences, failed checks, a node that refused or did not answer."""
+    """Findings, differences, failed checks; a node refused or did not answer."""
     WRONG_INPUT = 2
     """Of the command line, or of a file."""
     TROUBLE = 3
@@ -181,8 +181,8 @@ def _run(words: list[str]) -> int:
     if command.startswith("-"):
         _overview(_find(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
-    # What is imported stays, and so does what is read of EDS files: ten thousand entries in which to look for garbage
-    # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
+    # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
+    # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
     gc.disable()
     try:
         found = find(command, robot)

@@ -106,7 +106,7 @@ def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Out
 
 
 class Filters(NamedTuple):
-    """What the options say of the entries that are wanted: names of messages and nodes, conditions of fields."""
+    """The entries that are wanted: names of messages and nodes, conditions on fields."""
 
     messages: Sequence[str]
     nodes: Sequence[str]

@@ -141,13 +141,13 @@ def read_network(files: Sequence[str]) -> LintedNetwork:
     from eurobot_od.od.network_file import NetworkFile, NodeFile
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
-    said = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
-    devices = [(each, load(read_bytes(each.file), each.file)) for each in said.nodes]
+    described = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
+    devices = [(each, load(read_bytes(each.file), each.file)) for each in described.nodes]
     members = [
         NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
         for each, device in devices
     ]
-    return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
+    return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate)
 
 
 def explanation(code: str) -> str:

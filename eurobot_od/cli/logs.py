@@ -105,15 +105,15 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             file: BinaryIO = sys.stdin.buffer
         else:
             file = stack.enter_context(Path(log).open("rb", buffering=0))
-        said = os.fstat(file.fileno())
-        if not stat.S_ISREG(said.st_mode):
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
             # A pipe may be a live bus: what has been decoded is shown before the next lines are waited for.
             yield io.BufferedReader(Watched(file, lambda _: sys.stdout.flush()), CHUNK)
         elif is_watched and sys.stderr.isatty():
             from eurobot_od.support import progress  # a command that needs no bar starts faster without
 
             draw = stack.enter_context(progress.bar(log, after=progress.SHORT))
-            yield io.BufferedReader(Watched(file, lambda done: draw(done, said.st_size)))
+            yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:
             yield io.BufferedReader(Watched(file, lambda _: None))
 

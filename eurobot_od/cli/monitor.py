@@ -151,12 +151,13 @@ def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
         if not monitor.controls.paused and named(meaning, monitor.controls.part):
             sys.stdout.write(write(0, time, "", output.row(meaning)))
 
-    told: list[str] = []
+    printed = 0
 
     def refresh() -> None:
-        for note in monitor.source.notes[len(told) :]:
-            told.append(note)
+        nonlocal printed
+        for note in monitor.source.notes[printed:]:
             print(f"# {note}")
+            printed += 1
         sys.stdout.flush()
 
     yield took, refresh

@@ -65,8 +65,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         return ExitStatus.FOUND
     came, took = answer
     # A message expected by its name must be whole: a frame too short for it is an error.
-    said = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
-    print(one_line("  ".join(filter(None, (f"received  {came}", said, f"after {took * 1000:.1f} ms")))))
+    words = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
+    print(one_line("  ".join(filter(None, (f"received  {came}", words, f"after {took * 1000:.1f} ms")))))
     return ExitStatus.FINE
 
 

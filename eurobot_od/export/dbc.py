@@ -1,7 +1,7 @@
 """The messages as a DBC file (Vector's CAN database): identifiers, bits, units, limits, value tables, nodes.
 
-Rule of this file: no multiplexing is invented, and a field that DBC cannot express, because its bits are not in one
-piece in either byte order, is an error.
+Rule of this file: no multiplexing is invented. A field that DBC cannot express, because its bits are not contiguous in
+either byte order, is an error.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BS_:
 """
 
 NOBODY = "Vector__XXX"
-"""Stands for a node where DBC wants one and there is none."""
+"""The node where DBC requires one and there is none."""
 
 INTEL, MOTOROLA = 1, 0
 """DBC's numbers for the byte orders: least and most significant byte first."""
@@ -49,7 +49,7 @@ ATTRIBUTES = (
     'BA_DEF_DEF_ "BusType" "CAN";',
     'BA_DEF_DEF_ "Protocol" "";',
 )
-"""Definitions of the attributes, then their defaults: DBC wants them in this order."""
+"""Definitions of the attributes, then their defaults: DBC requires this order."""
 
 
 class Signal(NamedTuple):
@@ -81,7 +81,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     parts = [
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*_message(each), ""] for each in entries),
-        # A message with several senders names all of them once more.
+        # A message with several senders lists all of them here once more.
         [f"BO_TX_BU_ {_id(each)} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
@@ -114,7 +114,7 @@ def _id(entry: DbcMessage) -> int:
 
 
 def _quoted(text: str) -> str:
-    """Write a text; inside it a double quote would need a backslash, which not every reader knows."""
+    """Write a text; a double quote becomes a single one, as not every reader knows backslashes."""
     return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
 
 
@@ -133,11 +133,11 @@ def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
     places = list(field.places)
     if places == list(range(places[0], places[0] + field.width)):
         return INTEL, places[0]
-    # Numbered against the bytes' order, the bits of a value that goes on in the byte before are consecutive, too.
+    # Numbered so that the byte before continues a byte, the bits of a big-endian value are consecutive too.
     turned = [place % 8 - place // 8 * 8 for place in places]
     if turned == list(range(turned[0], turned[0] + field.width)):
         return MOTOROLA, places[-1]
-    what = f"{message.name}: {field.name} is not in one piece, which DBC cannot say"
+    what = f"{message.name}: {field.name} is not contiguous, which DBC cannot express"
     raise MappingError(message.file, message.mapping_index, what)
 
 

@@ -1,6 +1,6 @@
 """A network's messages and its devices' objects as a document to read: Markdown or HTML.
 
-Rule of this file: what the document says is a list of blocks; a form writes each kind of block, and escapes all texts.
+Rule of this file: the document is a list of blocks; a form writes each kind of block, and escapes all texts.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class DocHeading(NamedTuple):
 
 
 class DocLink(NamedTuple):
-    """A text that leads to a heading."""
+    """A text with a link to a heading."""
 
     text: str
     anchor: str
@@ -43,7 +43,7 @@ class Paragraph(NamedTuple):
 
 
 class DocTable(NamedTuple):
-    """A table: the heads of its columns, and its rows; the columns `numbers` are set right, `words` never broken."""
+    """A table: its column heads and rows; the columns `numbers` are flush right, `words` are never broken."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -62,7 +62,7 @@ def docs_text(protocol: Protocol, outlines: Iterable[Dictionary], form: str) -> 
 
 
 def form_of(file: Path) -> str:
-    """Return the form that a file's suffix says; raises UnknownName for a suffix of none."""
+    """Return the form of a file's suffix; raises UnknownName for any other suffix."""
     try:
         return SUFFIXES[file.suffix.lower()]
     except KeyError:
@@ -141,8 +141,8 @@ OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low li
 
 def _device(outline: Dictionary) -> Iterator[DocBlock]:
     yield DocHeading(2, f"{outline.name}, node-ID {outline.node_id}", f"device-{outline.node_id}")
-    said = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
-    facts = ", ".join(f"{what} {text}" for what, text in said if text)
+    texts = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
+    facts = ", ".join(f"{what} {text}" for what, text in texts if text)
     yield Paragraph(f"From {outline.file.name}. {facts}".rstrip())
     rows = [row for index in outline.members for row in _object(outline, index)]
     yield DocTable(OBJECT_HEAD, rows, words=("Index", "Type"))
@@ -167,7 +167,7 @@ def _variable(variable: DescribedVariable) -> tuple[str, ...]:
 # The forms
 
 MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")
-"""What means something in Markdown."""
+"""Characters with a meaning in Markdown."""
 
 
 def one_line(text: str) -> str:

@@ -38,7 +38,7 @@ TYPES: Mapping[ColumnForm, str] = {
 
 
 class Drawing(NamedTuple):
-    """What a message draws: a well-known schema's name, its properties, and what is drawn of a message; None: nothing.
+    """How a message is drawn: the name of a well-known schema, its properties, and what makes the drawing.
 
     `of` gets the message and the time as MCAP's schemas write it.
     """
@@ -87,7 +87,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
 
 
 DRAWN = "/drawing"
-"""Ends the name of a drawing's channel."""
+"""The end of the name of a drawing's channel."""
 
 
 class _Channels:

@@ -24,10 +24,10 @@ from eurobot_od.support.escaping import one_line
 
 ABSENT = "-"
 STATE = (ERROR_REGISTER[0], 0x1002, ERROR_FIELD, STORE, RESTORE)
-"""Objects whose value in a running node says how it is, not how it is configured."""
+"""Objects whose value is a running node's state, not its configuration."""
 
 WHOLE_DEVICE = (-1, -1)
-"""Where a difference is that belongs to no object."""
+"""Address of a difference that belongs to no object."""
 
 
 class EdsDifference(NamedTuple):
@@ -66,8 +66,8 @@ def compare(
     """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
     node_id = node_id or left.node_id or right.node_id
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
-    told = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
-    found = sorted([*(each for each in told if each.left != each.right), *_missing_subs(left, right)])
+    compared = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
+    found = sorted([*(each for each in compared if each.left != each.right), *_missing_subs(left, right)])
     return _named(found, left, right)
 
 
@@ -91,7 +91,7 @@ def _name_in(device: LintedDevice, address: Address) -> str:
 
 
 def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
-    """Tell both devices as wholes, and what each of their objects is."""
+    """Compare the bit rates of both devices, and the kinds of their objects."""
     rates = (", ".join(map(str, sorted(bit_rates(each)))) or "none" for each in (one, other))
     yield EdsDifference(WHOLE_DEVICE, "bit rates", *rates)
     for index in one.objects.keys() | other.objects.keys():
@@ -106,14 +106,14 @@ def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
 
 
 def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
-    """Give the sub-indices that one has and the other has not, of objects that are in both."""
+    """Give the sub-indices that only one device has, in objects that both have."""
     for index, left, right in _shared(one, other):
         for sub in left.keys() ^ right.keys():
             yield EdsDifference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
-    """Give the objects that both have, one after the other: a small file may stand for millions of sub-indices."""
+    """Give the objects that both have, one at a time: a small file may describe millions of sub-indices."""
     for index in one.objects.keys() & other.objects.keys():
         left, right = ({each.sub: each for each in device.objects[index].variables()} for device in (one, other))
         yield index, left, right
@@ -127,7 +127,7 @@ Members: TypeAlias = dict[int, DescribedVariable]
 """The variables of an object by sub-index."""
 
 Aspect = Callable[[DescribedVariable, int | None], str]
-"""Says one thing about a variable, for a node-ID (None: what depends on it stays relative)."""
+"""Writes one aspect of a variable, for a node-ID; without one, what depends on it stays relative."""
 
 
 def _variables(
@@ -146,7 +146,7 @@ ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
     "low limit": lambda each: each.section.entries.get("lowlimit"),
     "high limit": lambda each: each.section.entries.get("highlimit"),
 }
-"""Where the number of an aspect is written."""
+"""The entry that holds the number of an aspect."""
 
 
 def _as_written(aspect: str, texts: tuple[str, str], *variables: DescribedVariable) -> Iterator[str]:
@@ -177,7 +177,7 @@ def _number(number: Number, node_id: int | None) -> str:
 
 
 def _value(variable: DescribedVariable, node_id: int | None) -> str:
-    """Say a variable's value; those of mappings and COB-IDs of PDOs are said as bits and identifiers."""
+    """Write a variable's value, but not of PDO mappings and COB-IDs, which are compared as bits and identifiers."""
     text = variable.value_entry.value if variable.value_entry else ""
     is_mapping = any(variable.index in each for each in values.MAPPING_RECORDS.values())
     is_cob_id = variable.sub == 1 and any(variable.index in each for each in values.COMMUNICATION_RECORDS.values())
@@ -211,7 +211,7 @@ NAMES: Mapping[str, Aspect] = {"name": lambda each, _: each.name or ABSENT}
 
 
 def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterator[EdsDifference]:
-    """Tell the PDOs that both have."""
+    """Compare the PDOs that both have."""
     left, right = ({(each.direction, each.number): each for each in device.pdos} for device in (one, other))
     for direction, number in left.keys() & right.keys():
         pdos = left[direction, number], right[direction, number]
@@ -221,7 +221,7 @@ def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterat
 
 
 def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
-    """Say a PDO's COB-ID: identifier, and what its upper bits mean."""
+    """Write a PDO's COB-ID: identifier, and what its upper bits mean."""
     number = pdo.value(1)
     if number is None:
         return ABSENT
@@ -234,7 +234,7 @@ def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
 
 
 def mapping(pdo: LintedPdo) -> str:
-    """Say a PDO's mapping as bits: which of them are which object."""
+    """Write a PDO's mapping as bits: which of them are which object."""
     if pdo.amount is None:
         return ABSENT
     if pdo.is_multiplexed:
@@ -256,32 +256,32 @@ def readable(device: LintedDevice) -> list[Address]:
 
 
 def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[EdsDifference]:
-    """Compare a file with what a node answered to SDO reads of it; process data and states are only looked for.
+    """Compare a file with a node's answers to SDO reads; process data and states only have to be there.
 
-    An answer is the object's bytes, or the abort code. A DCF tells what one device has: what it gives no value need not
-    be there, and what cannot be written need not have the value that it has by default.
+    An answer is the object's bytes, or the abort code. A DCF describes one device: an object that it gives no value
+    need not be there, and one that cannot be written need not have its default.
     """
     known = variables(device)
     if device.node_id is not None:
-        answers = {address: answer for address, answer in answers.items() if _is_told(known[address], answer)}
-    said = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
+        answers = {address: answer for address, answer in answers.items() if _is_comparable(known[address], answer)}
+    missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     found = compare(device, _overlaid(device, answers), node_id)
-    return sorted([*_named(said, device), *found])
+    return sorted([*_named(missing, device), *found])
 
 
-def _is_told(variable: DescribedVariable, answer: bytes | int) -> bool:
-    """Tell whether a DCF says something of an object that a node's answer can differ from."""
+def _is_comparable(variable: DescribedVariable, answer: bytes | int) -> bool:
+    """Tell whether a DCF gives something that a node's answer can differ from."""
     return bool(variable.section.text("parametervalue")) or (isinstance(answer, bytes) and variable.is_writable)
 
 
 def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[EdsDifference]:
-    """Yield what a node has not, does not give, or gives in another length."""
-    if answer == AbortCode.NO_DATA:  # it is there and has nothing to tell, as an error field without errors
+    """Yield a difference for an object that a node does not have, does not give, or gives in another length."""
+    if answer == AbortCode.NO_DATA:  # the object is there but empty, such as an error field without errors
         return
     if isinstance(answer, int):
         is_missing = answer in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
-        told = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
-        yield EdsDifference(address, "on the node", _presence(variable), told)
+        answered = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
+        yield EdsDifference(address, "on the node", _presence(variable), answered)
     elif variable.type and variable.type.bits and len(answer) != variable.type.size:
         yield EdsDifference(address, "bytes", str(variable.type.size), str(len(answer)))
 

@@ -13,14 +13,14 @@ HEADINGS = ("ID", "Message", "Count", "Period ms", "Age s", "Last values")
 ALIGN = "llrrrl"
 
 DROPPED = ("Age s", "Count", "Period ms")
-"""The columns that a narrow terminal does without, the least important first."""
+"""The columns that a narrow terminal drops, the least important first."""
 
 ROOM = 24
-"""Characters that the last values have, as long as there is a column to do without."""
+"""Characters for the last values; columns are dropped to keep them."""
 
 
 def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
-    """Return the numbers of the columns that are shown on so many characters; `lines` are the cells of all of them."""
+    """Return the numbers of the columns that fit into `width` characters; `lines` are the cells of all columns."""
     widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
     shown = list(range(len(HEADINGS)))
     for dropped in map(HEADINGS.index, DROPPED):
@@ -40,12 +40,12 @@ def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
 
 
 def values(row: MonitorRow) -> str:
-    """Write the last values, and what is wrong with them."""
+    """Write the last values and what is wrong with them."""
     return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
 
 
 def health(name: str, node: NodeHealth, now: float) -> str:
-    """Write how a node is."""
+    """Write the state of a node."""
     state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
     return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
 

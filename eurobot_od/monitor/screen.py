@@ -20,13 +20,13 @@ from eurobot_od.support.amounts import amount
 from eurobot_od.support.tables import GAP
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
-"""Colours of the groups of messages, in the catalogue's order; further groups have none of their own."""
+"""Colours of the groups of messages, in the catalogue's order; further groups have none."""
 
 SERVICE_COLOUR = "magenta"
 
 WRONG, OLD = "bold red", "dim"
 OLD_AFTER = 3.0
-"""A message is old after so many of its periods, but not before a second."""
+"""Periods after which a message is old, but at least a second."""
 
 BAR_WIDTH = 20
 HEAVY_LOAD = 0.8
@@ -42,7 +42,7 @@ class Size(NamedTuple):
 def screen(
     traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
-    """Return everything that is shown on a terminal of a size; of the `notes` the last."""
+    """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     room = max(size.height - 8, 1)
     top = controls.within(len(rows) - room)

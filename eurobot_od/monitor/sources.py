@@ -1,6 +1,6 @@
 """Where the monitor's frames come from: a bus, or logs played at any speed.
 
-Rule of this file: `poll` never waits; it returns what has come since the last time. The monitor waits for keys instead.
+Rule of this file: `poll` never waits, as the monitor waits for keys; it returns what has come since the last time.
 """
 
 from __future__ import annotations
@@ -65,13 +65,11 @@ class BusSource:
 
     def _note_overflow(self) -> None:
         self._overflow = self._watch.overflow()
-        self.notes.append(
-            f"{self._overflow} frames have found no room in the driver's queue so far, and are missing here"
-        )
+        self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
 
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:
-            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver can make no sense of it")))
+            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver cannot read it")))
             return
         try:
             raw = of_message(message)
@@ -90,7 +88,7 @@ class BusSource:
 
     def poll(self) -> Iterator[Timed]:
         """Return the frames; raises BusError if the bus failed."""
-        for _ in range(len(self._came)):  # not until there is none: a full bus would never let the screen be drawn
+        for _ in range(len(self._came)):  # not until it is empty: on a full bus the screen would never be drawn
             timed = self._came.popleft()
             self._last, self._seen = timed[0], self._clock()
             yield timed
@@ -100,14 +98,14 @@ class BusSource:
             raise self._failures[0]
 
     def close(self) -> None:
-        """Let the bus go."""
+        """Close the bus."""
         if self._watch.overflow() > self._overflow:
             self._note_overflow()
         self._leaving.close()
 
 
 class LogSource:
-    """Entries of logs, played so many times faster than they were recorded."""
+    """Entries of logs, played `speed` times faster than they were recorded."""
 
     notes: Sequence[str] = ()
 

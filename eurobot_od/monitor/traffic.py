@@ -71,7 +71,7 @@ class MonitorRow:
 
 @dataclass
 class NodeHealth:
-    """What a node said of itself last: its state, its last EMCY; `pulse` tells whether it is lost."""
+    """A node's last reported state and EMCY; `pulse` knows whether the node is lost."""
 
     pulse: Pulse = field(default_factory=Pulse)
     state: str = ""
@@ -99,7 +99,7 @@ class Traffic:
         self._explain: Callable[[Raw], Meaning] = lru_cache(REMEMBERED)(decoder)
 
     def take(self, time: float, raw: Raw) -> Meaning:
-        """Take in a frame and tell what it means."""
+        """Take in a frame and return what it means."""
         meaning = self._explain(raw)
         self.now = time
         self.frames += 1
@@ -129,7 +129,7 @@ class Traffic:
     def load(self, now: float) -> tuple[float, float]:
         """Return bus load (share of 1, stuff bits counted) and frames per second since the last second's mark.
 
-        Called at every refresh; between two calls the traffic is taken as even.
+        Called at every refresh; between two calls the traffic is assumed to be even.
         """
         self._marks.append((now, self._bits, self.frames))
         while len(self._marks) > 2 and now - self._marks[1][0] >= LOAD_SPAN:
@@ -151,7 +151,7 @@ def _emergency(health: NodeHealth, _: float, text: str) -> None:
 
 
 HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _beat, "EMCY": _emergency}
-"""What services say of a node's health."""
+"""The services that report a node's health."""
 
 
 # What is shown
