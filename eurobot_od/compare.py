@@ -40,7 +40,7 @@ TIME = 0.001
 """How far two times may be apart, s, if nothing else is said."""
 
 
-class Kind(Enum):
+class DifferenceKind(Enum):
     """How two logs differ; the value is the word for it."""
 
     MISSING = "missing"
@@ -57,7 +57,7 @@ class Difference(NamedTuple):
     """
 
     time: float
-    kind: Kind
+    kind: DifferenceKind
     name: str
     text: str
 
@@ -148,8 +148,8 @@ class _Comparison:
         if ones and others:
             yield from self._of_pair(ones[0], others[0])
             return
-        yield from (self._alone(Kind.MISSING, seen) for seen in ones)
-        yield from (self._alone(Kind.EXTRA, seen) for seen in others)
+        yield from (self._alone(DifferenceKind.MISSING, seen) for seen in ones)
+        yield from (self._alone(DifferenceKind.EXTRA, seen) for seen in others)
 
     def _agree(self, one: _Seen, other: _Seen) -> bool:
         return self._is_in_time(one, other) and not self._changes(one.raw, other.raw)
@@ -157,7 +157,7 @@ class _Comparison:
     def _is_in_time(self, one: _Seen, other: _Seen) -> bool:
         return abs(other.time - one.time) <= self._tolerances.time + 1e-9  # times are decimals of a microsecond
 
-    def _alone(self, kind: Kind, seen: _Seen) -> Difference:
+    def _alone(self, kind: DifferenceKind, seen: _Seen) -> Difference:
         meaning = self._decode(seen.raw)
         text = with_defects(meaning) if meaning.defects else meaning.text
         return Difference(seen.time, kind, self._name(seen.raw), text)
@@ -171,9 +171,14 @@ class _Comparison:
         late = other.time - one.time
         name = self._name(one.raw)
         if not self._is_in_time(one, other):
-            yield Difference(one.time, Kind.LATE if late > 0 else Kind.EARLY, name, f"by {abs(late) * 1000:.3f} ms")
+            yield Difference(
+                one.time,
+                DifferenceKind.LATE if late > 0 else DifferenceKind.EARLY,
+                name,
+                f"by {abs(late) * 1000:.3f} ms",
+            )
         if changes := self._changes(one.raw, other.raw):
-            yield Difference(one.time, Kind.CHANGED, name, ", ".join(changes))
+            yield Difference(one.time, DifferenceKind.CHANGED, name, ", ".join(changes))
 
     # Values
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from eurobot_od.compare import Difference, Kind, Timed, Tolerances, compare
+from eurobot_od.compare import Difference, DifferenceKind, Timed, Tolerances, compare
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import Damage, Foreign, Raw
 from eurobot_od.robot.match import MatchOptions
@@ -27,7 +27,7 @@ def match() -> list[Timed]:
     return frames
 
 
-def kinds(differences: list[Difference]) -> list[tuple[Kind, str]]:
+def kinds(differences: list[Difference]) -> list[tuple[DifferenceKind, str]]:
     return [(each.kind, each.name) for each in differences]
 
 
@@ -58,16 +58,16 @@ def test_one_removed_one_late_and_one_changed_are_exactly_these_three(match: lis
     found = compare(match, other, DECODER, EXACT)
     assert sorted(kinds(found), key=str) == sorted(
         [
-            (Kind.MISSING, "Navi Position Request"),
-            (Kind.LATE, "Goto State Response"),
-            (Kind.CHANGED, "Enemy 1 Position Response"),
+            (DifferenceKind.MISSING, "Navi Position Request"),
+            (DifferenceKind.LATE, "Goto State Response"),
+            (DifferenceKind.CHANGED, "Enemy 1 Position Response"),
         ],
         key=str,
     )
     times = {each.kind: each.time for each in found}
-    assert times[Kind.MISSING] == pytest.approx(match[removed][0] - begin)
-    assert times[Kind.LATE] == pytest.approx(match[late][0] - begin)
-    assert times[Kind.CHANGED] == pytest.approx(match[changed][0] - begin)
+    assert times[DifferenceKind.MISSING] == pytest.approx(match[removed][0] - begin)
+    assert times[DifferenceKind.LATE] == pytest.approx(match[late][0] - begin)
+    assert times[DifferenceKind.CHANGED] == pytest.approx(match[changed][0] - begin)
 
 
 @pytest.mark.parametrize("number", [0, 1, 100, -1])
@@ -75,9 +75,9 @@ def test_any_frame_may_be_missing(match: list[Timed], number: int) -> None:
     other = list(match)
     del other[number]
     (found,) = compare(match, other, DECODER, EXACT)
-    assert found.kind is Kind.MISSING
+    assert found.kind is DifferenceKind.MISSING
     (extra,) = compare(other, match, DECODER, EXACT)
-    assert (extra.kind, extra.name) == (Kind.EXTRA, found.name)
+    assert (extra.kind, extra.name) == (DifferenceKind.EXTRA, found.name)
 
 
 def test_recordings_may_begin_at_any_time(match: list[Timed]) -> None:
@@ -108,24 +108,24 @@ def near(message: str, field: str) -> Tolerances:
 
 KALMAN = "Kalman Position Response"
 
-CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Kind]]] = [
+CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[DifferenceKind]]] = [
     ("in time by 1 ms", moved(0.501), EXACT, []),
-    ("2 ms is late", moved(0.502), EXACT, [Kind.LATE]),
-    ("2 ms is early", moved(0.498), EXACT, [Kind.EARLY]),
+    ("2 ms is late", moved(0.502), EXACT, [DifferenceKind.LATE]),
+    ("2 ms is early", moved(0.498), EXACT, [DifferenceKind.EARLY]),
     ("2 ms is allowed", moved(0.502), Tolerances(0.002), []),
-    ("1 mm is a change", replaced(position(1006)), EXACT, [Kind.CHANGED]),
+    ("1 mm is a change", replaced(position(1006)), EXACT, [DifferenceKind.CHANGED]),
     ("1 mm is allowed", replaced(position(1006)), near(KALMAN, "x"), []),
-    ("2 mm is not", replaced(position(1007)), near(KALMAN, "x"), [Kind.CHANGED]),
-    ("another message's tolerance", replaced(position(1006)), near("Goto XY", "x"), [Kind.CHANGED]),
+    ("2 mm is not", replaced(position(1007)), near(KALMAN, "x"), [DifferenceKind.CHANGED]),
+    ("another message's tolerance", replaced(position(1006)), near("Goto XY", "x"), [DifferenceKind.CHANGED]),
     ("angles go round", replaced(position(1005, 359)), near(KALMAN, "angle"), []),
-    ("late and changed", replaced(position(1), 0.55), EXACT, [Kind.CHANGED, Kind.LATE]),
-    ("two in a row are missing", lambda row: row.__delitem__(slice(5, 7)), EXACT, [Kind.MISSING] * 2),
-    ("a node was off", lambda row: row.__delitem__(slice(3, 17)), EXACT, [Kind.MISSING] * 14),
-    ("one more", added(position(1)), EXACT, [Kind.EXTRA]),
-    ("the last one", lambda row: row.pop(), EXACT, [Kind.MISSING]),
-    ("unreadable", added(Foreign(Damage.UNREADABLE, "x")), EXACT, [Kind.EXTRA]),
-    ("too short", replaced(position(1005)._replace(data=b"1")), EXACT, [Kind.CHANGED]),
-    ("no message", added(Frame(0x7E5)), EXACT, [Kind.EXTRA]),
+    ("late and changed", replaced(position(1), 0.55), EXACT, [DifferenceKind.CHANGED, DifferenceKind.LATE]),
+    ("two in a row are missing", lambda row: row.__delitem__(slice(5, 7)), EXACT, [DifferenceKind.MISSING] * 2),
+    ("a node was off", lambda row: row.__delitem__(slice(3, 17)), EXACT, [DifferenceKind.MISSING] * 14),
+    ("one more", added(position(1)), EXACT, [DifferenceKind.EXTRA]),
+    ("the last one", lambda row: row.pop(), EXACT, [DifferenceKind.MISSING]),
+    ("unreadable", added(Foreign(Damage.UNREADABLE, "x")), EXACT, [DifferenceKind.EXTRA]),
+    ("too short", replaced(position(1005)._replace(data=b"1")), EXACT, [DifferenceKind.CHANGED]),
+    ("no message", added(Frame(0x7E5)), EXACT, [DifferenceKind.EXTRA]),
 ]
 
 
@@ -133,7 +133,7 @@ CASES: list[tuple[str, Callable[[list[Timed]], object], Tolerances, list[Kind]]]
     ("change", "tolerances", "wanted"), [case[1:] for case in CASES], ids=[case[0] for case in CASES]
 )
 def test_what_counts_as_a_difference(
-    change: Callable[[list[Timed]], object], tolerances: Tolerances, wanted: list[Kind]
+    change: Callable[[list[Timed]], object], tolerances: Tolerances, wanted: list[DifferenceKind]
 ) -> None:
     other = list(ROW)
     change(other)
@@ -143,7 +143,7 @@ def test_what_counts_as_a_difference(
 def test_a_difference_says_what_has_changed() -> None:
     other = [*ROW[:5], (0.5, position(900)), *ROW[6:]]
     assert compare(ROW, other, DECODER, EXACT) == [
-        Difference(0.5, Kind.CHANGED, "Kalman Position Response", "x = 1005 mm -> 900 mm")
+        Difference(0.5, DifferenceKind.CHANGED, "Kalman Position Response", "x = 1005 mm -> 900 mm")
     ]
 
 
@@ -156,7 +156,7 @@ def test_unknown_is_near_no_number() -> None:
     assert [each.text for each in compare(known, unknown, DECODER, tolerant)] == [
         "x = 1000 mm -> unknown, y = 500 mm -> unknown, angle = 90 deg -> unknown"
     ]
-    assert [each.kind for each in compare(unknown, known, DECODER, tolerant)] == [Kind.CHANGED]
+    assert [each.kind for each in compare(unknown, known, DECODER, tolerant)] == [DifferenceKind.CHANGED]
 
 
 @pytest.mark.parametrize(("first", "second"), [([], []), ([], ROW), (ROW, [])])

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from importlib import import_module
 from pathlib import Path
 
 from environment import ROOT, ensure
@@ -20,31 +19,32 @@ FILES = re.compile(r"(^|_)(files?|logs?|robot|left|right|output|store|strategy|a
 
 def parser() -> argparse.ArgumentParser:
     """Return the whole command line as one parser."""
-    from eurobot_od.cli import COMMANDS, add_robot
+    from eurobot_od.cli import COMMANDS, add_robot, find
     from eurobot_od.robot.plugin import ROBOT
 
     whole = argparse.ArgumentParser("eurobot-od")
-    whole.add_argument("--version", action="store_true", help="print the version, and end")
+    whole.add_argument("--version", action="store_true", help="print the version and exit")
     commands = whole.add_subparsers()
-    modules = {name: (text, f"eurobot_od.cli.{name.replace('-', '_')}") for name, text in COMMANDS.items()}
-    for command, (text, module) in {**modules, **ROBOT.commands}.items():
+    for command, text in {**COMMANDS, **{name: own.text for name, own in ROBOT.commands.items()}}.items():
         each = commands.add_parser(command, help=text)
-        import_module(module).add_arguments(each)
+        find(command).add_arguments(each)
         add_robot(each)
-        _prepare(each)
+        _prepare(each, sorted(name for rows in ROBOT.all_faults().values() for name in rows))
     return whole
 
 
-def _prepare(parser: argparse.ArgumentParser) -> None:
-    """Say which arguments are files; shtab takes a dictionary of choices for commands, and nothing else does."""
+def _prepare(parser: argparse.ArgumentParser, faults: list[str]) -> None:
+    """Say which arguments are files and faults; shtab takes a dictionary of choices for sub-commands."""
     import shtab
 
     for action in parser._actions:  # there is no other way to them
         if isinstance(action, argparse._SubParsersAction):
             for each in action.choices.values():
-                _prepare(each)
+                _prepare(each, faults)
         elif action.choices is not None:
             action.choices = list(action.choices)
+        elif action.dest == "fault":  # no choices of the parser's: another robot has other faults
+            action.choices = faults
         elif action.type is Path or FILES.search(action.dest):
             action.complete = shtab.FILE  # type: ignore[attr-defined]
 

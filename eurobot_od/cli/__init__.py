@@ -2,9 +2,9 @@
 
 A robot (see `plugin`) has commands of its own beside these.
 
-Rule of this package: one module a command, with `add_arguments(parser)` and `run(arguments)`, which parses, calls a
-plain function of a lower layer, prints, and returns an `ExitStatus`, or None if it cannot be but fine. A module is
-imported when its command is called and not before.
+Rule of this package: a command is a module with `add_arguments(parser)` and `run(arguments)`, or a row of a table that
+has both (`table.CommandRow`). It calls a typed function of a lower layer, prints, and returns an `ExitStatus`, or None
+if all is fine. Its module is imported when the command is called and not before.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from enum import IntEnum
 from functools import partial
 from importlib import import_module
 from io import TextIOWrapper
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from eurobot_od.errors import BusError, EurobotError, NodeFailed, ProgramFailed, RemoteError, UnknownName, WorldError
 from eurobot_od.support.escaping import one_line
@@ -31,14 +30,14 @@ if TYPE_CHECKING:
 COMMANDS = {
     "show": "show the messages as the EDS files map them, or one message's bits",
     "node": "run one device on a CAN bus",
-    "send": "send a message, and wait for an answer if asked to",
+    "send": "send a message, and wait for an answer",
     "check": "check nodes, real or simulated, with suites of steps in YAML",
     "faults": "list the faults that simulated nodes can be given",
     "decode": "decode logs: candump, ASC, BLF, CSV, TRC, SQLite, MF4, pcap, pcapng, or standard input",
     "archive": "put logs into a season: Parquet files of frames, messages and damage",
-    "query": "ask a season by SQL, or by a ready report, with pictures",
+    "query": "query a season by SQL, or by a ready report, with pictures",
     "compare": "compare two logs: what differs, is missing, is late",
-    "replay": "replay a log onto a bus at its old times",
+    "replay": "replay a log onto a bus with its recorded timing",
     "monitor": "watch a bus, or a log, as a live table",
     "serve": "show a bus, or logs, in a browser",
     "load": "compute how full a bus is, and how late each message can be",
@@ -53,29 +52,36 @@ COMMANDS = {
     "configure": "configure a CANopen node from a DCF",
     "export-dcf": "write the DCF of a live CANopen node",
     "store": "have a CANopen node store its parameters",
-    "restore": "have a CANopen node take the defaults of its parameters",
+    "restore": "have a CANopen node restore the defaults of its parameters",
     "lss": "find CANopen devices by LSS, and set node-ID and bit rate",
     "program": "download a program into a CANopen node, verify and start it",
     "emcy": "print the errors that a CANopen node remembers, or clear them",
     "nmt": "start, stop or reset a CANopen node",
-    "watch": "tell when CANopen nodes boot, are lost and are back",
+    "watch": "print when CANopen nodes boot, are lost and come back",
     "sync": "send SYNC messages at a fixed period",
     "time": "send the time as CANopen's TIME message",
-    "doctor": "say what is installed, which CAN interfaces are here, and what mends them",
-    "completion": "print what completes commands and options in a shell",
+    "doctor": "print what is installed, the CAN interfaces, and how to fix what is wrong",
+    "completion": "print the completion script of a shell",
 }
 
 
+TABLES = {
+    **dict.fromkeys(("read", "write", "dump", "export-dcf", "emcy"), "objects"),
+    **dict.fromkeys(("configure", "store", "restore", "program"), "parameters"),
+    **dict.fromkeys(("scan", "nmt", "watch", "sync", "time"), "bus"),
+}
+"""The module of a command that is a row of a table; any other command has a module of its own."""
+
 ALLOCATIONS = 50_000
-"""So many new objects make Python look for garbage among them; 700 by default."""
+"""After this many new objects Python looks for garbage among them; 700 by default."""
 
 
 class ExitStatus(IntEnum):
-    """What a command tells the shell."""
+    """The exit status of a command."""
 
     FINE = 0
     FOUND = 1
-    """Findings, differences, failed checks, a node that refused or did not answer."""
+    """Findings, differences, failed checks; a node refused or did not answer."""
     WRONG_INPUT = 2
     """Of the command line, or of a file."""
     TROUBLE = 3
@@ -92,11 +98,11 @@ STATUS_OF = {
     EurobotError: ExitStatus.WRONG_INPUT,
     OSError: ExitStatus.TROUBLE,
 }
-"""The exit status of an error is that of the first class that it is of."""
+"""The exit status of an error is that of the first class that it belongs to."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong with a command line in one line; its help is as wide as the terminal.
+    """Reports what is wrong with a command line in one line; its help is as wide as the terminal.
 
     `robot` is what `--robot` names, for options that only a robot has.
     """
@@ -122,7 +128,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _whole(text: str) -> int:
-    """Read a whole number; argparse itself would tell a person of an `invalid int value`."""
+    """Read a whole number; argparse's own message is `invalid int value`."""
     try:
         return int(text)
     except ValueError:
@@ -160,7 +166,7 @@ def complain(what: str) -> None:
 
 
 def _open_streams() -> None:
-    """Have streams to write to: what a stream cannot write becomes an escape. Raises OSError without an output."""
+    """Have the streams escape what they cannot write. Raises OSError without a standard output."""
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115  # as long as the program
     if sys.stdout is None:
@@ -175,13 +181,13 @@ def _run(words: list[str]) -> int:
     if command.startswith("-"):
         _overview(_find(robot)).parse_args(words or [command])
         return ExitStatus.WRONG_INPUT
-    # What is imported stays, and so does what is read of EDS files: ten thousand entries in which to look for garbage
-    # again and again, a fifth of a quick command's time. So there is none while importing, and seldom from then on.
+    # Imported modules and EDS files stay in memory: ten thousand objects. Looking for garbage among them again and
+    # again took a fifth of a quick command's time. So it is off while importing, and seldom from then on.
     gc.disable()
     try:
-        module = _module(command, robot)
-        parser = Parser(f"eurobot-od {command}", description=(module.__doc__ or "").partition("\n")[0], robot=robot)
-        module.add_arguments(parser)
+        found = find(command, robot)
+        parser = Parser(f"eurobot-od {command}", description=(found.__doc__ or "").partition("\n")[0], robot=robot)
+        found.add_arguments(parser)
         add_robot(parser)
         arguments = parser.parse_args(words[1:])
         arguments.robot = robot
@@ -189,7 +195,7 @@ def _run(words: list[str]) -> int:
         gc.freeze()
         gc.set_threshold(ALLOCATIONS)
         gc.enable()
-    status: int | None = module.run(arguments)
+    status = found.run(arguments)
     sys.stdout.flush()  # here, where a reader that has left is no error
     return status or ExitStatus.FINE
 
@@ -213,17 +219,33 @@ def _find(robot: str | None) -> Plugin:
 
 def add_robot(parser: argparse.ArgumentParser) -> None:
     """Add --robot, which every command has."""
-    parser.add_argument("--robot", metavar="ROBOT", help="whose messages, nodes and commands: a name, folder or module")
+    parser.add_argument("--robot", metavar="ROBOT", help="robot to use: a name, a folder or a module")
 
 
-def _module(command: str, robot: str | None) -> ModuleType:
-    """Import the module of a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
+class Runnable(Protocol):
+    """A command: a module, or a row of a table. The first line of its docstring is what its help says."""
+
+    __doc__: str | None
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Describe the command line."""
+
+    def run(self, arguments: argparse.Namespace) -> ExitStatus | None:
+        """Do what the command line says."""
+
+
+def find(command: str, robot: str | None = None) -> Runnable:
+    """Import a command, the workbench's or the robot's; raises UnknownName, and as `plugin.find`."""
     if command in COMMANDS:
-        return import_module(f"eurobot_od.cli.{command.replace('-', '_')}")
-    own = _find(robot).commands
-    if command not in own:
-        raise UnknownName("command", command, [*COMMANDS, *own])
-    return import_module(own[command].module)
+        name = f"eurobot_od.cli.{TABLES.get(command, command).replace('-', '_')}"
+    else:
+        own = _find(robot).commands
+        if command not in own:
+            raise UnknownName("command", command, [*COMMANDS, *own])
+        name = own[command].module
+    module = import_module(name)
+    row: Runnable = vars(module).get("COMMANDS", {}).get(command, module)
+    return row
 
 
 class Version(argparse.Action):
@@ -260,5 +282,5 @@ def _overview(robot: Plugin) -> argparse.ArgumentParser:
     )
     parser.add_argument("command", metavar="COMMAND", help="one of the commands below")
     add_robot(parser)
-    parser.add_argument("--version", action=Version, nargs=0, help="print the version, and end")
+    parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     return parser

@@ -1,6 +1,6 @@
-"""Put logs into a season: Parquet files with all frames, the messages with their fields, and what is damaged.
+"""Put logs into a season: Parquet files of all frames, the messages with their fields, and what is damaged.
 
-A log that is there already is known by its content; a run that was broken off goes on where it was.
+A log that was archived before is recognised by its content; an interrupted run goes on where it was.
 """
 
 from __future__ import annotations
@@ -11,15 +11,14 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from eurobot_od.cli import ExitStatus, options
+from eurobot_od.cli import options
 from eurobot_od.support import extras
 from eurobot_od.support.amounts import amount
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
-    from eurobot_od.sdo.client import Progress
-    from eurobot_od.season.archive import Archived
     from eurobot_od.season.writing import Network
+    from eurobot_od.support.progress import Progress
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,54 +27,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="logs in any format, packed with gzip or not")
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="SEASON", help="folder of the season")
-    parser.add_argument("--format", choices=FORMATS, help="format of the logs; left out: by suffix")
-    parser.add_argument("--jobs", type=options.jobs, metavar="N", help="logs at once (default: one a core)")
+    parser.add_argument("--format", choices=FORMATS, help="format of the logs (default: by suffix)")
+    parser.add_argument("--jobs", type=options.jobs, metavar="N", help="logs at the same time (default: one per core)")
     options.add_network(parser)
 
 
-def run(arguments: argparse.Namespace) -> ExitStatus:
+def run(arguments: argparse.Namespace) -> None:
     """Archive all logs; print a line for each."""
     from eurobot_od.campaign import executors
-    from eurobot_od.cli.progress import bar, counted
-    from eurobot_od.sdo.client import unwatched
+    from eurobot_od.support.progress import bar, counted, unwatched
 
     with extras.needed("season"):
         from eurobot_od.season.archive import archive
     logs = list(dict.fromkeys(arguments.logs))
+    network = _network(options.Devices.of(arguments))
     drawn = bar(str(logs[0])) if len(logs) == 1 else nullcontext(unwatched)
     with executors.workers(None, arguments.jobs, len(logs)) as workers, drawn as draw:
-        told = _adding(draw, logs[0])
-        done = archive(logs, arguments.output, _network(arguments), arguments.format, workers, told)
+        done = archive(logs, arguments.output, network, arguments.format, workers, _adding(draw, logs[0]))
         for each in list(done) if len(logs) == 1 else counted(done, len(logs), "logs", workers.number):
-            print(_line(each), flush=True)
-    return ExitStatus.FINE
+            log, size = one_line(each.log), f"{amount(each.frames, 'frame')}, {each.damage} damaged"
+            print(f"{log}: known, {each.run}" if each.known else f"{log}: {each.run}, {size}", flush=True)
 
 
 def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
-    """Return what draws how much of a log is read from the parts that are; one that is packed has no known size."""
+    """Return a function that takes the sizes of the parts as they are read, and draws how much of the log that is."""
+    # The unpacked size of a packed log is not known before its end.
     size = log.stat().st_size if log.suffix != ".gz" and log.is_file() else None
     read = 0
 
-    def told(part: int) -> None:
+    def add(part: int) -> None:
         nonlocal read
         read += part
         draw(read, size)
 
-    return told
+    return add
 
 
-def _network(arguments: argparse.Namespace) -> Network:
+def _network(devices: options.Devices) -> Network:
     from eurobot_od.season.writing import Network
 
-    decoder = options.decoder(arguments)
+    decoder = devices.decoder()
     names = {each.cob_id: each.name for each in decoder.protocol.bindings}
-    promised = options.promised(arguments, decoder).messages  # one that several nodes send is there for each of them
+    promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
     return Network(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))
-
-
-def _line(archived: Archived) -> str:
-    log = one_line(archived.log)
-    if archived.known:
-        return f"{log}: known, {archived.run}"
-    return f"{log}: {archived.run}, {amount(archived.frames, 'frame')}, {archived.damage} damaged"

@@ -1,4 +1,4 @@
-"""What the commands that do many things at once share: by how many processes or by whom, and where results are kept."""
+"""What commands that do many things in parallel share: the workers, and where results are kept."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from eurobot_od.cli import options, progress
+from eurobot_od.cli import options
 from eurobot_od.errors import LocalError
-from eurobot_od.support import extras
+from eurobot_od.support import extras, progress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,18 +24,18 @@ Thing = TypeVar("Thing")
 
 
 def add_workers(parser: argparse.ArgumentParser, option: str) -> argparse._ArgumentGroup:
-    """Add --jobs and --executor, which go with the option that asks for many things."""
+    """Add --jobs and --executor, which go with the option for many things."""
     group = parser.add_argument_group(f"many at once, with {option}")
-    group.add_argument("--jobs", type=options.jobs, metavar="N", help="processes (default: one a core)")
-    group.add_argument("--executor", metavar="dask://HOST:PORT", help="the workers of a dask scheduler instead")
+    group.add_argument("--jobs", type=options.jobs, metavar="N", help="processes (default: one per core)")
+    group.add_argument("--executor", metavar="dask://HOST:PORT", help="use the workers of a Dask scheduler instead")
     return group
 
 
 def add_campaign(parser: argparse.ArgumentParser, option: str) -> None:
     """Add the options of `add_workers`, --results and --resume."""
     group = add_workers(parser, option)
-    group.add_argument("--results", type=Path, metavar="FOLDER", help="keep all results there, as Parquet")
-    group.add_argument("--resume", action="store_true", help="go on with what is in the folder of the results")
+    group.add_argument("--results", type=Path, metavar="FOLDER", help="keep all results in this folder, as Parquet")
+    group.add_argument("--resume", action="store_true", help="continue the run whose results are in that folder")
 
 
 def refuse(arguments: argparse.Namespace, option: str) -> None:
@@ -47,7 +47,7 @@ def refuse(arguments: argparse.Namespace, option: str) -> None:
 
 @contextmanager
 def workers(arguments: argparse.Namespace, things: int) -> Iterator[Workers]:
-    """Give who does so many things; raises LocalError."""
+    """Give the workers for a number of things; raises LocalError."""
     from eurobot_od.campaign import executors
 
     if arguments.executor and arguments.jobs:
@@ -64,7 +64,7 @@ def results(
     """Return where the results are kept, None for nowhere; raises LocalError."""
     if arguments.results is None:
         if arguments.resume:
-            raise LocalError("--resume needs --results: the folder to go on with")
+            raise LocalError("--resume needs --results: the folder of the run to continue")
         return None
     with extras.needed("cluster"):
         from eurobot_od.campaign.results import Results
@@ -72,5 +72,5 @@ def results(
 
 
 def counted(things: Iterable[Thing], number: int, what: str, workers: Workers, hidden: bool = False) -> Iterable[Thing]:
-    """Pass on things, and tell how long it takes, unless that is `hidden`."""
+    """Pass on things and show how far it is, unless that is `hidden`."""
     return things if hidden else progress.counted(things, number, what, min(workers.number, number))

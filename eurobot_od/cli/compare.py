@@ -1,4 +1,4 @@
-"""Compare two logs of what should be the same: which frames are missing, extra, late, or have other values.
+"""Compare two logs that should be the same: which frames are missing, extra or late, or have other values.
 
 Exit status 1 if they differ: a regression test for a node's program.
 """
@@ -11,12 +11,12 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, logs, options
-from eurobot_od.cli.decode import add_filters, filters
+from eurobot_od.cli.decode import Filters, add_filters
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.support import durations
 
 if TYPE_CHECKING:
-    from eurobot_od.compare import Difference, Timed
+    from eurobot_od.compare import Timed
     from eurobot_od.logs.filters import Wanted
     from eurobot_od.logs.meaning import Decoder
     from eurobot_od.pdo.protocol import Protocol
@@ -24,19 +24,20 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-
-    parser.add_argument("first", metavar="LOG", help="what it should be")
-    parser.add_argument("second", metavar="LOG", help="what it is")
+    parser.add_argument("first", metavar="LOG", help="the expected log")
+    parser.add_argument("second", metavar="LOG", help="the log to compare with it")
     logs.add_reading(parser)
-    parser.add_argument("--time", type=durations.seconds, default="1 ms", metavar="TIME", help="between times (1 ms)")
+    parser.add_argument(
+        "--time", type=durations.seconds, default="1 ms", metavar="TIME", help="tolerance of times (1 ms)"
+    )
     parser.add_argument(
         "--tolerance",
         action="append",
         default=[],
         metavar="[MESSAGE.]FIELD=NUMBER",
-        help="between two values of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
+        help="tolerance of a field, such as x=5 or 'Goto State Response.time=20'; repeatable",
     )
-    parser.add_argument("--json", action="store_true", help="one JSON object a difference")
+    parser.add_argument("--json", action="store_true", help="one JSON object per difference")
     add_filters(parser)
     options.add_network(parser)
 
@@ -45,15 +46,18 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     """Compare; print the differences in the order of time, and how many there are."""
     from eurobot_od.compare import Tolerances, compare
 
-    decoder = options.decoder(arguments)
+    decoder = options.Devices.of(arguments).decoder()
     fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)
-    wanted = filters(arguments, decoder)
-    first, second = (_read(log, arguments, decoder, wanted) for log in (arguments.first, arguments.second))
+    wanted, reading = Filters.of(arguments).wanted(decoder), logs.ReadOptions.of(arguments)
+    first, second = (_read(log, reading, decoder, wanted) for log in (arguments.first, arguments.second))
     differences = compare(first, second, decoder, Tolerances(arguments.time, fields))
     for each in differences:
-        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if arguments.json else _line(each))
+        line = f"{each.time:13.6f}  {each.kind.value:<8} {each.name:<29} {each.text}".rstrip()
+        print(json.dumps(each._asdict() | {"kind": each.kind.value}) if arguments.json else line)
     if not arguments.json:
-        print(_summary(differences, len(first), len(second)))
+        kinds = Counter(each.kind.value for each in differences)
+        found = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "no difference"
+        print(f"{len(first)} and {len(second)} frames: {found}")
     return ExitStatus.FOUND if differences else ExitStatus.FINE
 
 
@@ -80,17 +84,6 @@ def _number(name: str, text: str) -> float:
     return number
 
 
-def _read(log: str, arguments: argparse.Namespace, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
-    entries = (entry for _, entry in logs.entries([log], arguments))
+def _read(log: str, reading: logs.ReadOptions, decoder: Decoder, wanted: Wanted | None) -> list[Timed]:
+    entries = (entry for _, entry in logs.entries([log], reading))
     return [(time, raw) for _, time, _, raw in entries if wanted is None or wanted(decoder(raw))]
-
-
-def _line(difference: Difference) -> str:
-    time, kind, name, text = difference
-    return f"{time:13.6f}  {kind.value:<8} {name:<29} {text}".rstrip()
-
-
-def _summary(differences: list[Difference], *counts: int) -> str:
-    frames = " and ".join(map(str, counts))
-    kinds = Counter(each.kind.value for each in differences)
-    return f"{frames} frames: {', '.join(f'{count} {kind}' for kind, count in kinds.items()) or 'no difference'}"

@@ -1,4 +1,4 @@
-"""Print what completes commands, options and files in a shell; `--help` says where it goes.
+"""Print the completion script of a shell; `--help` says where to put it.
 
 Rule of this file: the texts are made by `tools/make_completion.py`, with shtab, and lie in the package.
 """
@@ -11,7 +11,7 @@ from importlib.resources import files
 SHELLS = {"bash": "eurobot-od.bash", "zsh": "_eurobot-od", "fish": "eurobot-od.fish"}
 """The file of each shell, with the name under which the shell finds it."""
 
-PLACES = """where it goes:
+PLACES = """where to put it:
   bash  eurobot-od completion bash > ~/.local/share/bash-completion/completions/eurobot-od
   zsh   eurobot-od completion zsh > FOLDER/_eurobot-od, a folder of $fpath
   fish  eurobot-od completion fish > ~/.config/fish/completions/eurobot-od.fish
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = PLACES
-    parser.add_argument("shell", choices=SHELLS, help="whose language it is in")
+    parser.add_argument("shell", choices=SHELLS, help="the shell")
 
 
 def run(arguments: argparse.Namespace) -> None:

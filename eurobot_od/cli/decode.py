@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od.cli import ExitStatus, options
-from eurobot_od.cli.logs import add_log, entries, opened
-from eurobot_od.support.escaping import one_line
+from eurobot_od.cli.logs import add_log, opened
 
 if TYPE_CHECKING:
     from eurobot_od.logs.filters import Wanted
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     add_log(parser)
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="one JSON object a line")
+    form.add_argument("--json", action="store_true", help="one JSON object per line")
     form.add_argument("--csv", action="store_true", help="comma-separated values")
     add_filters(parser)
     parser.add_argument("--since", type=float, default=0.0, metavar="S", help="from this time on, in s")
@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--statistics",
         action="store_true",
-        help="instead of lines: load, gaps, jitter, response times and their bounds",
+        help="print load, gaps, jitter, response times and their bounds instead of lines",
     )
     parser.add_argument(
-        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for --statistics; left out: %(default)s"
+        "-b", "--bitrate", type=options.bit_rate, default=BIT_RATE, help="bit/s for --statistics (default: %(default)s)"
     )
     parser.add_argument("--strict", action="store_true", help="exit status 1 if anything is wrong in the logs")
     options.add_network(parser)
@@ -45,19 +45,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def add_filters(parser: argparse.ArgumentParser) -> None:
     """Add the options that say which frames are wanted."""
-    group = parser.add_argument_group("filters", "an entry has to pass all kinds of them that are given")
+    group = parser.add_argument_group("filters", "an entry has to pass all that are given")
     group.add_argument(
         "--message",
         action="append",
+        default=[],
         metavar="NAME",
         help="message or service by name (`Goto XY`, goto-xy, SDO), or a protocol: GTP, ELP, GIP, CANopen; repeatable",
     )
-    group.add_argument("--node", action="append", metavar="NAME", help="what a node sends or receives; repeatable")
+    group.add_argument(
+        "--node",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="messages that this node sends or receives; repeatable",
+    )
     group.add_argument(
         "--where",
         action="append",
+        default=[],
         metavar="CONDITION",
-        help="field value: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; several must all hold",
+        help="condition on a field: `x>1000`, `Goto XY.speed<=20`, `team_colour=red`, `time=unknown`; repeatable",
     )
 
 
@@ -66,68 +74,56 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.logs.decoding import Decoding
     from eurobot_od.logs.filters import Window
 
+    devices = options.Devices.of(arguments)
+    decoder = devices.decoder()
+    several = len(arguments.logs) > 1
     if arguments.statistics:
-        return _statistics(arguments)
-    decoder = options.decoder(arguments)
-    output = _output(arguments, decoder)
+        from eurobot_od.logs.traffic import TrafficOutput
+
+        output: Output = TrafficOutput(arguments.bitrate, devices.promised(decoder), several)
+    else:
+        output = _output(decoder, arguments.json, arguments.csv, several)
     window = Window(arguments.since, arguments.until, arguments.relative)
-    decoding = Decoding(decoder, output, filters(arguments, decoder), window)
+    decoding = Decoding(decoder, output, Filters.of(arguments).wanted(decoder), window)
     sys.stdout.write(output.header)
     for log in arguments.logs:
-        with opened(log, is_watched=not sys.stdout.isatty()) as file:
+        with opened(log, is_watched=arguments.statistics or not sys.stdout.isatty()) as file:
             sys.stdout.writelines(decoding.lines(file, log, arguments.format, arguments.largest))
     sys.stdout.flush()
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
 
 
-def _statistics(arguments: argparse.Namespace) -> ExitStatus:
-    """Print the statistics of all logs, one after the other; report what is wrong in them."""
-    from functools import lru_cache
-
-    from eurobot_od.frame import Frame
-    from eurobot_od.load.seen import SeenTraffic, table
-    from eurobot_od.logs.entries import REMEMBERED
-    from eurobot_od.logs.filters import Window
-    from eurobot_od.logs.statistics import DamageCounts
-
-    decoder = options.decoder(arguments)
-    decode, wanted, damage = lru_cache(REMEMBERED)(decoder), filters(arguments, decoder), DamageCounts()
-    promised = options.promised(arguments, decoder)
-    for log in arguments.logs:
-        seen = SeenTraffic(arguments.bitrate, promised)
-        shown_time = Window(arguments.since, arguments.until, arguments.relative).clock()
-        for _, (line, time, _, raw) in entries([log], arguments):
-            meaning, shown = decode(raw), shown_time(time)
-            damage.add(log, line, meaning.defects)
-            if isinstance(raw, Frame) and shown is not None and (wanted is None or wanted(meaning)):
-                seen.take(shown, raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
-        print("\n".join(([one_line(f"{log}:")] if len(arguments.logs) > 1 else []) + list(table(seen))))
-    sys.stderr.writelines(f"{line}\n" for line in damage.report())
-    return ExitStatus.FOUND if arguments.strict and damage.total else ExitStatus.FINE
-
-
-def _output(arguments: argparse.Namespace, decoder: Decoder) -> Output:
+def _output(decoder: Decoder, as_json: bool, as_csv: bool, several: bool) -> Output:
     from eurobot_od.logs.output import TextOutput
 
-    if arguments.json or arguments.csv:
-        from eurobot_od.logs.records import CsvOutput, JsonOutput
+    if not (as_json or as_csv):
+        return TextOutput(several)
+    from eurobot_od.logs.records import CsvOutput, JsonOutput
 
-        fields = (field for each in decoder.protocol.bindings for field in each.kinds)
-        return JsonOutput() if arguments.json else CsvOutput(fields)
-    return TextOutput(several=len(arguments.logs) > 1)
+    fields = (field for each in decoder.protocol.bindings for field in each.kinds)
+    return JsonOutput() if as_json else CsvOutput(fields)
 
 
-def filters(arguments: argparse.Namespace, decoder: Decoder) -> Wanted | None:
-    """Return the filter that the options describe, None for none.
+class Filters(NamedTuple):
+    """The entries that are wanted: names of messages and nodes, conditions on fields."""
 
-    Raises LocalError for a name or a value that cannot be.
-    """
-    from eurobot_od.logs.filters import by_name, by_node, by_value
+    messages: Sequence[str]
+    nodes: Sequence[str]
+    conditions: Sequence[str]
 
-    wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in arguments.where or ()]
-    if arguments.message:
-        wanted.append(by_name(arguments.message, decoder.protocol))
-    if arguments.node:
-        wanted.append(by_node(arguments.node, [each.name for each in decoder.outlines]))
-    return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None
+    @classmethod
+    def of(cls, arguments: argparse.Namespace) -> Filters:
+        """Take them from a command line."""
+        return cls(arguments.message, arguments.node, arguments.where)
+
+    def wanted(self, decoder: Decoder) -> Wanted | None:
+        """Return the filter, None for none; raises LocalError for a name or a value that cannot be."""
+        from eurobot_od.logs.filters import by_name, by_node, by_value
+
+        wanted: list[Wanted] = [by_value(text, decoder.protocol) for text in self.conditions]
+        if self.messages:
+            wanted.append(by_name(self.messages, decoder.protocol))
+        if self.nodes:
+            wanted.append(by_node(self.nodes, [each.name for each in decoder.outlines]))
+        return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None

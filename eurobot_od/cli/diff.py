@@ -7,13 +7,17 @@ from __future__ import annotations
 
 import sys
 from argparse import ArgumentParser, Namespace
+from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus
 from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
-from eurobot_od.lint.diff import Difference, compare, compare_live, place, read_device, readable
+from eurobot_od.lint.diff import EdsDifference, compare, compare_live, place, read_device, readable
 from eurobot_od.lint.model import LintedDevice
 from eurobot_od.od.values import NODE_IDS
+
+if TYPE_CHECKING:
+    from eurobot_od.live.connection import Opener
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -34,7 +38,10 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.right:
         found = compare(left, read_device(arguments.right), arguments.node, arguments.names)
     else:
-        found = _compare_live(left, arguments)
+        node_id = arguments.node or left.node_id
+        if node_id is None:
+            raise LocalError("nothing to compare with: name a second file, or a live node with --node")
+        found = _compare_live(left, node_id, shared.opener(arguments))
     if arguments.json:
         import json
 
@@ -45,13 +52,10 @@ def run(arguments: Namespace) -> ExitStatus:
     return ExitStatus.FOUND if found else ExitStatus.FINE
 
 
-def _compare_live(device: LintedDevice, arguments: Namespace) -> list[Difference]:
-    node_id = arguments.node or device.node_id
-    if node_id is None:
-        raise LocalError("nothing to compare with: name a second file, or a live node with --node")
-    from eurobot_od.cli.progress import passing
+def _compare_live(device: LintedDevice, node_id: int, open_bus: Opener) -> list[EdsDifference]:
     from eurobot_od.client.master import Master
     from eurobot_od.client.reading import read_bytes
+    from eurobot_od.support.progress import passing
 
-    with Master(shared.open_bus(arguments)) as master, passing(f"node {node_id}", readable(device)) as addresses:
+    with Master(open_bus()) as master, passing(f"node {node_id}", readable(device)) as addresses:
         return compare_live(device, read_bytes(master.node(node_id), addresses), node_id)

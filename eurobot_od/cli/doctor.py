@@ -1,6 +1,6 @@
-"""Say what is installed, which CAN interfaces are here and how they are, and the command that mends what is wrong.
+"""Print what is installed, the CAN interfaces and their state, and the commands that fix what is wrong.
 
-Exit status 1 if something is to be mended; an extra that is not installed is no fault.
+Exit status 1 if something is wrong; an extra that is not installed is not an error.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from eurobot_od.support.escaping import one_line
 from eurobot_od.support.extras import Package
 
 FOR_DEVELOPERS = ("test", "bench")
-"""Extras that nobody needs who only uses the program."""
+"""Extras that are needed only to develop the program."""
 
 NEEDED = ("canopen", "python-can", "PyYAML", "typing-extensions")
 """What every installation has."""
@@ -26,7 +26,7 @@ def add_arguments(_: argparse.ArgumentParser) -> None:
 
 
 def run(_: argparse.Namespace) -> ExitStatus:
-    """Print what there is; 1 if something is to be mended."""
+    """Print what there is; 1 if something is wrong."""
     from eurobot_od.live.interfaces import refused
     from eurobot_od.live.links import links, troubles
 
@@ -77,4 +77,4 @@ def extra_lines(brought: Mapping[str, list[str]]) -> Iterator[str]:
 def denied(ports: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with serial ports that this user may not open, and what mends it."""
     for port in ports:
-        yield f"{port} is not to be opened by this user", "sudo usermod -aG dialout $USER, and log in again"
+        yield f"{port} cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again"

@@ -1,34 +1,185 @@
-"""Turn EDS and DCF files into other forms: C, DBC, documents, a Wireshark dissector, XDD, concise DCF; logs into MCAP.
-
-Rule of this file: a form is one line of the table, and one module `export_<form>` with `add_arguments` and `run`.
-"""
+"""Turn EDS and DCF files into other forms: C, DBC, documents, Wireshark dissector, XDD, concise DCF; logs into MCAP."""
 
 from __future__ import annotations
 
 import argparse
-from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+
+from eurobot_od.cli import logs
+from eurobot_od.cli import output as files
+from eurobot_od.cli.options import Devices
+from eurobot_od.cli.output import OUTPUT
+from eurobot_od.cli.remote import print_readings
+from eurobot_od.cli.table import DEVICES, CommandRow, option
+from eurobot_od.errors import DictionaryError, LocalError
+from eurobot_od.support import extras
+from eurobot_od.support.amounts import amount
+from eurobot_od.support.files import check_writable, write_whole
+
+STEM = "pdo"
+"""Begins the identifiers in what goes to standard output."""
+
+NAME = option("--name", help=f"prefix of all identifiers (default: the output's name, or {STEM})")
+
+
+def _stem(name: str | None, output: Path | None) -> str:
+    return name or (output.stem if output else STEM)
+
+
+def c(output: Path | None, name: str | None, devices: Devices) -> None:
+    """Write the messages as a C99 header: identifiers, lengths, structs, functions that pack and unpack."""
+    from eurobot_od.export.c import c_header
+
+    files.write(output, c_header(devices.protocol(), _stem(name, output)))
+
+
+def dbc(output: Path | None, devices: Devices) -> None:
+    """Write the messages as a DBC file: identifiers, bits, units, limits, value tables, senders and receivers."""
+    from eurobot_od.export.dbc import dbc_text
+
+    files.write(output, dbc_text(devices.protocol()))
+
+
+def docs(output: Path | None, format: str | None, devices: Devices) -> None:  # as the option is called
+    """Write messages and object dictionaries as a document to read: Markdown or HTML."""
+    from eurobot_od.export.docs import docs_text, form_of
+
+    form = format or (form_of(output) if output else "markdown")
+    files.write(output, docs_text(devices.protocol(), devices.load(), form))
+
+
+def wireshark(output: Path | None, name: str | None, devices: Devices) -> None:
+    """Write a dissector for Wireshark and tshark, in Lua: names, fields, units, values with names."""
+    from eurobot_od.export.wireshark import lua_text
+
+    files.write(output, lua_text(devices.protocol(), _stem(name, output)))
+
+
+def mcap(log: str, output: Path, reading: logs.ReadOptions, devices: Devices) -> None:
+    """Write a log as MCAP for Foxglove and PlotJuggler: a channel for each message, and poses if any."""
+    with extras.needed("mcap"):
+        from eurobot_od.export.mcap import write
+    decoder = devices.decoder()
+    check_writable(output)
+    file = BytesIO()
+    entries = (entry for _, entry in logs.entries([log], reading))
+    messages, poses, damage = write(file, entries, decoder, devices.robot.drawings(decoder.protocol))
+    write_whole(output, file.getvalue())
+    print(f"{output}: {amount(messages, 'message')}, {amount(poses, 'pose')}, {damage} damaged")
+
+
+def xdd(file: str, output: Path | None) -> None:
+    """Write the device description in XML (CiA 311) of an EDS or DCF: every object with all the file says of it."""
+    from eurobot_od.export import xdd
+
+    files.write(output, xdd.xdd_text(xdd.load(file)))
+
+
+def cdcf(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
+    """Write the concise DCF of a DCF, or show what a concise DCF writes, or turn it into a DCF again.
+
+    The suffix of the file says which way. The writes are in the order of CiA 301's PDO procedure (7.5.2.36): a PDO is
+    off while it is mapped.
+    """
+    if Path(file).suffix.lower() in (".dcf", ".eds"):
+        write_concise(file, output)
+    else:
+        read_concise(file, output, eds, node_id)
+
+
+def write_concise(file: str, output: Path | None) -> None:
+    """Write or print the concise DCF of a DCF; raises DictionaryError, LocalError."""
+    from eurobot_od.client.configure import all_writes, check_file
+    from eurobot_od.client.description import from_file
+    from eurobot_od.client.reading import decoded
+    from eurobot_od.od.concise import pack
+
+    description = from_file(file)
+    check_file(description, description.dictionary.node_id)
+    writes = all_writes(description)
+    if output is None:
+        print_readings(decoded(writes, description.dictionary), as_json=False)
+    else:
+        write_whole(output, pack(writes))
+        print(f"{output}: {len(writes)} writes for node {description.dictionary.node_id}")
+
+
+def read_concise(file: str, output: Path | None, eds: str | None, node_id: int | None) -> None:
+    """Print a concise DCF, or write the DCF that says the same; raises DictionaryError, LocalError, UnknownName."""
+    from eurobot_od.client.description import from_file
+    from eurobot_od.client.reading import dcf_of_writes, decoded
+    from eurobot_od.live import BITRATE
+    from eurobot_od.od.concise import Truncated, unpack
+
+    try:
+        writes = unpack(Path(file).read_bytes())
+    except Truncated as error:
+        raise DictionaryError(file, None, f"not a concise DCF: {error}") from error
+    description = from_file(eds, node_id) if eds else None
+    if output is None:
+        print_readings(decoded(writes, description.dictionary if description else None), as_json=False)
+    elif description is None:
+        raise LocalError("a DCF is made from an EDS and a concise DCF: name the EDS by --eds")
+    else:
+        files.write_dcf(output, dcf_of_writes(description.dictionary, writes, BITRATE // 1000, output.stem))
+        print(f"{output}: for node {description.dictionary.node_id}")
+
 
 FORMS = {
-    "c": "C99 header with structs and functions that pack and unpack all messages",
-    "dbc": "DBC (CAN database) of all messages",
-    "docs": "messages and objects as Markdown or HTML to read",
-    "wireshark": "dissector of all messages for Wireshark and tshark, in Lua",
-    "mcap": "log as MCAP, for Foxglove and PlotJuggler",
-    "xdd": "device description in XML (CiA 311) of one EDS or DCF",
-    "cdcf": "concise DCF (0x1F22) from a DCF, or back",
+    "c": (
+        "C99 header with structs and functions that pack and unpack all messages",
+        CommandRow(c, OUTPUT, NAME, DEVICES),
+    ),
+    "dbc": ("DBC (CAN database) of all messages", CommandRow(dbc, OUTPUT, DEVICES)),
+    "docs": (
+        "messages and objects as Markdown or HTML to read",
+        CommandRow(
+            docs,
+            OUTPUT,
+            option("--format", choices=("markdown", "html"), help="default: by FILE's suffix, else markdown"),
+            DEVICES,
+        ),
+    ),
+    "wireshark": (
+        "dissector of all messages for Wireshark and tshark, in Lua",
+        CommandRow(wireshark, OUTPUT, NAME, DEVICES),
+    ),
+    "mcap": (
+        "log as MCAP, for Foxglove and PlotJuggler",
+        CommandRow(
+            mcap,
+            option("log", metavar="LOG", help="log in any format; -: standard input"),
+            option("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file"),
+            logs.READING,
+            DEVICES,
+        ),
+    ),
+    "xdd": (
+        "device description in XML (CiA 311) of one EDS or DCF",
+        CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
+    ),
+    "cdcf": (
+        "concise DCF (0x1F22) from a DCF, or back",
+        CommandRow(
+            cdcf,
+            option("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF"),
+            option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes"),
+            option("--eds", metavar="FILE", help="EDS of the device that a concise DCF is for"),
+            option("--node-id", type=int, metavar="N", help="node-ID of the new DCF (default: the EDS's)"),
+        ),
+    ),
 }
+"""The forms, each with a line for the list of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line of every form."""
     forms = parser.add_subparsers(dest="form", metavar="FORM", required=True)
-    for name, text in FORMS.items():
-        module = import_module(f"eurobot_od.cli.export_{name}")
-        one = forms.add_parser(name, help=text, description=(module.__doc__ or "").splitlines()[0])
-        module.add_arguments(one)
-        one.set_defaults(run=module.run)
+    for name, (text, row) in FORMS.items():
+        row.add_arguments(forms.add_parser(name, help=text, description=(row.__doc__ or "").partition("\n")[0]))
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Run the form that was asked for."""
-    arguments.run(arguments)
+    FORMS[arguments.form][1].run(arguments)

@@ -1,6 +1,6 @@
 """Single keys from a terminal, without waiting for the end of a line.
 
-Rule of this file: the terminal is left as it was found; without a terminal there are no keys.
+Rule of this file: the terminal's settings are restored at the end; without a terminal there are no keys.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 UP, DOWN = "\x10", "\x0e"
-"""What the keys up and down are here: Control-P and Control-N, as in other programs; nobody types them into a text."""
+"""The keys up and down, as Control-P and Control-N, which no text contains."""
 
 PAGE = 10
-"""So many lines are a page."""
+"""Lines of a page."""
 
 MOVING = {"\x1b[A": UP, "\x1b[B": DOWN, "\x1b[5~": PAGE * UP, "\x1b[6~": PAGE * DOWN}
 """What terminals send for the keys up, down, page up and page down."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import gc
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, complain
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: ArgumentParser) -> None:
     """Add the arguments of `eurobot-od lint`."""
     parser.add_argument(
-        "files", nargs="*", metavar="FILE", help="an EDS or DCF; with --network also a network file, or a folder"
+        "files", nargs="*", metavar="FILE", help="EDS or DCF; with --network also a network file, or a folder"
     )
     parser.add_argument("--network", action="store_true", help="check the files as the nodes of one network")
     form = parser.add_mutually_exclusive_group()
@@ -34,17 +34,27 @@ def add_arguments(parser: ArgumentParser) -> None:
     form.add_argument(
         "--format", choices=FORMATS, help="write annotations for GitHub Actions, or a SARIF log for code scanning"
     )
-    parser.add_argument("--select", type=_codes, default=(), metavar="CODES", help="only codes that start so: E6,W447")
-    parser.add_argument("--ignore", type=_codes, default=(), metavar="CODES", help="no codes that start so: I")
-    parser.add_argument("-v", "--verbose", action="store_true", help="every finding: infos, and those that repeat")
+    parser.add_argument(
+        "--select",
+        type=_codes,
+        default=(),
+        metavar="CODES",
+        help="only rules whose codes start like this, such as E6,W447",
+    )
+    parser.add_argument(
+        "--ignore", type=_codes, default=(), metavar="CODES", help="no rules whose codes start like this, such as I"
+    )
+    parser.add_argument(
+        "-v", "--verbose", action="store_true", help="print every finding: infos and repeated ones, too"
+    )
     parser.add_argument("--strict", action="store_true", help="warnings count as errors")
     parser.add_argument(
         "--fix",
         action="store_true",
-        help="write the files in the normal form that every tool reads, and list what is changed",
+        help="rewrite the files in the normal form that every tool reads, and list the changes",
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: where to; left out: into the file itself")
-    parser.add_argument("--explain", metavar="CODE", help="say what a rule demands, and where that is written")
+    parser.add_argument("-o", "--output", metavar="FILE", help="with --fix: the file to write (default: the same file)")
+    parser.add_argument("--explain", metavar="CODE", help="print what a rule demands, and its source")
 
 
 def _codes(text: str) -> tuple[str, ...]:
@@ -57,24 +67,56 @@ def run(arguments: Namespace) -> ExitStatus:
     if arguments.explain:
         print(explanation(arguments.explain.upper()))
         return ExitStatus.FINE
-    if not arguments.files:
+    files: list[str] = arguments.files
+    if not files:
         raise LocalError("no files to check")
     if arguments.fix:
-        return _fix(arguments.files, arguments.output)
+        return _fix(files, arguments.output)
+    unreadable: list[DictionaryError] = []
+    identifiers: Sequence[tuple[str, ...]] = ()
     gc.disable()  # a check makes a lot and drops nothing: looking for garbage would cost a third of it
     try:
-        if not arguments.network:
-            return _run_files(arguments)
-        from eurobot_od.lint.network import lint_network, overview
+        if arguments.network:
+            from eurobot_od.lint.network import lint_network, overview
 
-        network = read_network(arguments.files)
-        return _report(arguments, lint_network(network), len(network.nodes), overview(network))
+            network = read_network(files)
+            findings, number, identifiers = lint_network(network), len(network.nodes), overview(network)
+        else:
+            findings = list(_linted(files, unreadable))
+            number = len(files) - len(unreadable)
     finally:
         gc.enable()
+    wanted = chosen(findings, arguments.select, arguments.ignore)
+    if arguments.json:
+        _print_json(wanted, identifiers)
+    elif number and arguments.format:
+        FORMATS[arguments.format](wanted)
+    elif number:
+        _print_lines(wanted, number, identifiers, arguments.verbose, bool(arguments.verbose or arguments.select))
+    for each in unreadable:
+        complain(str(each))
+    if unreadable:
+        return ExitStatus.WRONG_INPUT
+    errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
+    return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
+
+
+def _linted(files: Sequence[str], unreadable: list[DictionaryError]) -> Iterator[Finding]:
+    """Check files one by one; a terminal shows how far it is with several."""
+    counted: Iterable[str] = files
+    if len(files) > 1:
+        from eurobot_od.support import progress
+
+        counted = progress.counted(files, len(files), "files", at_once=1)
+    for file in counted:
+        try:
+            yield from lint(read_bytes(file), file)
+        except DictionaryError as error:
+            unreadable.append(error)
 
 
 def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
-    """Write files in their normal form, without a guess at what they do not say."""
+    """Write files in their normal form; what they leave out is not guessed."""
     from pathlib import Path
 
     from eurobot_od.od.normal import in_normal_form
@@ -92,47 +134,24 @@ def _fix(files: Sequence[str], output: str | None) -> ExitStatus:
     return ExitStatus.FINE
 
 
-def _run_files(arguments: Namespace) -> ExitStatus:
-    findings: list[Finding] = []
-    unreadable: list[DictionaryError] = []
-    for file in _counted(arguments.files):
-        try:
-            findings += lint(read_bytes(file), file)
-        except DictionaryError as error:
-            unreadable.append(error)
-    read = len(arguments.files) - len(unreadable)
-    status = _report(arguments, findings, read) if read or arguments.json else ExitStatus.FINE
-    for each in unreadable:
-        complain(str(each))
-    return ExitStatus.WRONG_INPUT if unreadable else status
-
-
-def _counted(files: Sequence[str]) -> Iterable[str]:
-    """Pass on files, and tell how far it is with them if there are several."""
-    if len(files) == 1:
-        return files
-    from eurobot_od.cli.progress import counted
-
-    return counted(files, len(files), "files", at_once=1)
-
-
 def read_network(files: Sequence[str]) -> LintedNetwork:
     """Read a network: a network file, a folder, or the nodes' EDS and DCF files; raises DictionaryError."""
-    from eurobot_od.lint.network import LintedNetwork, Member, nodes_of
+    from eurobot_od.lint.network import LintedNetwork, NetworkMember, nodes_of
     from eurobot_od.od.network import SUFFIXES, read_network
     from eurobot_od.od.network_file import NetworkFile, NodeFile
 
     is_network = len(files) == 1 and not files[0].lower().endswith(SUFFIXES)
-    said = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
-    devices = [(each, load(read_bytes(each.file), each.file)) for each in said.nodes]
+    described = read_network(files[0]) if is_network else NetworkFile([NodeFile(each) for each in files])
+    devices = [(each, load(read_bytes(each.file), each.file)) for each in described.nodes]
     members = [
-        Member(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id) for each, device in devices
+        NetworkMember(each.name or device.name.rpartition(".")[0], each.file, device, each.node_id)
+        for each, device in devices
     ]
-    return LintedNetwork(nodes_of(members), said.shared, said.order, said.bit_rate)
+    return LintedNetwork(nodes_of(members), described.shared, described.order, described.bit_rate)
 
 
 def explanation(code: str) -> str:
-    """Return what a rule demands, how bad it is not to keep it, and its clause; raises UnknownName."""
+    """Return what a rule demands, its severity and its clause; raises UnknownName."""
     rules = _rules()
     if code not in rules:
         raise UnknownName("rule", code, rules)
@@ -147,31 +166,22 @@ def _rules() -> dict[str, Rule]:
     return {each.code: each for each in (*FILE_RULES, *RULES)}
 
 
-def _refuse_unknown(begins: Sequence[str]) -> None:
-    """Raise UnknownName for the begin of a code that no rule has: it would choose nothing, or leave nothing out."""
-    rules = _rules() if begins else {}
-    for begin in begins:
-        if not any(code.startswith(begin) for code in rules):
-            raise UnknownName("rule", begin, rules)
+def _refuse_unknown(prefixes: Sequence[str]) -> None:
+    """Raise UnknownName for a prefix that no rule's code has: it would select nothing, or ignore nothing."""
+    rules = _rules() if prefixes else {}
+    for prefix in prefixes:
+        if not any(code.startswith(prefix) for code in rules):
+            raise UnknownName("rule", prefix, rules)
 
 
-def _report(
-    arguments: Namespace, findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]] = ()
-) -> ExitStatus:
-    wanted = chosen(findings, arguments.select, arguments.ignore)
-    if arguments.json:
-        _print_json(wanted, identifiers)
-    elif arguments.format:
-        FORMATS[arguments.format](wanted)
-    else:
-        for identifier, name, producers, consumers in identifiers:
-            print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
-        hidden = not (arguments.verbose or arguments.select)
-        shown = [each for each in wanted if not (hidden and each.severity is Severity.INFO)]
-        sys.stdout.writelines(f"{each}\n" for each in (shown if arguments.verbose else summed_up(shown)))
-        print(summary(wanted, files, hidden))
-    errors, warnings = count(wanted, Severity.ERROR), count(wanted, Severity.WARNING)
-    return ExitStatus.FOUND if errors or (arguments.strict and warnings) else ExitStatus.FINE
+def _print_lines(
+    findings: Sequence[Finding], files: int, identifiers: Sequence[tuple[str, ...]], verbose: bool, infos: bool
+) -> None:
+    for identifier, name, producers, consumers in identifiers:
+        print(one_line(f"{identifier}  {name:32}  {producers or '-':24}  -> {consumers or '-'}"))
+    shown = [each for each in findings if infos or each.severity is not Severity.INFO]
+    sys.stdout.writelines(f"{each}\n" for each in (shown if verbose else summed_up(shown)))
+    print(summary(findings, files, not infos))
 
 
 def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ...]]) -> None:
@@ -183,7 +193,7 @@ def _print_json(findings: Sequence[Finding], identifiers: Sequence[tuple[str, ..
     }
     if identifiers:
         data["identifiers"] = [
-            {"identifier": identifier, "name": name, "producers": _names(producers), "consumers": _names(consumers)}
+            {"identifier": identifier, "name": name, "producers": _split(producers), "consumers": _split(consumers)}
             for identifier, name, producers, consumers in identifiers
         ]
     json.dump(data, sys.stdout, indent=1)
@@ -212,5 +222,5 @@ FORMATS = {"github": _print_annotations, "sarif": _print_sarif}
 """How findings are written for another program."""
 
 
-def _names(joined: str) -> list[str]:
+def _split(joined: str) -> list[str]:
     return joined.split(", ") if joined else []

@@ -33,15 +33,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "path",
         nargs="?",
         metavar="NETWORK|MESSAGES.yaml",
-        help="network file or folder of EDS files, or a set of messages; left out: the robot's network",
+        help="network file, folder of EDS files, or set of messages (default: the robot's network)",
     )
-    parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s; left out: what the file says, or 500000")
-    parser.add_argument("--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, as 1/10ms")
+    parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s (default: the file's, or 500000)")
+    parser.add_argument(
+        "--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, such as 1/10ms"
+    )
     parser.add_argument(
         "--mailboxes",
-        type=_mailboxes,
+        type=options.whole(0, what="a number of mailboxes"),
         metavar="N",
-        help="transmit mailboxes without abort of every node, 0 for as many as it needs; left out: the setting of each",
+        help="transmit mailboxes without abort in every node, 0 for enough (default: each node's setting)",
     )
     parser.add_argument(
         "--sweep", action="store_true", help="also search the limits: bit rate, traffic, messages, nodes"
@@ -49,13 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print as JSON, times in us")
     parser.add_argument("--svg", type=Path, metavar="FILE", help="write a chart of the response times")
     options.add_dialect(parser)
-
-
-def _mailboxes(text: str) -> int:
-    number = int(text)
-    if number < 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of mailboxes")
-    return number
 
 
 def _errors(text: str) -> ErrorRate:
@@ -79,50 +74,48 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.load.report import as_data, load_report, table
     from eurobot_od.load.sweep import sentences
 
-    messages = message_set(arguments)
+    messages = _read(arguments.path, arguments.dialect, arguments.bitrate, options.robot(arguments))
+    if arguments.mailboxes is not None:
+        nodes = {each.node for each in messages.messages}
+        messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})
+    if arguments.errors is not None:
+        messages = messages._replace(errors=arguments.errors)
     bit_rate = arguments.bitrate or messages.bit_rate or BIT_RATE
     report = load_report(messages, bit_rate)
     found = _limits(messages, bit_rate) if arguments.sweep and messages.messages else None
     if arguments.json:
         print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
     else:
-        print("\n".join([*table(report), *(sentences(found) if found else ())]))
+        print(*table(report), *(sentences(found) if found else ()), sep="\n")
     if arguments.svg:
         write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND
 
 
 def _limits(messages: MessageSet, bit_rate: int) -> Limits:
-    """Search the limits, which takes a while for many messages: with a bar."""
-    from eurobot_od.cli import progress
+    """Search the limits, with a bar: for many messages it takes a while."""
     from eurobot_od.load.sweep import SEARCHES, limits
+    from eurobot_od.support import progress
 
-    with progress.bar("sweep", unit=progress.Unit("limits", "limits/s", 1), after=progress.SHORT) as draw:
+    with progress.bar("sweep", unit=progress.Unit("limits", "limits/s"), after=progress.SHORT) as draw:
         return limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
 
 
-def message_set(arguments: argparse.Namespace) -> MessageSet:
+def _read(path: str | None, dialect: str | None, bit_rate: int | None, robot: Plugin) -> MessageSet:
     """Return the messages that the command line is about; raises LocalError, DictionaryError, SetError, OSError."""
-    messages = _read(arguments)
-    if arguments.mailboxes is not None:
-        nodes = {each.node for each in messages.messages}
-        messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})
-    return messages if arguments.errors is None else messages._replace(errors=arguments.errors)
-
-
-def _read(arguments: argparse.Namespace) -> MessageSet:
     from eurobot_od.load.set_file import is_message_set, read_set
+    from eurobot_od.od.network import load, read_network
 
-    path = arguments.path
     if path is None:
-        return of_robot(options.robot(arguments), arguments.dialect)
-    if arguments.dialect:
+        return of_robot(robot, dialect)
+    if dialect:
         raise LocalError("--dialect is for a robot's network: leave it out, or the file")
     if Path(path).suffix.lower() in (".yaml", ".yml"):
         text = bounded.read(path).decode(errors="replace")
         if is_message_set(text):
-            return read_set(text, path, arguments.bitrate)
-    return _of_network(path, options.robot(arguments))
+            return read_set(text, path, bit_rate)
+    network = read_network(path)
+    return _of_outlines(load(network.nodes), network, path, robot)
 
 
 def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
@@ -133,13 +126,6 @@ def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
     file = robot.dialects.network_file()
     outlines = robot.dialects.load_all(dialect)
     return _of_outlines(outlines, read_network(file) if file else NetworkFile(), str(file), robot)
-
-
-def _of_network(path: str, robot: Plugin) -> MessageSet:
-    from eurobot_od.od.network import load, read_network
-
-    network = read_network(path)
-    return _of_outlines(load(network.nodes), network, path, robot)
 
 
 def _of_outlines(outlines: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:

@@ -7,16 +7,20 @@ import io
 import os
 import stat
 import sys
-from collections.abc import Callable, Generator, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
+from eurobot_od.cli import options
+from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.logs.entries import LogEntry
-    from eurobot_od.sdo.client import Progress
+    from eurobot_od.logs.meaning import Decoder, Meaning
+    from eurobot_od.logs.statistics import DamageCounts
 
 STANDARD_INPUT = "-"
 CHUNK = 1 << 16
@@ -25,7 +29,7 @@ CHUNK = 1 << 16
 
 def add_log(parser: argparse.ArgumentParser) -> None:
     """Add the logs to read and how they are read."""
-    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; left out or -: standard input")
+    parser.add_argument("logs", nargs="*", metavar="LOG", default=["-"], help="logs; - for standard input, the default")
     add_reading(parser)
 
 
@@ -37,45 +41,63 @@ def add_reading(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--format",
         choices=FORMATS,
-        help="format of the logs; left out: what a log begins with says it, or else its suffix",
+        help="format of the logs (default: by their first bytes, or else by suffix)",
     )
     parser.add_argument(
         "--largest",
-        type=_bytes,
+        type=options.whole(1024, what="a number of bytes, 1024 or more"),
         default=LARGEST,
         metavar="BYTES",
-        help="of a line or record of a log no more is read (default: %(default)s)",
+        help="longest line or record of a log that is read (default: %(default)s)",
     )
 
 
-def _bytes(text: str) -> int:
-    number = int(text) if text.isdecimal() and len(text) < 16 else 0
-    if number < 1024:
-        raise argparse.ArgumentTypeError(f"{text} is not a number of bytes from 1024 on")
-    return number
+class ReadOptions(NamedTuple):
+    """How logs are read: their format, None to find out, and the most bytes of a line or record."""
+
+    form: str | None
+    largest: int
+
+    @classmethod
+    def of(cls, arguments: argparse.Namespace) -> ReadOptions:
+        """Take it from a command line."""
+        return cls(arguments.format, arguments.largest)
+
+
+READING = Parameter("reading", add_reading, ReadOptions.of)
 
 
 def entries(
-    logs: list[str], arguments: argparse.Namespace, is_watched: bool = True
+    logs: Iterable[str], reading: ReadOptions, is_watched: bool = True
 ) -> Generator[tuple[str, LogEntry], None, None]:
     """Give the entries of logs, one log after the other, with the log's name. Errors as `logs.formats.read`.
 
-    A terminal sees how far a log is that takes its time, unless it is not to be watched.
+    With `is_watched` a terminal shows how far a long log has been read.
     """
     from eurobot_od.logs import formats
 
     for log in logs:
         with opened(log, is_watched) as file:
-            for entry in formats.read(file, arguments.format, arguments.largest):
+            for entry in formats.read(file, reading.form, reading.largest):
                 yield log, entry
+
+
+def meanings(
+    logs: Iterable[str], reading: ReadOptions, decoder: Decoder, damage: DamageCounts, is_watched: bool = True
+) -> Iterator[tuple[float, Meaning]]:
+    """Give the times in s and meanings of the entries of logs; count in `damage` what is wrong. Errors as `entries`."""
+    from eurobot_od.logs.entries import REMEMBERED
+
+    decode = lru_cache(REMEMBERED)(decoder)  # most frames are requests and confirms without data
+    for log, (line, time, _, raw) in entries(logs, reading, is_watched):
+        meaning = decode(raw)
+        damage.add(log, line, meaning.defects)
+        yield time, meaning
 
 
 @contextmanager
 def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
-    """Open a log; a terminal sees how far it is read if it takes its time, unless it is not to be watched.
-
-    What was decoded of lines from a pipe is shown before the next ones are waited for.
-    """
+    """Open a log; with `is_watched` a terminal shows how far a long one has been read."""
     with ExitStack() as stack:
         if log == STANDARD_INPUT:
             if sys.stdin is None:
@@ -83,33 +105,30 @@ def opened(log: str, is_watched: bool = True) -> Iterator[io.BufferedReader]:
             file: BinaryIO = sys.stdin.buffer
         else:
             file = stack.enter_context(Path(log).open("rb", buffering=0))
-        said = os.fstat(file.fileno())
-        if not stat.S_ISREG(said.st_mode):
-            yield io.BufferedReader(Source(file, lambda _: sys.stdout.flush()), CHUNK)
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            # A pipe may be a live bus: what has been decoded is shown before the next lines are waited for.
+            yield io.BufferedReader(Watched(file, lambda _: sys.stdout.flush()), CHUNK)
         elif is_watched and sys.stderr.isatty():
-            draw = stack.enter_context(_bar(log))
-            yield io.BufferedReader(Source(file, lambda done: draw(done, said.st_size)))
+            from eurobot_od.support import progress  # a command that needs no bar starts faster without
+
+            draw = stack.enter_context(progress.bar(log, after=progress.SHORT))
+            yield io.BufferedReader(Watched(file, lambda done: draw(done, status.st_size)))
         else:
-            yield io.BufferedReader(Source(file, lambda _: None))
+            yield io.BufferedReader(Watched(file, lambda _: None))
 
 
-def _bar(log: str) -> AbstractContextManager[Progress]:
-    from eurobot_od.cli import progress  # where it is not needed, a command starts without
+class Watched(io.RawIOBase):
+    """A file or a pipe that calls `on_read` before each read with the bytes read so far."""
 
-    return progress.bar(log, after=progress.SHORT)
-
-
-class Source(io.RawIOBase):
-    """What a file or a pipe gives; `told` hears before each read how many bytes have been read."""
-
-    def __init__(self, file: BinaryIO, told: Callable[[int], object]) -> None:
-        self.name, self._descriptor, self._told, self._read = file.name, file.fileno(), told, 0
+    def __init__(self, file: BinaryIO, on_read: Callable[[int], object]) -> None:
+        self.name, self._descriptor, self._on_read, self._read = file.name, file.fileno(), on_read, 0
 
     def readable(self) -> bool:
         return True
 
     def readinto(self, buffer: Any) -> int:
-        self._told(self._read)
+        self._on_read(self._read)
         data = os.read(self._descriptor, len(buffer))
         buffer[: len(data)] = data
         self._read += len(data)

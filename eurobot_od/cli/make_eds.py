@@ -14,18 +14,23 @@ from eurobot_od.support.amounts import amount
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     parser.add_argument("table", type=Path, metavar="TABLE", help="YAML in the form of eds/protocol.yaml")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="FOLDER", help="where the folders go")
-    parser.add_argument("--check", action="store_true", help="write nothing; say which files differ, exit 1 if any do")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FOLDER", help="folder to put the dialects' folders in"
+    )
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; list the files that differ, with exit status 1 if any do"
+    )
 
 
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Write the files, or compare them."""
+    from eurobot_od import plugin
     from eurobot_od.od.make.files import differences, make_files, write_files
     from eurobot_od.od.make.table import TableError, read_table
 
     source = bounded.read(arguments.table).decode(errors="replace")
     try:
-        texts = make_files(read_table(source, arguments.table, _table))
+        texts = make_files(read_table(source, arguments.table, lambda robot: plugin.find(robot).table))
     except TableError as error:
         print(error, file=sys.stderr)
         return ExitStatus.WRONG_INPUT
@@ -35,10 +40,3 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     found = differences(texts, arguments.output)
     print("\n".join(found) or f"{arguments.output}: as the table says: {amount(len(texts), 'file')}")
     return ExitStatus.FOUND if found else ExitStatus.FINE
-
-
-def _table(name: str) -> Path | None:
-    """Find the table of a robot, which another one may build on."""
-    from eurobot_od import plugin
-
-    return plugin.find(name).table

@@ -11,14 +11,15 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager, suppress
 from importlib.util import find_spec
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.cli import complain, options
 from eurobot_od.cli.keyboard import keys
-from eurobot_od.cli.logs import add_reading, entries
-from eurobot_od.cli.terminal import redraws
+from eurobot_od.cli.logs import ReadOptions, add_reading, entries
 from eurobot_od.errors import LocalError
 from eurobot_od.support import extras
+from eurobot_od.support.terminal import redraws
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Meaning
@@ -38,42 +39,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
     from eurobot_od.monitor.traffic import SORTS
 
-    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play; left out: watch a bus")
+    parser.add_argument("logs", nargs="*", metavar="LOG", help="logs to play (default: watch a bus)")
     add_reading(parser)
-    parser.add_argument("--speed", type=_speed, default=1.0, help="how many times faster to play a log, or max")
-    parser.add_argument("--filter", default="", metavar="TEXT", help="part of a message's, protocol's or node's name")
-    parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
-    parser.add_argument("--plain", action="store_true", help="lines as decode writes them, and the table at the end")
     parser.add_argument(
-        "--statistics", action="store_true", help="at the end also load, gaps, response times and bounds"
+        "--speed",
+        type=lambda text: inf if text == "max" else options.positive(text, " nor max"),
+        default=1.0,
+        help="how many times faster to play a log, or max",
     )
-    parser.add_argument("--ask", action="store_true", help="read the PDOs as the devices have them now, by SDO")
+    parser.add_argument(
+        "--filter",
+        default="",
+        metavar="TEXT",
+        help="show only messages with this in their name, or their protocol's or a node's",
+    )
+    parser.add_argument("--sort", choices=SORTS, default="identifier", help="order of the table")
+    parser.add_argument("--plain", action="store_true", help="print lines as decode does, and the table at the end")
+    parser.add_argument(
+        "--statistics", action="store_true", help="also print load, gaps, response times and bounds at the end"
+    )
+    parser.add_argument("--ask", action="store_true", help="read the devices' present PDO parameters by SDO")
     options.add_network(parser)
     options.add_bus(parser)
     options.add_reconnect(parser)
 
 
-def _speed(text: str) -> float:
-    return float("inf") if text == "max" else options.positive(text, " nor max")
-
-
 def run(arguments: argparse.Namespace) -> None:
-    """Watch until the logs end or the watcher has enough; print the table once more."""
+    """Watch until the logs or the user end it; print the table once more."""
     from eurobot_od import live as runtime
     from eurobot_od.load.seen import NOTHING, table
     from eurobot_od.monitor.cells import plain_table
     from eurobot_od.monitor.controls import Controls
+    from eurobot_od.monitor.sources import BusSource, LogSource
     from eurobot_od.monitor.traffic import Traffic, selected
 
     if arguments.ask and arguments.logs:
-        raise LocalError("--ask is for a bus: a log has nobody to ask")
-    decoder = (options.asking_decoder if arguments.ask else options.decoder)(arguments)
-    promised = options.promised(arguments, decoder) if arguments.statistics else NOTHING
+        raise LocalError("--ask is for a bus: a log has no devices to ask")
+    devices, open_bus = options.Devices.of(arguments), options.opener(arguments)
+    decoder = devices.asking_decoder(open_bus) if arguments.ask else devices.decoder()
+    promised = devices.promised(decoder) if arguments.statistics else NOTHING
     traffic = Traffic(decoder, arguments.bitrate or runtime.BITRATE, promised)
     controls = Controls(arguments.sort, arguments.filter)
     rich = redraws(sys.stdout) and not arguments.plain and _has_rich()
     with ExitStack() as stack:
-        source = stack.enter_context(closing(_source(arguments)))
+        source: Source
+        if arguments.logs:
+            read = entries(arguments.logs, ReadOptions.of(arguments), is_watched=False)
+            source = LogSource(((time, raw) for _, (_, time, _, raw) in read), arguments.speed)
+        else:
+            source = BusSource(open_bus(), opener=options.reopener(arguments))
+        stack.enter_context(closing(source))
         monitor = Monitor(traffic, controls, source)
         took, refresh = stack.enter_context((on_screen if rich else _lines)(monitor))
         with suppress(KeyboardInterrupt):  # the usual way to end it
@@ -94,16 +109,16 @@ def _has_rich() -> bool:
 
 
 class Monitor(NamedTuple):
-    """One session: where frames come from, what is made of them, and what the watcher wants."""
+    """One session: where frames come from, what is counted of them, and what the user has set."""
 
     traffic: Traffic
     controls: Controls
     source: Source
 
     def run(self, took: Took, refresh: Refresh) -> None:
-        """Take in frames and refresh what is shown until the source or the watcher ends it.
+        """Take in frames and refresh what is shown until the source or the user ends it.
 
-        While it is paused, frames are taken in, and what is shown changes with a key only.
+        While it is paused, frames are still taken in, but only a key changes what is shown.
         """
         pressed = ""
         with keys() as wait:
@@ -118,18 +133,6 @@ class Monitor(NamedTuple):
                 if self.controls.clear:
                     self.controls.clear = False
                     self.traffic.clear()
-
-
-# Where frames come from
-
-
-def _source(arguments: argparse.Namespace) -> Source:
-    from eurobot_od.monitor.sources import BusSource, LogSource
-
-    if not arguments.logs:
-        return BusSource(options.open_bus(arguments), opener=options.opener(arguments))
-    timed = ((time, raw) for _, (_, time, _, raw) in entries(arguments.logs, arguments, is_watched=False))
-    return LogSource(timed, arguments.speed)
 
 
 # What is shown
@@ -148,12 +151,13 @@ def _lines(monitor: Monitor) -> Iterator[tuple[Took, Refresh]]:
         if not monitor.controls.paused and named(meaning, monitor.controls.part):
             sys.stdout.write(write(0, time, "", output.row(meaning)))
 
-    told: list[str] = []
+    printed = 0
 
     def refresh() -> None:
-        for note in monitor.source.notes[len(told) :]:
-            told.append(note)
+        nonlocal printed
+        for note in monitor.source.notes[printed:]:
             print(f"# {note}")
+            printed += 1
         sys.stdout.flush()
 
     yield took, refresh

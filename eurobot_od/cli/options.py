@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from eurobot_od import plugin
 from eurobot_od.cli import complain
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 def add_bus(parser: argparse.ArgumentParser, else_: str = "") -> None:
     """Add -i, -c and -b; what is left out comes from python-can's own configuration, or is `else_`."""
-    group = parser.add_argument_group("bus", f"left out: python-can's configuration{else_}")
+    group = parser.add_argument_group("bus", f"default: python-can's configuration{else_}")
     group.add_argument("-i", "--interface", help="python-can interface, such as socketcan, pcan, slcan, remote")
     group.add_argument("-c", "--channel", help="channel of the interface, such as can0")
     group.add_argument("-b", "--bitrate", type=bit_rate, help="bit/s, 500000 if nothing else is configured")
@@ -52,24 +53,23 @@ def positive(text: str, of: str = "") -> float:
     return value
 
 
-def bit_rate(text: str) -> int:
-    """Read a bit rate of classic CAN in bit/s."""
-    rate = int(text) if text.isdecimal() and len(text) < 10 else 0
-    if not 1000 <= rate <= 1_000_000:
-        raise argparse.ArgumentTypeError(f"{text} is not in 1000..1000000 bit/s")
-    return rate
+def whole(low: int, high: float = inf, what: str = "") -> Callable[[str], int]:
+    """Return the reader of a whole number in a range, which is `what` the complaint of another one asks for."""
+
+    def read(text: str) -> int:
+        number = int(text) if text.isdecimal() and len(text) < 16 else -1
+        if not low <= number <= high:
+            raise argparse.ArgumentTypeError(f"{text} is not {what or f'in {low}..{high}'}")
+        return number
+
+    return read
 
 
 MOST_JOBS = 60
 """More processes than these cannot be waited for on Windows."""
 
-
-def jobs(text: str) -> int:
-    """Read a number of processes."""
-    number = int(text) if text.isdecimal() and len(text) < 10 else 0
-    if not 1 <= number <= MOST_JOBS:
-        raise argparse.ArgumentTypeError(f"{text} is not a number from 1 to {MOST_JOBS}")
-    return number
+bit_rate = whole(1000, 1_000_000, "in 1000..1000000 bit/s")
+jobs = whole(1, MOST_JOBS, f"a number from 1 to {MOST_JOBS}")
 
 
 def address(text: str) -> Address:
@@ -96,7 +96,7 @@ def add_log(parser: argparse.ArgumentParser) -> None:
         "--log",
         type=Path,
         metavar="FILE",
-        help="write all frames; the suffix says the format; with --seeds {seed} in it is the seed",
+        help="write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed",
     )
     parser.add_argument(
         "--log-failure",
@@ -108,20 +108,26 @@ def add_log(parser: argparse.ArgumentParser) -> None:
 
 def add_reconnect(parser: argparse.ArgumentParser) -> None:
     """Add --no-reconnect, for commands that stay on a bus."""
-    parser.add_argument("--no-reconnect", action="store_true", help="end when the bus is lost; else it is opened again")
+    parser.add_argument(
+        "--no-reconnect", action="store_true", help="end when the bus is lost, instead of opening it again"
+    )
 
 
-def opener(arguments: argparse.Namespace) -> Opener | None:
-    """Return what opens the bus again when it is lost, None if nothing is to."""
-    return None if arguments.no_reconnect else partial(open_bus, arguments)
+def opener(arguments: argparse.Namespace) -> Opener:
+    """Return what opens the bus as `open_bus` does."""
+    return partial(open_bus, arguments)
 
 
-def guard(arguments: argparse.Namespace, master: Master) -> Guard:
-    """Return what opens a master's bus again when it is lost, or lets it end the command, as the options say."""
+def reopener(arguments: argparse.Namespace) -> Opener | None:
+    """Return what opens the bus again when it is lost, None with --no-reconnect."""
+    return None if arguments.no_reconnect else opener(arguments)
+
+
+def guard(reopen: Opener | None, master: Master) -> Guard:
+    """Return what opens a master's bus again by `reopen` when it is lost; without that, a lost bus ends the command."""
     from eurobot_od.client.reconnecting import Reconnecting, unguarded
 
-    opens = opener(arguments)
-    return unguarded if opens is None else Reconnecting(master, opens, complain)
+    return Reconnecting(master, reopen, complain) if reopen else unguarded
 
 
 def add_dialect(parser: argparse._ActionsContainer) -> None:
@@ -129,7 +135,7 @@ def add_dialect(parser: argparse._ActionsContainer) -> None:
     parser.add_argument(
         "--dialect",
         metavar="NAME",
-        help=f"a robot's EDS files, by their dialect's name, or a folder; left out: the variable {DIALECT_VARIABLE}",
+        help=f"name of a robot's dialect, or a folder of EDS files (default: the variable {DIALECT_VARIABLE})",
     )
 
 
@@ -139,11 +145,14 @@ def robot(arguments: argparse.Namespace) -> Plugin:
 
 
 def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str, str]]:
-    """Split what an option gives as `form`, such as NAME=VALUE, at its first equals sign; raises LocalError."""
+    """Split the values of an option, in the `form` NAME=VALUE, at their first equals signs; raises LocalError."""
+    given = []
     for text in texts:
-        if "=" not in text:
+        name, equals, value = text.partition("=")
+        if not equals:
             raise LocalError(f"{option} {text}: write {form}")
-    return [(name, value) for name, _, value in (text.partition("=") for text in texts)]
+        given.append((name, value))
+    return given
 
 
 # Devices
@@ -151,13 +160,13 @@ def assignments(option: str, form: str, texts: Iterable[str]) -> list[tuple[str,
 
 def add_network(parser: argparse.ArgumentParser) -> None:
     """Add --eds, --network and --dialect: whose EDS and DCF files are loaded."""
-    group = parser.add_argument_group("devices", f"left out: {network.DEFAULT} of this folder, else the robot's")
+    group = parser.add_argument_group("devices", f"default: {network.DEFAULT} in this folder, else the robot's")
     group.add_argument(
         "--eds",
         action="append",
         default=[],
         metavar="[NODE-ID=]FILE",
-        help="EDS or DCF of a device; node-ID where the file says none; repeatable",
+        help="EDS or DCF of a device, with a node-ID if the file has none; repeatable",
     )
     group.add_argument(
         "--network",
@@ -167,49 +176,91 @@ def add_network(parser: argparse.ArgumentParser) -> None:
     add_dialect(group)
 
 
-def named_files(arguments: argparse.Namespace) -> list[NodeFile]:
-    """Return the devices that the options, or the network file of this folder, name; none for a dialect.
+class Devices(NamedTuple):
+    """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's."""
 
-    Raises LocalError, DictionaryError.
-    """
-    if arguments.dialect and (arguments.eds or arguments.network):
-        raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
-    files = [network.node_file(text) for text in arguments.eds]
-    path = arguments.network
-    if not arguments.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
-        path = network.DEFAULT
-    return [*files, *network.read_network(path).nodes] if path else files
+    eds: Sequence[str] = ()
+    network: str | None = None
+    dialect: str | None = None
+    robot_name: str | None = None
+
+    @classmethod
+    def of(cls, arguments: argparse.Namespace) -> Devices:
+        """Take them from a command line."""
+        return cls(arguments.eds, arguments.network, arguments.dialect, arguments.robot)
+
+    @property
+    def robot(self) -> Plugin:
+        """The robot that the command line is about; raises UnknownName, LocalError, DictionaryError."""
+        return plugin.find(self.robot_name)
+
+    def files(self) -> list[NodeFile]:
+        """Return the files that are named, none for a dialect; raises LocalError, DictionaryError."""
+        if self.dialect and (self.eds or self.network):
+            raise LocalError("--dialect is a network of its own: leave out --eds and --network, or leave it out")
+        files = [network.node_file(text) for text in self.eds]
+        path = self.network
+        if not self.dialect and not files and path is None and os.path.isfile(network.DEFAULT):  # noqa: PTH113
+            path = network.DEFAULT
+        return [*files, *network.read_network(path).nodes] if path else files
+
+    def load(self) -> tuple[Dictionary, ...]:
+        """Load the files that are named, or else the dialect's; raises LocalError, DictionaryError, UnknownName."""
+        files = self.files()
+        return network.load(files) if files else self.robot.dialects.load_all(self.dialect)
+
+    def load_and_complain(self) -> tuple[Dictionary, ...]:
+        """Load the devices, and say which of the files that are named had to be repaired to be read."""
+        loaded = self.load()
+        if self.files():  # the dialects' files need no repair, and to look for one takes as long as loading
+            complain_of_repairs(loaded)
+        return loaded
+
+    def protocol(self) -> Protocol:
+        """Return the messages of these devices; complains of PDOs that are left out. Raises as `load`."""
+        from eurobot_od.pdo.protocol import Protocol
+
+        with left_out() as refused:
+            return Protocol.of_devices(self.load_and_complain(), self.robot.catalogue(), refused)
+
+    def decoder(self) -> Decoder:
+        """Return the decoder of these devices' frames; complains of PDOs that are left out. Raises as `load`."""
+        return decoder_of(self.load_and_complain(), self.robot)
+
+    def asking_decoder(self, open_bus: Opener) -> Decoder:
+        """Return a decoder for the PDOs as the devices on the bus are set now; complains of those that do not answer.
+
+        Raises as `load`, BusError.
+        """
+        from eurobot_od.client.master import Master
+        from eurobot_od.client.pdo_parameters import pdo_parameters
+
+        asked = []
+        with Master(open_bus()) as master:
+            for outline in self.load_and_complain():
+                try:
+                    asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
+                except RemoteError as error:
+                    complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
+                    asked.append(outline)
+        return decoder_of(asked, self.robot)
+
+    def promised(self, decoder: Decoder) -> MessageSet:
+        """Return what a decoder's devices send, and how often; nothing if a period is missing."""
+        from eurobot_od.load.network_set import network_set
+        from eurobot_od.load.seen import NOTHING
+
+        try:
+            file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
+            rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
+            names = {each.cob_id: each.name for each in decoder.protocol.bindings}
+            return network_set(decoder.outlines, names, rows, file)
+        except (DictionaryError, LocalError):  # a bus can be watched without knowing how often a message is to come
+            return NOTHING
 
 
-def devices(arguments: argparse.Namespace) -> tuple[Dictionary, ...]:
-    """Load the devices that the options name, or else the dialect's.
-
-    Raises LocalError, DictionaryError, UnknownName.
-    """
-    return _loaded(named_files(arguments), arguments)
-
-
-def _loaded(files: list[NodeFile], arguments: argparse.Namespace) -> tuple[Dictionary, ...]:
-    return network.load(files) if files else robot(arguments).dialects.load_all(arguments.dialect)
-
-
-def promised(arguments: argparse.Namespace, decoder: Decoder) -> MessageSet:
-    """Return what a decoder's devices send and how often, as far as that is known: nothing if a period is missing."""
-    from eurobot_od.load.network_set import network_set
-    from eurobot_od.load.seen import NOTHING
-
-    try:
-        named = named_files(arguments)
-        path = arguments.network or network.DEFAULT if named else str(robot(arguments).dialects.network_file())
-        rows = network.read_network(path) if os.path.exists(path) else NetworkFile()  # noqa: PTH110
-        names = {each.cob_id: each.name for each in decoder.protocol.bindings}
-        return network_set(decoder.outlines, names, rows, path)
-    except (DictionaryError, LocalError):  # to watch a bus, nobody has to know how often what should come
-        return NOTHING
-
-
-def tell_repairs(outlines: Iterable[Dictionary]) -> None:
-    """Say in one line for each file what had to be looked over in it."""
+def complain_of_repairs(outlines: Iterable[Dictionary]) -> None:
+    """Say in one line for each file what had to be repaired to read it."""
     for file, changes in {each.file: each.changes for each in outlines}.items():
         if changes:
             what = f"line {changes[0].line}: {changes[0].what}"
@@ -217,58 +268,17 @@ def tell_repairs(outlines: Iterable[Dictionary]) -> None:
             complain(f"{file}: read as it is meant: {what}{more}")
 
 
-def decoder(arguments: argparse.Namespace) -> Decoder:
-    """Return what tells the meaning of these devices' frames; says which PDOs are left out. Raises as `devices`."""
-    return decoder_of(_told(arguments), robot(arguments))
-
-
-def asking_decoder(arguments: argparse.Namespace) -> Decoder:
-    """Return what `decoder` does, but for PDOs as the devices on the bus have them now; says who does not answer.
-
-    Raises as `devices`, BusError.
-    """
-    from eurobot_od.client.master import Master
-    from eurobot_od.client.pdo_parameters import pdo_parameters
-
-    asked = []
-    with Master(open_bus(arguments)) as master:
-        for outline in _told(arguments):
-            try:
-                asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
-            except RemoteError as error:
-                complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
-                asked.append(outline)
-    return decoder_of(asked, robot(arguments))
-
-
 def decoder_of(outlines: Iterable[Dictionary], robot: Plugin) -> Decoder:
-    """Return what tells the meaning of some devices' frames; says which PDOs are left out."""
+    """Return the decoder of some devices' frames; complains of PDOs that are left out."""
     from eurobot_od.logs.meaning import Decoder
 
     with left_out() as refused:
         return Decoder(outlines, robot.catalogue(), refused)
 
 
-def protocol(arguments: argparse.Namespace) -> Protocol:
-    """Return the messages of these devices; says which PDOs are left out. Raises as `devices`."""
-    from eurobot_od.pdo.protocol import Protocol
-
-    with left_out() as refused:
-        return Protocol.of_devices(_told(arguments), robot(arguments).catalogue(), refused)
-
-
-def _told(arguments: argparse.Namespace) -> tuple[Dictionary, ...]:
-    """Load the devices, and say what had to be looked over in the files that are named."""
-    files = named_files(arguments)
-    loaded = _loaded(files, arguments)
-    if files:  # the dialects' files are in order; to look again takes as long as to load them
-        tell_repairs(loaded)
-    return loaded
-
-
 @contextmanager
 def left_out() -> Iterator[OnRefused]:
-    """Collect PDOs that do not hold, and say in one line for each file what is wrong with the first of them."""
+    """Collect PDOs that cannot be used, and say in one line for each file what is wrong with the first of them."""
     errors: dict[str, list[MappingError]] = {}
     yield lambda error: errors.setdefault(error.file, []).append(error)
     for first, *others in errors.values():

@@ -7,22 +7,25 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from eurobot_od.cli import options as shared
+from eurobot_od.cli import options
+from eurobot_od.cli.options import Devices
+from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
 from eurobot_od.od.objects import address_of, data_type, is_described, written
 from eurobot_od.od.values import NODE_IDS, label
 from eurobot_od.support import durations
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import columns
 
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
     from eurobot_od.client.reading import Reading
+    from eurobot_od.live.connection import Opener
 
 
 def add_node(parser: argparse.ArgumentParser) -> None:
@@ -33,102 +36,111 @@ def add_node(parser: argparse.ArgumentParser) -> None:
 
 def add_bus(parser: argparse.ArgumentParser) -> None:
     """Add the devices' files, the bus, and how long an answer may take."""
-    shared.add_network(parser)
+    options.add_network(parser)
     parser.add_argument(
         "--timeout", type=durations.seconds, default=0.5, metavar="TIME", help="longest wait for an answer (500 ms)"
     )
     parser.add_argument(
         "--largest",
-        type=_bytes,
+        type=options.whole(1, what="a number of bytes"),
         default=1 << 20,
         metavar="BYTES",
-        help="most that is read of an object whose size its node does not say (1048576)",
+        help="most to read of an object whose size the node does not announce (1048576)",
     )
-    shared.add_bus(parser)
+    options.add_bus(parser)
 
 
-def _bytes(text: str) -> int:
-    if not text.isdecimal() or len(text) > 10 or not int(text):
-        raise argparse.ArgumentTypeError(f"{text} is no number of bytes")
-    return int(text)
+class Target(NamedTuple):
+    """The node that a command is about, and how to talk to it.
 
-
-def node_id(arguments: argparse.Namespace) -> int:
-    """Return the node-ID that is meant; raises LocalError, UnknownName."""
-    text: str = arguments.node
-    if not text.isdecimal():
-        named = {each.name: each.node_id for each in shared.devices(arguments)}
-        if text not in named:
-            raise UnknownName("node", text, named)
-        return named[text]
-    if len(text) > 3 or int(text) not in NODE_IDS:
-        raise LocalError(f"node-ID {text} is not in 1..127")
-    return int(text)
-
-
-def master(arguments: argparse.Namespace) -> Master:
-    """Open the bus; the context closes it. Raises BusError."""
-    from eurobot_od.client.master import Master
-
-    return Master(shared.open_bus(arguments), arguments.timeout, unannounced=arguments.largest)
-
-
-@contextmanager
-def node(arguments: argparse.Namespace) -> Iterator[RemoteNode]:
-    """Open the bus to talk to the node."""
-    number = node_id(arguments)
-    with master(arguments) as opened:
-        yield opened.node(number)
-
-
-def description(arguments: argparse.Namespace, node: RemoteNode) -> Description | None:
-    """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
-
-    A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
-    transferred, tens of thousands of bytes.
+    `bit_rate` is in bit/s, None for python-can's; `timeout` in s; `largest` in bytes.
     """
-    from eurobot_od.client import description as found
 
-    named = named_description(arguments, node)
-    if named is not None:
-        return named
-    dialects = shared.robot(arguments).dialects
-    names = [arguments.dialect] if arguments.dialect else dialects.names()
-    known = (each for name in names for each in dialects.load_all(name))
-    return found.fitting(node, known) or found.uploaded(node)
+    name: str
+    devices: Devices
+    open_bus: Opener
+    bit_rate: int | None
+    timeout: float
+    largest: int
+
+    @classmethod
+    def of(cls, arguments: argparse.Namespace) -> Target:
+        """Take it from a command line."""
+        devices, open_bus = Devices.of(arguments), options.opener(arguments)
+        name = vars(arguments).get("node", "")
+        return cls(name, devices, open_bus, arguments.bitrate, arguments.timeout, arguments.largest)
+
+    @property
+    def node_id(self) -> int:
+        """The node-ID; raises LocalError, UnknownName."""
+        text = self.name
+        if not text.isdecimal():
+            named = {each.name: each.node_id for each in self.devices.load()}
+            if text not in named:
+                raise UnknownName("node", text, named)
+            return named[text]
+        if len(text) > 3 or int(text) not in NODE_IDS:
+            raise LocalError(f"node-ID {text} is not in 1..127")
+        return int(text)
+
+    def master(self) -> Master:
+        """Open the bus; the context closes it. Raises BusError."""
+        from eurobot_od.client.master import Master
+
+        return Master(self.open_bus(), self.timeout, unannounced=self.largest)
+
+    @contextmanager
+    def opened(self) -> Iterator[RemoteNode]:
+        """Open the bus to talk to the node."""
+        number = self.node_id
+        with self.master() as master:
+            yield master.node(number)
+
+    def description(self, node: RemoteNode) -> Description | None:
+        """Return the EDS of the node: the file, ours that has its identity, or its own; None if there is none.
+
+        A file named without a node-ID is for the node that is spoken to. Its own comes last because it has to be
+        transferred, tens of thousands of bytes.
+        """
+        from eurobot_od.client import description
+
+        named = self.named_description(node)
+        if named is not None:
+            return named
+        dialects = self.devices.robot.dialects
+        names = [self.devices.dialect] if self.devices.dialect else dialects.names()
+        known = (each for name in names for each in dialects.load_all(name))
+        return description.fitting(node, known) or description.uploaded(node)
+
+    def named_description(self, node: RemoteNode) -> Description | None:
+        """Return the EDS that the user has named for the node; None if there is none."""
+        from eurobot_od.client.description import from_file
+
+        files = [network.node_file(text) for text in self.devices.eds]
+        mine = next((each.file for each in files if each.node_id in (None, node.node_id)), None)
+        if mine is None and self.devices.files():
+            mine = next((str(each.file) for each in self.devices.load() if each.node_id == node.node_id), None)
+        if mine is None:
+            return None
+        described = from_file(mine, node.node_id)
+        options.complain_of_repairs([described.dictionary])
+        return described
+
+    def needed_description(self, node: RemoteNode) -> Description:
+        """Return the EDS of the node; raises LocalError if there is none."""
+        found = self.description(node)
+        if found is None:
+            raise LocalError(
+                f"no EDS has the identity of node {node.node_id}, and it keeps none itself: name one by --eds"
+            )
+        return found
 
 
-def named_description(arguments: argparse.Namespace, node: RemoteNode) -> Description | None:
-    """Return the EDS that the user has named for the node; None if there is none."""
-    from eurobot_od.client.description import from_file
-
-    files = [network.node_file(text) for text in arguments.eds]
-    mine = next((each.file for each in files if each.node_id in (None, node.node_id)), None)
-    if mine is None and shared.named_files(arguments):
-        mine = next((str(each.file) for each in shared.devices(arguments) if each.node_id == node.node_id), None)
-    if mine is None:
-        return None
-    described = from_file(mine, node.node_id)
-    shared.tell_repairs([described.dictionary])
-    return described
-
-
-def needed_description(arguments: argparse.Namespace, node: RemoteNode) -> Description:
-    """Return the EDS of the node; raises LocalError if there is none."""
-    found = description(arguments, node)
-    if found is None:
-        raise LocalError(f"no EDS has the identity of node {node.node_id}, and it keeps none itself: name one by --eds")
-    return found
+TARGET = Parameter("target", add_node, Target.of)
+MASTER = Parameter("master", add_bus, lambda arguments: Target.of(arguments).master())
 
 
 # Printing
-
-
-def columns(rows: Iterable[Sequence[str]]) -> str:
-    """Lay out rows of texts in columns."""
-    lines = [[*map(one_line, row)] for row in rows]
-    widths = [max(map(len, column)) for column in zip(*lines)]
-    return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 
 
 def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
@@ -136,7 +148,11 @@ def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
     if as_json:
         print(json.dumps([as_data(each) for each in readings], indent=2))
     else:
-        print(columns(_row(each) for each in readings))
+        rows = (
+            (label(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value))
+            for thing, value, refusal in readings
+        )
+        print(*columns(rows), sep="\n")
 
 
 def as_data(reading: Reading) -> dict[str, Any]:
@@ -146,8 +162,3 @@ def as_data(reading: Reading) -> dict[str, Any]:
     data = {"index": thing.index, "subindex": thing.subindex, "name": thing.qualname, "type": type_name}
     result = {"refused": refusal} if refusal else {"value": value.hex() if isinstance(value, bytes) else value}
     return {**data, **result}
-
-
-def _row(reading: Reading) -> tuple[str, str, str]:
-    thing, value, refusal = reading
-    return label(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value)

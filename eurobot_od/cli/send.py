@@ -1,4 +1,4 @@
-"""Send one message or frame on a CAN bus, and wait for an answer if asked to.
+"""Send one message or frame on a CAN bus, and wait for an answer with --expect.
 
 Rule of this file: the whole command line is checked against the EDS files before a bus is opened.
 """
@@ -36,7 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("message", help="a message by its name, such as 'Goto XY', or a frame: 185#0102")
     parser.add_argument("fields", nargs="*", metavar="FIELD=VALUE", help="such as x=1500 barriers=fire-1:forced")
     parser.add_argument(
-        "--expect", metavar="MESSAGE", help="wait for this message and print it; 185#01: whose data begin so, 185#: any"
+        "--expect",
+        metavar="MESSAGE",
+        help="wait for this message and print it; 185#01: with data beginning like this",
     )
     parser.add_argument("--within", default="1 s", metavar="TIME", help="how long to wait for it (default: 1 s)")
     shared.add_network(parser)
@@ -46,29 +48,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> ExitStatus:
     """Send the message or frame; 1 if the expected answer does not come in time."""
     within = durations.seconds(arguments.within)
-    protocol = shared.protocol(arguments)
+    protocol = shared.Devices.of(arguments).protocol()
     frame, words = question(protocol, arguments.message, arguments.fields)
     expected = expectation(protocol, arguments.expect) if arguments.expect else None
+    sent = one_line(f"sent      {frame}  {words}".rstrip())
     bus = shared.open_bus(arguments)
     if expected is None:
         with bus:
             transmit(bus, frame)
-        _tell_sent(frame, words)
+        print(sent)
         return ExitStatus.FINE
     answer = exchange(bus, frame, expected, within)
-    _tell_sent(frame, words)
+    print(sent)
     if answer is None:
         print(f"expected  {arguments.expect}: nothing came within {within * 1000:g} ms")
         return ExitStatus.FOUND
     came, took = answer
-    # of a message that was asked for by its name, a frame too short is an error
-    said = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
-    print(one_line("  ".join(filter(None, (f"received  {came}", said, f"after {took * 1000:.1f} ms")))))
+    # A message expected by its name must be whole: a frame too short for it is an error.
+    words = meaning(protocol, came) if FRAME_MARK in arguments.expect else _words(protocol, protocol.decode(*came))
+    print(one_line("  ".join(filter(None, (f"received  {came}", words, f"after {took * 1000:.1f} ms")))))
     return ExitStatus.FINE
-
-
-def _tell_sent(frame: Frame, words: str) -> None:
-    print(one_line(f"sent      {frame}  {words}".rstrip()))
 
 
 def question(protocol: Protocol, text: str, fields: Sequence[str]) -> tuple[Frame, str]:

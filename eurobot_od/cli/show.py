@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line."""
-    parser.add_argument("message", nargs="?", help="a message by its name, such as 'Goto XY'; left out: all")
+    parser.add_argument("message", nargs="?", help="name of a message, such as 'Goto XY' (default: all)")
     parser.add_argument("--json", action="store_true", help="print as JSON")
     shared.add_network(parser)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the table of all messages, or one message."""
-    protocol = shared.protocol(arguments)
+    protocol = shared.Devices.of(arguments).protocol()
     chosen = [protocol.binding(arguments.message)] if arguments.message else protocol.bindings
     if arguments.json:
         print(json.dumps([as_data(each) for each in chosen], indent=2))

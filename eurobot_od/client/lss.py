@@ -18,7 +18,7 @@ from eurobot_od.client.description import Identity
 from eurobot_od.client.master import STORE_WAIT, Master
 from eurobot_od.errors import LocalError, NoAnswer, RemoteError
 from eurobot_od.od.values import LSS_COB_IDS, NODE_IDS
-from eurobot_od.sdo.client import Progress, unwatched
+from eurobot_od.support.progress import Progress, unwatched
 
 ANSWERS, REQUESTS = LSS_COB_IDS
 

@@ -26,17 +26,16 @@ from eurobot_od.sdo.client import (
     UNANNOUNCED,
     Aborted,
     OddAnswer,
-    Progress,
     Room,
     Silence,
     Transfer,
     block_download,
     block_upload,
     download,
-    unwatched,
     upload,
 )
 from eurobot_od.sdo.wire import LARGEST, reason
+from eurobot_od.support.progress import Progress, unwatched
 
 if TYPE_CHECKING:
     import can

@@ -14,7 +14,7 @@ limits, identifier and length are macros. Goto XY of a network called `robot` be
     static inline bool robot_goto_xy_unpack(robot_goto_xy_t *message, const uint8_t *data, size_t length)
 
 Rule of this file: the C depends on neither byte order nor width of int of the machine, and compiles without a warning;
-bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller has no 64-bit shifts to do.
+bits go byte by byte, in unsigned types as wide as the field, so that an 8-bit controller needs no 64-bit shifts.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ WORDS = """auto break case char const continue default do double else enum exter
  compl concept const_cast constexpr decltype delete dynamic_cast explicit export friend mutable namespace new noexcept
  not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires static_assert static_cast
  template this thread_local throw try typeid typename using virtual wchar_t xor xor_eq"""
-"""Keywords of C and C++, and macros of compilers and of the headers here: none of them can name a member."""
+"""Keywords of C and C++, and macros of compilers and of the headers used here: none of them can name a member."""
 
 PARTS = 4
-"""Names of which a macro is put together: network, message, field, value."""
+"""Names that make up a macro: network, message, field, value."""
 
 LONGEST_TEXT = 32
 """Most characters of a unit."""
@@ -45,7 +45,7 @@ STRUCT_REALS = {32: "float", 64: "double"}
 
 
 WIDE = TextWrapper(110, subsequent_indent=" * ")
-"""How the words on a message become a comment of several lines."""
+"""Wraps the text of a message into a comment of several lines."""
 
 
 class Member(NamedTuple):
@@ -79,7 +79,7 @@ class Member(NamedTuple):
         return (1 << (self.field.width - 1)) - 1
 
 
-class Block(NamedTuple):
+class MessageBlock(NamedTuple):
     """A message, its name in lower-case identifiers, after the network's, and its struct's members."""
 
     name: str
@@ -101,33 +101,33 @@ def header_of(messages: Iterable[DescribedMessage], name: str) -> str:
     """Return the header of messages."""
     prefix, blocks = prefix_of(name), blocks_of(messages, name)
     macros = Identifiers(longest=PARTS * (LONGEST_IDENTIFIER + 1))
-    lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), *_foot()]
+    lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), "", "#endif"]
     return "\n".join(lines) + "\n"
 
 
 def prefix_of(name: str) -> str:
-    """Return what the identifiers of a network of that name begin with."""
+    """Return the prefix of the identifiers of a network with that name."""
     return Identifiers(WORDS).new(name).lower()
 
 
-def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[Block]:
+def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[MessageBlock]:
     """Return the messages with the names that they and their fields have in the header."""
     of_messages, prefix = Identifiers(), prefix_of(name)
-    return [Block(f"{prefix}_{of_messages.new(each.name).lower()}", each, _members(each)) for each in messages]
+    blocks = []
+    for each in messages:
+        names = Identifiers(WORDS)
+        members = [Member(names.new(field.name).lower(), field) for field in each.fields]
+        blocks.append(MessageBlock(f"{prefix}_{of_messages.new(each.name).lower()}", each, members))
+    return blocks
 
 
-def _members(message: DescribedMessage) -> list[Member]:
-    names = Identifiers(WORDS)
-    return [Member(names.new(field.name).lower(), field) for field in message.fields]
-
-
-def _head(prefix: str, blocks: Iterable[Block]) -> Iterator[str]:
+def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
     files = dict.fromkeys(each.message.file.name for each in blocks)
     yield f"/* Messages of {_comment(', '.join(files))}, made by `eurobot-od export c`; do not edit."
     yield " *"
     yield " * pack: puts a message into `data`, which holds `size` bytes; returns the frame's length, 0 if it does not"
     yield " * fit or if a value is too wide for its field. unpack: takes a message out of a frame's data; returns false"
-    yield " * and leaves the message as it was if the frame is too short, as CiA 301 wants it; a longer one is read."
+    yield " * and leaves the message unchanged if the frame is too short, as CiA 301 says; a longer one is read."
     yield " *"
     yield " * A value counts in its UNIT: one step of it is one of that. MIN and MAX are what may be sent, other macros"
     yield " * the values that have a name. is_unknown: all fields that have an UNKNOWN say so, and only together. */"
@@ -138,13 +138,8 @@ def _head(prefix: str, blocks: Iterable[Block]) -> Iterator[str]:
     for bits, real in STRUCT_REALS.items():
         if any(member.type == real for block in blocks for member in block.members):
             yield ""
-            yield f"/* A {real} of other than {bits} bits, as on some 8-bit controllers, does not compile. */"
+            yield f"/* If {real} does not have {bits} bits, as on some 8-bit controllers, this does not compile. */"
             yield f"typedef char {prefix}_{real}_has_{bits}_bits[sizeof({real}) == {bits // 8} ? 1 : -1];"
-
-
-def _foot() -> Iterator[str]:
-    yield ""
-    yield "#endif"
 
 
 def _comment(text: str) -> str:
@@ -152,15 +147,10 @@ def _comment(text: str) -> str:
     return printable(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
-def _text(text: str) -> str:
-    """Make a text fit for a string of C, and short."""
-    return _comment(text).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
-
-
 # A message
 
 
-def _block(block: Block, macros: Identifiers) -> Iterator[str]:
+def _block(block: MessageBlock, macros: Identifiers) -> Iterator[str]:
     message = block.message
     about = f"{message.name}: {message.path}" + (f". {message.text}" if message.text else "")
     yield ""
@@ -172,7 +162,7 @@ def _block(block: Block, macros: Identifiers) -> Iterator[str]:
         yield f"#define {_macro(macros, block.name, 'shortest')} {message.shortest}u"
     for member in block.members:
         yield from _macros(block, member, macros)
-    if block.members:  # C knows no struct without members
+    if block.members:  # C has no struct without members
         yield from _struct(block)
         yield from _pack(block)
         yield from _unpack(block)
@@ -183,21 +173,22 @@ def _macro(macros: Identifiers, *parts: str) -> str:
     return macros.new("_".join(parts)).upper()
 
 
-def _macros(block: Block, member: Member, macros: Identifiers) -> Iterator[str]:
-    """Write a field's limits and the names of its values as macros: an enum's constants fit into an int only."""
+def _macros(block: MessageBlock, member: Member, macros: Identifiers) -> Iterator[str]:
+    """Write a field's limits and named values as macros: an enum's constants have to fit into an int."""
     field, of_values = member.field, Identifiers()
     if field.numeral is not Numeral.REAL:
         for word, value in zip(("min", "max"), field.limits):
             yield f"#define {_macro(macros, block.name, member.name, word)} {_number(value, member)}"
     if field.unit:
-        yield f'#define {_macro(macros, block.name, member.name, "unit")} "{_text(field.unit)}"'
+        unit = _comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
+        yield f'#define {_macro(macros, block.name, member.name, "unit")} "{unit}"'
     if field.unknown is not None and field.unknown not in field.named:
         yield f"#define {_macro(macros, block.name, member.name, 'unknown')} {_number(field.unknown, member)}"
     for value, text in field.named.items():
         yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {_number(value, member)}"
 
 
-def _struct(block: Block) -> Iterator[str]:
+def _struct(block: MessageBlock) -> Iterator[str]:
     yield ""
     yield "typedef struct {"
     for member in block.members:
@@ -214,7 +205,7 @@ def _unsigned(value: int, bits: int) -> str:
 
 
 def _signed(value: int, bits: int) -> str:
-    """Write a number of a signed type; its lowest has no literal, as minus is an operator of C."""
+    """Write a number of a signed type; the lowest has no literal, as minus is an operator in C."""
     if value == -1 << (bits - 1):
         return f"({_signed(value + 1, bits)} - 1)"
     text = str(value) if bits <= 16 else f"INT{bits}_C({abs(value)})"
@@ -230,7 +221,7 @@ def _number(value: int, member: Member) -> str:
 # Functions
 
 
-def _pack(block: Block) -> Iterator[str]:
+def _pack(block: MessageBlock) -> Iterator[str]:
     length = block.message.length
     yield ""
     yield f"static inline size_t {block.name}_pack(uint8_t *data, size_t size, const {block.name}_t *message)"
@@ -255,7 +246,7 @@ def _to_raw(member: Member) -> Iterator[str]:
 
 
 def _too_wide(member: Member) -> str:
-    """Write the condition that a value does not fit into its field; empty if all of its type's values do."""
+    """Write the condition that a value does not fit into its field; empty if all values of its type fit."""
     width, value = member.field.width, f"message->{member.name}"
     if width == member.bits or member.type == "bool":
         return ""
@@ -271,7 +262,7 @@ def _placed(member: Member, chunk: Chunk) -> str:
     return f"({part} << {chunk.bit})" if chunk.bit else part
 
 
-def _unpack(block: Block) -> Iterator[str]:
+def _unpack(block: MessageBlock) -> Iterator[str]:
     length, source = block.message.length, "all" if block.is_cut else "data"
     yield ""
     yield f"static inline bool {block.name}_unpack({block.name}_t *message, const uint8_t *data, size_t length)"
@@ -288,7 +279,7 @@ def _unpack(block: Block) -> Iterator[str]:
     yield "}"
 
 
-def _is_unknown(block: Block) -> Iterator[str]:
+def _is_unknown(block: MessageBlock) -> Iterator[str]:
     together = [each for each in block.members if each.field.unknown is not None]
     if len(together) > 1:
         tests = (f"message->{each.name} == {_number(each.field.unknown or 0, each)}" for each in together)
@@ -323,7 +314,7 @@ def _value(member: Member) -> str:
         return f"{raw} != 0u"
     if member.field.numeral is not Numeral.SIGNED:
         return raw
-    # What a signed type makes of an unsigned number that it does not have is the compiler's choice: never come to it.
+    # Converting an unsigned number that the signed type cannot hold is implementation-defined (C99, 6.3.1.3): avoided.
     low, sign = _unsigned(member.low_bits, member.bits), _unsigned(member.low_bits + 1, member.bits)
     negative = f"({member.type})({raw} & {low}) - {_signed(member.low_bits, member.bits)} - 1"
     return f"({member.type})(({raw} & {sign}) != 0u ? {negative} : ({member.type})({raw} & {low}))"

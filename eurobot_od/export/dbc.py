@@ -1,7 +1,7 @@
 """The messages as a DBC file (Vector's CAN database): identifiers, bits, units, limits, value tables, nodes.
 
-Rule of this file: no multiplexing is invented, and a field that DBC cannot express, because its bits are not in one
-piece in either byte order, is an error.
+Rule of this file: no multiplexing is invented. A field that DBC cannot express, because its bits are not contiguous in
+either byte order, is an error.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ BS_:
 """
 
 NOBODY = "Vector__XXX"
-"""Stands for a node where DBC wants one and there is none."""
+"""The node where DBC requires one and there is none."""
 
 INTEL, MOTOROLA = 1, 0
 """DBC's numbers for the byte orders: least and most significant byte first."""
@@ -49,7 +49,7 @@ ATTRIBUTES = (
     'BA_DEF_DEF_ "BusType" "CAN";',
     'BA_DEF_DEF_ "Protocol" "";',
 )
-"""Definitions of the attributes, then their defaults: DBC wants them in this order."""
+"""Definitions of the attributes, then their defaults: DBC requires this order."""
 
 
 class Signal(NamedTuple):
@@ -59,7 +59,7 @@ class Signal(NamedTuple):
     field: DescribedField
 
 
-class Entry(NamedTuple):
+class DbcMessage(NamedTuple):
     """A message with the names that message, nodes and fields have in the file."""
 
     name: str
@@ -81,7 +81,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     parts = [
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*_message(each), ""] for each in entries),
-        # A message with several senders names all of them once more.
+        # A message with several senders lists all of them here once more.
         [f"BO_TX_BU_ {_id(each)} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
         [*_comments(entries), ""],
@@ -92,7 +92,7 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     return "\n".join(line for part in parts for line in part) + "\n"
 
 
-def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[Entry]:
+def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Iterator[DbcMessage]:
     """Give messages, nodes and fields names of the file; `nodes` are filled in the order in which they are met."""
     of_nodes, of_messages = Identifiers(RESERVED), Identifiers(RESERVED)
     for each in messages:
@@ -100,7 +100,7 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
             if node not in nodes:
                 nodes[node] = of_nodes.new(node)
         of_signals = Identifiers(RESERVED)
-        yield Entry(
+        yield DbcMessage(
             of_messages.new(each.name),
             each,
             [nodes[node] for node in each.senders],
@@ -109,33 +109,23 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
         )
 
 
-def _id(entry: Entry) -> int:
+def _id(entry: DbcMessage) -> int:
     return entry.message.cob_id
 
 
 def _quoted(text: str) -> str:
-    """Write a text; inside it a double quote would need a backslash, which not every reader knows."""
+    """Write a text; a double quote becomes a single one, as not every reader knows backslashes."""
     return '"' + printable(text).replace("\\", "/").replace('"', "'") + '"'
 
 
-def _message(entry: Entry) -> Iterator[str]:
+def _message(entry: DbcMessage) -> Iterator[str]:
     yield f"BO_ {_id(entry)} {entry.name}: {entry.message.length} {next(iter(entry.senders), NOBODY)}"
-    for signal in entry.signals:
-        yield _signal(entry, signal)
-
-
-def _signal(entry: Entry, signal: Signal) -> str:
-    field = signal.field
-    order, start = _place(entry.message, field)
-    receivers, unit = ",".join(entry.receivers) or NOBODY, _quoted(field.unit)
-    bits, limits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}", _limits(field)
-    return f" SG_ {signal.name} : {bits} (1,0) {limits} {unit} {receivers}"
-
-
-def _limits(field: DescribedField) -> str:
-    """Write minimum and maximum; equal ones, as of a REAL, say that there are none."""
-    low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits
-    return f"[{low}|{high}]"
+    receivers = ",".join(entry.receivers) or NOBODY
+    for name, field in entry.signals:
+        order, start = _place(entry.message, field)
+        low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
+        bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
+        yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
 
 
 def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
@@ -143,22 +133,22 @@ def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
     places = list(field.places)
     if places == list(range(places[0], places[0] + field.width)):
         return INTEL, places[0]
-    # Numbered against the bytes' order, the bits of a value that goes on in the byte before are consecutive, too.
+    # Numbered so that the byte before continues a byte, the bits of a big-endian value are consecutive too.
     turned = [place % 8 - place // 8 * 8 for place in places]
     if turned == list(range(turned[0], turned[0] + field.width)):
         return MOTOROLA, places[-1]
-    what = f"{message.name}: {field.name} is not in one piece, which DBC cannot say"
+    what = f"{message.name}: {field.name} is not contiguous, which DBC cannot express"
     raise MappingError(message.file, message.mapping_index, what)
 
 
-def _comments(entries: Iterable[Entry]) -> Iterator[str]:
+def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
     for each in entries:
         yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
         for signal in each.signals:
             yield f"CM_ SG_ {_id(each)} {signal.name} {_quoted(signal.field.allowed)};"
 
 
-def _value_tables(entries: Iterable[Entry]) -> Iterator[str]:
+def _value_tables(entries: Iterable[DbcMessage]) -> Iterator[str]:
     for each in entries:
         for signal in each.signals:
             if values := signal.field.named:
@@ -166,7 +156,7 @@ def _value_tables(entries: Iterable[Entry]) -> Iterator[str]:
                 yield f"VAL_ {_id(each)} {signal.name} {table} ;"
 
 
-def _value_types(entries: Iterable[Entry]) -> Iterator[str]:
+def _value_types(entries: Iterable[DbcMessage]) -> Iterator[str]:
     for each in entries:
         for signal in each.signals:
             if signal.field.numeral is Numeral.REAL:

@@ -1,6 +1,6 @@
-"""A protocol's messages as other tools want them told: plain values, and where each field's bits lie.
+"""A protocol's messages as other tools need them: plain values, and the position of each field's bits.
 
-Rule of this file: the only place that asks the protocol; the writers of the forms go by what stands here.
+Rule of this file: only this file reads the protocol; the writers of the formats use what it returns.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Chunk(NamedTuple):
 
     @property
     def mask(self) -> int:
-        """Ones in as many bits."""
+        """A mask of as many bits."""
         return (1 << self.bits) - 1
 
 
@@ -121,9 +121,9 @@ def _message(binding: Binding) -> DescribedMessage:
 
 
 def _text(message_type: type) -> str:
-    """Return what a message's class says of it; `Name(x, y)`, Python's own words for a named tuple, says nothing."""
-    said = " ".join((inspect.getdoc(message_type) or "").split())
-    return "" if said.startswith(f"{message_type.__name__}(") else said
+    """Return the docstring of a message's class; `Name(x, y)`, Python's default for a named tuple, counts as none."""
+    words = " ".join((inspect.getdoc(message_type) or "").split())
+    return "" if words.startswith(f"{message_type.__name__}(") else words
 
 
 def _fields(binding: Binding) -> Iterator[DescribedField]:
@@ -144,7 +144,7 @@ def _fields(binding: Binding) -> Iterator[DescribedField]:
 
 
 def numeral(binding: Binding, field: str) -> Numeral:
-    """Return what a field's bits are as a number; the one place that asks for it."""
+    """Return what a field's bits are as a number."""
     if isinstance(binding.kinds[field], Real):
         return Numeral.REAL
     return Numeral.SIGNED if field in binding.layout.signed else Numeral.UNSIGNED

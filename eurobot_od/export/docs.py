@@ -1,6 +1,6 @@
 """A network's messages and its devices' objects as a document to read: Markdown or HTML.
 
-Rule of this file: what the document says is a list of blocks; a form writes each kind of block, and escapes all texts.
+Rule of this file: the document is a list of blocks; a form writes each kind of block, and escapes all texts.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 
 
-class Heading(NamedTuple):
+class DocHeading(NamedTuple):
     """A heading: its level from 1, and the anchor that links lead to."""
 
     level: int
@@ -26,14 +26,14 @@ class Heading(NamedTuple):
     anchor: str = ""
 
 
-class Link(NamedTuple):
-    """A text that leads to a heading."""
+class DocLink(NamedTuple):
+    """A text with a link to a heading."""
 
     text: str
     anchor: str
 
 
-Cell: TypeAlias = "str | Link"
+Cell: TypeAlias = "str | DocLink"
 
 
 class Paragraph(NamedTuple):
@@ -42,8 +42,8 @@ class Paragraph(NamedTuple):
     text: str
 
 
-class Table(NamedTuple):
-    """A table: the heads of its columns, and its rows; the columns `numbers` are set right, `words` never broken."""
+class DocTable(NamedTuple):
+    """A table: its column heads and rows; the columns `numbers` are flush right, `words` are never broken."""
 
     head: Sequence[str]
     rows: Sequence[Sequence[Cell]]
@@ -51,7 +51,7 @@ class Table(NamedTuple):
     words: Sequence[str] = ()
 
 
-Block: TypeAlias = "Heading | Paragraph | Table"
+DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable"
 
 
 def docs_text(protocol: Protocol, outlines: Iterable[Dictionary], form: str) -> str:
@@ -62,7 +62,7 @@ def docs_text(protocol: Protocol, outlines: Iterable[Dictionary], form: str) -> 
 
 
 def form_of(file: Path) -> str:
-    """Return the form that a file's suffix says; raises UnknownName for a suffix of none."""
+    """Return the form of a file's suffix; raises UnknownName for any other suffix."""
     try:
         return SUFFIXES[file.suffix.lower()]
     except KeyError:
@@ -72,13 +72,13 @@ def form_of(file: Path) -> str:
 # What it says
 
 
-def blocks(protocol: Protocol, outlines: Sequence[Dictionary]) -> Iterator[Block]:
+def blocks(protocol: Protocol, outlines: Sequence[Dictionary]) -> Iterator[DocBlock]:
     """Give the document: all messages as a table, each message with data, each device."""
-    yield Heading(1, f"CANopen network: {', '.join(each.name for each in outlines)}")
+    yield DocHeading(1, f"CANopen network: {', '.join(each.name for each in outlines)}")
     messages = described(protocol) if protocol.bindings else []
-    yield Heading(2, "Messages")
+    yield DocHeading(2, "Messages")
     if messages:
-        yield Table(("COB-ID", "Message", "From", "To", "Bytes", "Fields"), list(map(_row, messages)), ("Bytes",))
+        yield DocTable(("COB-ID", "Message", "From", "To", "Bytes", "Fields"), list(map(_row, messages)), ("Bytes",))
         yield Paragraph(
             "Bits are byte.bit, both from 0 and bit 0 the least significant; a field's lowest bit comes first. "
             "Ranges and values with names are raw numbers."
@@ -98,18 +98,18 @@ def _anchor(message: DescribedMessage) -> str:
 
 def _row(message: DescribedMessage) -> tuple[Cell, ...]:
     senders, receivers = ", ".join(message.senders), ", ".join(message.receivers)
-    name = Link(message.name, _anchor(message)) if message.fields else message.name
+    name = DocLink(message.name, _anchor(message)) if message.fields else message.name
     fields = ", ".join(f"{each.name} {each.width}" for each in message.fields)
     return f"0x{message.cob_id:03X}", name, senders, receivers, str(message.length), fields
 
 
-def _message(message: DescribedMessage) -> Iterator[Block]:
-    yield Heading(3, message.name, _anchor(message))
+def _message(message: DescribedMessage) -> Iterator[DocBlock]:
+    yield DocHeading(3, message.name, _anchor(message))
     lengths = " or ".join(map(str, sorted({message.shortest, message.length})))
     size = f"{lengths} byte{'s' * (message.length > 1)}"
     yield Paragraph(f"COB-ID 0x{message.cob_id:03X}, {message.path}, {size}. {message.text}".rstrip())
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
-    yield Table(head, list(map(_field, message.fields)), ("Width",))
+    yield DocTable(head, list(map(_field, message.fields)), ("Width",))
 
 
 def _field(field: DescribedField) -> tuple[str, ...]:
@@ -139,13 +139,13 @@ INFORMATION = (
 OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low limit", "High limit")
 
 
-def _device(outline: Dictionary) -> Iterator[Block]:
-    yield Heading(2, f"{outline.name}, node-ID {outline.node_id}", f"device-{outline.node_id}")
-    said = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
-    facts = ", ".join(f"{what} {text}" for what, text in said if text)
+def _device(outline: Dictionary) -> Iterator[DocBlock]:
+    yield DocHeading(2, f"{outline.name}, node-ID {outline.node_id}", f"device-{outline.node_id}")
+    texts = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
+    facts = ", ".join(f"{what} {text}" for what, text in texts if text)
     yield Paragraph(f"From {outline.file.name}. {facts}".rstrip())
     rows = [row for index in outline.members for row in _object(outline, index)]
-    yield Table(OBJECT_HEAD, rows, words=("Index", "Type"))
+    yield DocTable(OBJECT_HEAD, rows, words=("Index", "Type"))
 
 
 def _object(outline: Dictionary, index: int) -> Iterator[tuple[str, ...]]:
@@ -167,7 +167,7 @@ def _variable(variable: DescribedVariable) -> tuple[str, ...]:
 # The forms
 
 MARKED = re.compile(r"([\\`*_\[\]<>|&#~$])")
-"""What means something in Markdown."""
+"""Characters with a meaning in Markdown."""
 
 
 def one_line(text: str) -> str:
@@ -175,12 +175,12 @@ def one_line(text: str) -> str:
     return "".join(each if each.isprintable() else "\ufffd" for each in " ".join(text.split()))
 
 
-def _markdown(contents: Sequence[Block]) -> str:
+def _markdown(contents: Sequence[DocBlock]) -> str:
     return "\n\n".join("\n".join(_markdown_block(each)) for each in contents) + "\n"
 
 
-def _markdown_block(block: Block) -> Iterator[str]:
-    if isinstance(block, Heading):
+def _markdown_block(block: DocBlock) -> Iterator[str]:
+    if isinstance(block, DocHeading):
         if block.anchor:
             yield f'<a id="{block.anchor}"></a>\n'
         yield f"{'#' * block.level} {_marked(block.text)}"
@@ -193,11 +193,10 @@ def _markdown_block(block: Block) -> Iterator[str]:
 
 
 def _markdown_row(cells: Iterable[Cell]) -> str:
-    return f"| {' | '.join(map(_markdown_cell, cells))} |"
+    def written(cell: Cell) -> str:
+        return f"[{_marked(cell.text)}](#{cell.anchor})" if isinstance(cell, DocLink) else _marked(cell)
 
-
-def _markdown_cell(cell: Cell) -> str:
-    return f"[{_marked(cell.text)}](#{cell.anchor})" if isinstance(cell, Link) else _marked(cell)
+    return f"| {' | '.join(map(written, cells))} |"
 
 
 def _marked(text: str) -> str:
@@ -219,8 +218,8 @@ td { overflow-wrap: anywhere; } th { background: #f0f3f6; white-space: nowrap; }
 """
 
 
-def _html(contents: Sequence[Block]) -> str:
-    title = next(each.text for each in contents if isinstance(each, Heading))
+def _html(contents: Sequence[DocBlock]) -> str:
+    title = next(each.text for each in contents if isinstance(each, DocHeading))
     body = "\n".join(line for each in contents for line in _html_block(each))
     return f"""<!DOCTYPE html>
 <html lang="en">
@@ -237,8 +236,8 @@ def _html(contents: Sequence[Block]) -> str:
 """
 
 
-def _html_block(block: Block) -> Iterator[str]:
-    if isinstance(block, Heading):
+def _html_block(block: DocBlock) -> Iterator[str]:
+    if isinstance(block, DocHeading):
         anchor = f' id="{block.anchor}"' if block.anchor else ""
         yield f"<h{block.level}{anchor}>{_escaped(block.text)}</h{block.level}>"
     elif isinstance(block, Paragraph):
@@ -253,16 +252,16 @@ def _html_block(block: Block) -> Iterator[str]:
 
 
 def _html_row(tag: str, cells: Iterable[Cell], classes: Iterable[str]) -> str:
-    return f"<tr>{''.join(f'<{tag}{each}>{_html_cell(cell)}</{tag}>' for cell, each in zip(cells, classes))}</tr>"
-
-
-def _html_cell(cell: Cell) -> str:
-    return f'<a href="#{cell.anchor}">{_escaped(cell.text)}</a>' if isinstance(cell, Link) else _escaped(cell)
+    texts = (
+        f'<a href="#{each.anchor}">{_escaped(each.text)}</a>' if isinstance(each, DocLink) else _escaped(each)
+        for each in cells
+    )
+    return f"<tr>{''.join(f'<{tag}{each}>{text}</{tag}>' for text, each in zip(texts, classes))}</tr>"
 
 
 def _escaped(text: str) -> str:
     return escape(one_line(text))
 
 
-FORMS: Mapping[str, Callable[[Sequence[Block]], str]] = {"markdown": _markdown, "html": _html}
+FORMS: Mapping[str, Callable[[Sequence[DocBlock]], str]] = {"markdown": _markdown, "html": _html}
 SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm": "html"}

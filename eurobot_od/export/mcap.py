@@ -14,9 +14,8 @@ from mcap.writer import Writer
 
 from eurobot_od.logs.entries import LogEntry
 from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
-from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.kinds import ColumnForm, Kind
-from eurobot_od.pdo.message import Message, kinds
+from eurobot_od.pdo.message import Message, plain
 
 NANOSECONDS = 1_000_000_000
 END_OF_TIME = float(1 << 64) // NANOSECONDS
@@ -39,7 +38,7 @@ TYPES: Mapping[ColumnForm, str] = {
 
 
 class Drawing(NamedTuple):
-    """What a message draws: a well-known schema's name, its properties, and what is drawn of a message; None: nothing.
+    """How a message is drawn: the name of a well-known schema, its properties, and what makes the drawing.
 
     `of` gets the message and the time as MCAP's schemas write it.
     """
@@ -88,7 +87,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
 
 
 DRAWN = "/drawing"
-"""Ends the name of a drawing's channel."""
+"""The end of the name of a drawing's channel."""
 
 
 class _Channels:
@@ -103,7 +102,7 @@ class _Channels:
         """Return what an entry is in each of its channels."""
         made: list[tuple[str, dict[str, Any]]] = []
         if meaning.message is not None:
-            made.append((meaning.name, _values(meaning.message) | {"_": place}))
+            made.append((meaning.name, plain(meaning.message) | {"_": place}))
             drawing = self._drawings.get(meaning.name)
             drawn = drawing.of(meaning.message, _stamp(time)) if drawing else None
             if drawn is not None:
@@ -117,21 +116,20 @@ class _Channels:
     def add(self, name: str, content: Mapping[str, Any], time: float) -> None:
         """Write a message to a channel."""
         if name not in self._ids:
-            self._ids[name] = self._register(name)
+            title, schema = self._schema(name)
+            schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
+            self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, self._metadata(name))
         now = round(time * NANOSECONDS)
         self._writer.add_message(self._ids[name], now, json.dumps(content, ensure_ascii=False).encode(), now)
-
-    def _register(self, name: str) -> int:
-        title, schema = self._schema(name)
-        schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
-        return self._writer.register_channel(f"/{name}", JSON, schema_id, self._metadata(name))
 
     def _schema(self, name: str) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
         if drawing is not None:
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
         binding = self._bindings.get(name)
-        properties = {"text": {"type": "string"}} if binding is None else _properties(binding)
+        properties: dict[str, Any] = {"text": {"type": "string"}}
+        if binding is not None:
+            properties = {field: _property(kind) for field, kind in binding.kinds.items()}
         return name, {"type": "object", "title": name, "properties": properties | {"_": PLACE}}
 
     def _metadata(self, name: str) -> dict[str, str]:
@@ -147,15 +145,6 @@ PLACE = {"type": "object", "properties": {"line": {"type": "integer"}, "channel"
 def _stamp(time: float) -> dict[str, int]:
     seconds, rest = divmod(round(time * NANOSECONDS), NANOSECONDS)
     return {"sec": seconds, "nsec": rest}
-
-
-def _values(message: Message) -> dict[str, Any]:
-    written = kinds(type(message))
-    return {field: written[field].plain(value) for field, value in message._asdict().items()}
-
-
-def _properties(binding: Binding) -> dict[str, Any]:
-    return {field: _property(kind) for field, kind in binding.kinds.items()}
 
 
 def _property(kind: Kind) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Names and texts of files, made fit for other languages: identifiers that are valid, distinct and of bounded length.
+"""Names and texts of files, made fit for other languages: valid, distinct identifiers of bounded length.
 
 Rule of this file: whatever the file says, what comes out is printable ASCII, in one line, and never empty where a name
 is needed.
@@ -10,7 +10,7 @@ import re
 from itertools import count
 
 LONGEST_IDENTIFIER = 31
-"""Characters of an identifier that every C compiler tells apart (C99, 5.2.4.1)."""
+"""Significant characters of an identifier in every C compiler (C99, 5.2.4.1)."""
 
 LONGEST_TEXT = 400
 """Characters of a text that goes into a comment or a label."""

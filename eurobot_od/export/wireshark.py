@@ -1,7 +1,7 @@
 """The messages as a dissector for Wireshark and tshark from 3.4 on, in Lua: names, fields, units, values with names.
 
 The file is a table of the messages, and `wireshark.lua`, which reads it. It takes the frames of the network's
-identifiers and leaves all others to whoever else decodes them.
+identifiers and leaves all others to other dissectors.
 
 Rule of this file: it writes names and texts as quoted strings, filter names as identifiers, and numbers.
 """
@@ -18,7 +18,7 @@ from eurobot_od.pdo.protocol import Protocol
 READER = Path(__file__).with_name("wireshark.lua")
 
 WORDS = "can canopen length"
-"""Names that a network, or a message, must not have in a display filter: they are somebody else's."""
+"""Names of other protocols, which no network or message may have in a display filter."""
 
 FIELD_TYPES = {Numeral.UNSIGNED: {bits: f"uint{bits}" for bits in (8, 16, 24, 32, 64)}}
 FIELD_TYPES[Numeral.SIGNED] = {bits: f"int{bits}" for bits in (8, 16, 24, 32, 64)}
@@ -26,7 +26,7 @@ FIELD_TYPES[Numeral.REAL] = {32: "float", 64: "double"}
 """Wireshark's types of fields by their bits."""
 
 MOST_EXACT = 1 << 53
-"""Lua's numbers of this size and above are rounded: limits from there on are left out."""
+"""Lua rounds numbers from here on: such limits are left out."""
 
 
 def lua_text(protocol: Protocol, name: str) -> str:
@@ -40,7 +40,7 @@ def text_of(messages: Iterable[DescribedMessage], name: str) -> str:
 
 
 def filter_name(name: str) -> str:
-    """Return what the display filters of a network of that name begin with."""
+    """Return the prefix of the display filters of a network with that name."""
     return Identifiers(WORDS).new(name).lower()
 
 
@@ -90,17 +90,13 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     yield f"            name = {_quoted(label(field.name))}, unit = {_quoted(field.unit)}, names = {names},"
     yield f"            numeral = {_quoted(field.numeral.value)}, width = {field.width}, first = {first},"
     yield f"            bytes = {last - first + 1},"
-    yield from _limits(field)
+    if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
+        yield f"            low = {field.limits.low}, high = {field.limits.high},"
     if field.default is not None:
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
     listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"
     yield "        },"
-
-
-def _limits(field: DescribedField) -> Iterator[str]:
-    if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
-        yield f"            low = {field.limits.low}, high = {field.limits.high},"
 
 
 def _quoted(text: str) -> str:

@@ -1,9 +1,9 @@
 """A device's EDS or DCF as CANopen device description in XML (CiA 311, schema 1.1; ISO 15745-1 profiles).
 
-The device profile says whose device it is, the profile of its communication lists the objects with all they have in
+The device profile names the device and its maker, the communication profile lists the objects with all they have in
 the file. Values keep `$NODEID`. Elements that the schema declares globally are in its namespace, `co:`, and no others.
 
-Rule of this file: `outline` reads the file, ElementTree escapes; a character that XML does not know becomes U+FFFD.
+Rule of this file: `outline` reads the file, ElementTree escapes; a character that XML does not allow becomes U+FFFD.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 SAME_ACCESS = ("const", "ro", "wo", "rw")
 MAPPED_ACCESS = {"rwr": ("rw", "TPDO"), "rww": ("rw", "RPDO")}
-"""The EDS's access types that XDD tells as access and mapping."""
+"""Access types of an EDS that XDD splits into access and mapping."""
 
 BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 """Those that an EDS can support, in kbit/s (CiA 306-1, 4.5.2)."""
@@ -39,7 +39,7 @@ LIMITS_AND_VALUES = {
     "defaultValue": "defaultvalue",
     "actualValue": "parametervalue",
 }
-"""Attributes of an object, and the keys of the file that say them."""
+"""Attributes of an object, and their keys in the file."""
 
 COMMISSIONED = {
     "nodeID": ("nodeid", "0"),
@@ -48,14 +48,14 @@ COMMISSIONED = {
     "networkNumber": ("netnumber", "0"),
     "networkName": ("networkname", ""),
 }
-"""Attributes of a commissioned device, the keys of a DCF that say them, and what stands for one that says nothing."""
+"""Attributes of a commissioned device, their keys in a DCF, and the value without a key."""
 
 NO_DAY = "1970-01-01"
-"""Stands for the day of a file that names none, as the schema wants one."""
+"""The date of a file that has none, as the schema requires one."""
 
 
 def load(file: str | Path) -> Dictionary:
-    """Read an EDS or DCF; raises DictionaryError. As what is written keeps `$NODEID`, any node-ID does."""
+    """Read an EDS or DCF; raises DictionaryError. Any node-ID will do, as values keep `$NODEID`."""
     return Dictionary.load(file, NODE_IDS[0])
 
 
@@ -71,7 +71,7 @@ def _element(tag: str, attributes: Mapping[str, str | None], *children: Element,
     return made
 
 
-def _said(flag: bool) -> str:
+def _boolean(flag: bool) -> str:
     return "true" if flag else "false"
 
 
@@ -141,7 +141,7 @@ class _Writer:
         return None
 
     def _identity(self) -> Element:
-        # numbers in decimal: CANopenEditor reads no others here
+        # Numbers are decimal: CANopenEditor reads no others here.
         texts = (
             ("vendorName", self._file("deviceinfo", "vendorname")),
             ("vendorID", str(self._info("vendornumber"))),
@@ -152,9 +152,9 @@ class _Writer:
         return _element("co:DeviceIdentity", {}, *(_element(f"co:{tag}", {}, text=text) for tag, text in texts))
 
     def _function(self) -> Element:
-        """Return the list of characteristics, of which the schema wants one at least: the file this comes from."""
-        said = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._outline.file.name))
-        parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in said)
+        """Return the list of characteristics: the source file, as the schema requires at least one."""
+        texts = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._outline.file.name))
+        parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in texts)
         listed = _element("co:characteristicsList", {}, _element("co:characteristic", {}, *parts))
         return _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))
 
@@ -180,11 +180,11 @@ class _Writer:
             "granularity": str(min(max(self._info("granularity"), 0), 64)),
             "nrOfRxPDO": self._count(PdoDirection.RPDO),
             "nrOfTxPDO": self._count(PdoDirection.TPDO),
-            "groupMessaging": _said(bool(self._info("groupmessaging"))),
-            "bootUpSlave": _said(bool(self._info("simplebootupslave"))),
-            "layerSettingServiceSlave": _said(bool(self._info("lss_supported"))),
+            "groupMessaging": _boolean(bool(self._info("groupmessaging"))),
+            "bootUpSlave": _boolean(bool(self._info("simplebootupslave"))),
+            "layerSettingServiceSlave": _boolean(bool(self._info("lss_supported"))),
         }
-        master = {"bootUpMaster": _said(bool(self._info("simplebootupmaster")))}
+        master = {"bootUpMaster": _boolean(bool(self._info("simplebootupmaster")))}
         features = [_element("CANopenGeneralFeatures", general), _element("CANopenMasterFeatures", master)]
         return _element("NetworkManagement", {}, *features, *self._commissioning())
 
@@ -192,28 +192,28 @@ class _Writer:
         return str(sum(index in COMMUNICATION_RECORDS[direction] for index in self._outline.members))
 
     def _commissioning(self) -> Iterator[Element]:
-        """Give what a DCF commissions the device with; nothing for an EDS."""
+        """Give the commissioning of a DCF; nothing for an EDS."""
         section = self._device.commissioning
         if section and section.text("nodeid"):
             texts = {name: section.text(key) or nothing for name, (key, nothing) in COMMISSIONED.items()}
             is_manager = DescribedVariable(0, 0, section).number("canopenmanager") == (1, False)
-            yield _element("deviceCommissioning", {**texts, "CANopenManager": _said(is_manager)})
+            yield _element("deviceCommissioning", {**texts, "CANopenManager": _boolean(is_manager)})
 
     # Objects
 
     def _object(self, index: int) -> Element:
         described = self._device.objects[index]
         code = (described.code or ObjectCode.VAR).value
-        said: dict[str, str | None] = {"index": f"{index:04X}", "name": described.name, "objectType": str(code)}
+        attributes: dict[str, str | None] = {"index": f"{index:04X}", "name": described.name, "objectType": str(code)}
         if described.code in SIMPLE:
             (only,) = described.subs.values()
-            return _element("CANopenObject", {**said, **self._variable(only)})
+            return _element("CANopenObject", {**attributes, **self._variable(only)})
         subs = (
             {"subIndex": f"{sub:02X}", "name": each.name, "objectType": _object_type(each), **self._variable(each)}
             for sub, each in described.subs.items()
         )
         listed = (_element("CANopenSubObject", each) for each in subs)
-        return _element("CANopenObject", {**said, "subNumber": str(len(described.subs))}, *listed)
+        return _element("CANopenObject", {**attributes, "subNumber": str(len(described.subs))}, *listed)
 
     def _variable(self, variable: DescribedVariable) -> dict[str, str | None]:
         access, mapping = MAPPED_ACCESS.get(variable.access, (variable.access, "optional"))
@@ -228,7 +228,7 @@ class _Writer:
         }
 
     def _value(self, variable: DescribedVariable, key: str) -> str | None:
-        """Write what an entry says: a whole number in the form of CiA 306, anything else as it stands."""
+        """Write an entry: a whole number in the form of CiA 306, anything else unchanged."""
         text = variable.section.text(key)
         number = variable.number(key) if variable.type and variable.type.is_integer else None
         if number is None or number.relative:

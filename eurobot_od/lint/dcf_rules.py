@@ -61,10 +61,10 @@ def unsupported_bit_rate(device: LintedDevice) -> Violations:
 @RULES.rule("E708", "CiA 306, [DeviceComissioning]")
 def serial_number(device: LintedDevice) -> Violations:
     """LSS_SerialNumber is 0x1018 sub 4."""
-    section, said, real = device.commissioning, device.commissioned("lss_serialnumber"), device.value(0x1018, 4)
-    if section and said and real and said != real:
+    section, declared, real = device.commissioning, device.commissioned("lss_serialnumber"), device.value(0x1018, 4)
+    if section and declared and real and declared != real:
         at = section.at("lss_serialnumber")
-        yield at, f"LSS_SerialNumber is 0x{said.value:08X}, but 0x1018 sub 4 is 0x{real.value:08X}"
+        yield at, f"LSS_SerialNumber is 0x{declared.value:08X}, but 0x1018 sub 4 is 0x{real.value:08X}"
 
 
 @RULES.rule("W709", "CiA 306, LastEDS")

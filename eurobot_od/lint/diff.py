@@ -15,7 +15,7 @@ from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.file_rules import bit_rates
 from eurobot_od.lint.model import LintedDevice, LintedPdo, load
 from eurobot_od.od import values
-from eurobot_od.od.description import COMPOSED, DescribedObject, DescribedVariable
+from eurobot_od.od.description import COMPOSED, DescribedVariable
 from eurobot_od.od.document import Document, Entry, read_bytes
 from eurobot_od.od.standard import ERROR_FIELD, ERROR_REGISTER, RESTORE, STORE
 from eurobot_od.od.values import Address, DataType, Number
@@ -24,13 +24,13 @@ from eurobot_od.support.escaping import one_line
 
 ABSENT = "-"
 STATE = (ERROR_REGISTER[0], 0x1002, ERROR_FIELD, STORE, RESTORE)
-"""Objects whose value in a running node says how it is, not how it is configured."""
+"""Objects whose value is a running node's state, not its configuration."""
 
 WHOLE_DEVICE = (-1, -1)
-"""Where a difference is that belongs to no object."""
+"""Address of a difference that belongs to no object."""
 
 
-class Difference(NamedTuple):
+class EdsDifference(NamedTuple):
     """One difference: where (a sub-index below 0: in the whole object), in what, the two texts, the object's name."""
 
     where: Address
@@ -62,16 +62,16 @@ def read_device(file: str) -> LintedDevice:
 
 def compare(
     left: LintedDevice, right: LintedDevice, node_id: int | None = None, with_names: bool = False
-) -> list[Difference]:
+) -> list[EdsDifference]:
     """Compare two devices, for a node-ID if one is given or one of them is a DCF; ordered by index and sub-index."""
     node_id = node_id or left.node_id or right.node_id
     aspects = {**ASPECTS, **NAMES} if with_names else ASPECTS
-    told = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
-    found = sorted([*(each for each in told if each.left != each.right), *_missing_subs(left, right)])
+    compared = chain(_wholes(left, right), _variables(left, right, node_id, aspects), _pdos(left, right, node_id))
+    found = sorted([*(each for each in compared if each.left != each.right), *_missing_subs(left, right)])
     return _named(found, left, right)
 
 
-def _named(found: Iterable[Difference], *devices: LintedDevice) -> list[Difference]:
+def _named(found: Iterable[EdsDifference], *devices: LintedDevice) -> list[EdsDifference]:
     """Return differences with the names of their objects, from the first device that has what they are in."""
     return [
         each._replace(
@@ -90,18 +90,14 @@ def _name_in(device: LintedDevice, address: Address) -> str:
     return f"{whole.name}.{variable.name}"
 
 
-def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[Difference]:
-    """Tell both devices as wholes, and what each of their objects is."""
+def _wholes(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
+    """Compare the bit rates of both devices, and the kinds of their objects."""
     rates = (", ".join(map(str, sorted(bit_rates(each)))) or "none" for each in (one, other))
-    yield Difference(WHOLE_DEVICE, "bit rates", *rates)
+    yield EdsDifference(WHOLE_DEVICE, "bit rates", *rates)
     for index in one.objects.keys() | other.objects.keys():
-        yield Difference((index, -1), "object", *(_kind(each.objects.get(index)) for each in (one, other)))
-
-
-def _kind(each: DescribedObject | None) -> str:
-    if each is None:
-        return ABSENT
-    return each.code.name if each.code else "unknown"
+        objects = (each.objects.get(index) for each in (one, other))
+        kinds = (ABSENT if each is None else each.code.name if each.code else "unknown" for each in objects)
+        yield EdsDifference((index, -1), "object", *kinds)
 
 
 def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
@@ -109,15 +105,15 @@ def variables(device: LintedDevice) -> dict[Address, DescribedVariable]:
     return {(each.index, each.sub): each for whole in device.objects.values() for each in whole.variables()}
 
 
-def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[Difference]:
-    """Give the sub-indices that one has and the other has not, of objects that are in both."""
+def _missing_subs(one: LintedDevice, other: LintedDevice) -> Iterator[EdsDifference]:
+    """Give the sub-indices that only one device has, in objects that both have."""
     for index, left, right in _shared(one, other):
         for sub in left.keys() ^ right.keys():
-            yield Difference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
+            yield EdsDifference((index, sub), "sub-index", _presence(left.get(sub)), _presence(right.get(sub)))
 
 
 def _shared(one: LintedDevice, other: LintedDevice) -> Iterator[tuple[int, Members, Members]]:
-    """Give the objects that both have, one after the other: a small file may stand for millions of sub-indices."""
+    """Give the objects that both have, one at a time: a small file may describe millions of sub-indices."""
     for index in one.objects.keys() & other.objects.keys():
         left, right = ({each.sub: each for each in device.objects[index].variables()} for device in (one, other))
         yield index, left, right
@@ -131,18 +127,18 @@ Members: TypeAlias = dict[int, DescribedVariable]
 """The variables of an object by sub-index."""
 
 Aspect = Callable[[DescribedVariable, int | None], str]
-"""Says one thing about a variable, for a node-ID (None: what depends on it stays relative)."""
+"""Writes one aspect of a variable, for a node-ID; without one, what depends on it stays relative."""
 
 
 def _variables(
     one: LintedDevice, other: LintedDevice, node_id: int | None, aspects: Mapping[str, Aspect]
-) -> Iterator[Difference]:
+) -> Iterator[EdsDifference]:
     for index, left, right in _shared(one, other):
         for sub in left.keys() & right.keys():
             for name, aspect in aspects.items():
                 texts = aspect(left[sub], node_id), aspect(right[sub], node_id)
                 if texts[0] != texts[1]:
-                    yield Difference((index, sub), name, *_as_written(name, texts, left[sub], right[sub]))
+                    yield EdsDifference((index, sub), name, *_as_written(name, texts, left[sub], right[sub]))
 
 
 ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
@@ -150,7 +146,7 @@ ENTRIES: Mapping[str, Callable[[DescribedVariable], Entry | None]] = {
     "low limit": lambda each: each.section.entries.get("lowlimit"),
     "high limit": lambda each: each.section.entries.get("highlimit"),
 }
-"""Where the number of an aspect is written."""
+"""The entry that holds the number of an aspect."""
 
 
 def _as_written(aspect: str, texts: tuple[str, str], *variables: DescribedVariable) -> Iterator[str]:
@@ -181,7 +177,7 @@ def _number(number: Number, node_id: int | None) -> str:
 
 
 def _value(variable: DescribedVariable, node_id: int | None) -> str:
-    """Say a variable's value; those of mappings and COB-IDs of PDOs are said as bits and identifiers."""
+    """Write a variable's value, but not of PDO mappings and COB-IDs, which are compared as bits and identifiers."""
     text = variable.value_entry.value if variable.value_entry else ""
     is_mapping = any(variable.index in each for each in values.MAPPING_RECORDS.values())
     is_cob_id = variable.sub == 1 and any(variable.index in each for each in values.COMMUNICATION_RECORDS.values())
@@ -214,18 +210,18 @@ ASPECTS: Mapping[str, Aspect] = {
 NAMES: Mapping[str, Aspect] = {"name": lambda each, _: each.name or ABSENT}
 
 
-def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterator[Difference]:
-    """Tell the PDOs that both have."""
+def _pdos(one: LintedDevice, other: LintedDevice, node_id: int | None) -> Iterator[EdsDifference]:
+    """Compare the PDOs that both have."""
     left, right = ({(each.direction, each.number): each for each in device.pdos} for device in (one, other))
     for direction, number in left.keys() & right.keys():
         pdos = left[direction, number], right[direction, number]
         index, name = direction.value + number - 1, pdos[0].name
-        yield Difference((index, 1), f"{name} COB-ID", *(cob_id(each, node_id) for each in pdos))
-        yield Difference((index + values.MAPPING_OFFSET, -1), f"{name} mapping", *map(mapping, pdos))
+        yield EdsDifference((index, 1), f"{name} COB-ID", *(cob_id(each, node_id) for each in pdos))
+        yield EdsDifference((index + values.MAPPING_OFFSET, -1), f"{name} mapping", *map(mapping, pdos))
 
 
 def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
-    """Say a PDO's COB-ID: identifier, and what its upper bits mean."""
+    """Write a PDO's COB-ID: identifier, and what its upper bits mean."""
     number = pdo.value(1)
     if number is None:
         return ABSENT
@@ -238,7 +234,7 @@ def cob_id(pdo: LintedPdo, node_id: int | None) -> str:
 
 
 def mapping(pdo: LintedPdo) -> str:
-    """Say a PDO's mapping as bits: which of them are which object."""
+    """Write a PDO's mapping as bits: which of them are which object."""
     if pdo.amount is None:
         return ABSENT
     if pdo.is_multiplexed:
@@ -259,35 +255,35 @@ def readable(device: LintedDevice) -> list[Address]:
     return sorted(address for address, each in found if each.access != "wo" and each.type is not values.DOMAIN)
 
 
-def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[Difference]:
-    """Compare a file with what a node answered to SDO reads of it; process data and states are only looked for.
+def compare_live(device: LintedDevice, answers: Mapping[Address, bytes | int], node_id: int) -> list[EdsDifference]:
+    """Compare a file with a node's answers to SDO reads; process data and states only have to be there.
 
-    An answer is the object's bytes, or the abort code. A DCF tells what one device has: what it gives no value need not
-    be there, and what cannot be written need not have the value that it has by default.
+    An answer is the object's bytes, or the abort code. A DCF describes one device: an object that it gives no value
+    need not be there, and one that cannot be written need not have its default.
     """
     known = variables(device)
     if device.node_id is not None:
-        answers = {address: answer for address, answer in answers.items() if _is_told(known[address], answer)}
-    said = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
+        answers = {address: answer for address, answer in answers.items() if _is_comparable(known[address], answer)}
+    missing = [each for address, answer in answers.items() for each in _unread(known[address], address, answer)]
     found = compare(device, _overlaid(device, answers), node_id)
-    return sorted([*_named(said, device), *found])
+    return sorted([*_named(missing, device), *found])
 
 
-def _is_told(variable: DescribedVariable, answer: bytes | int) -> bool:
-    """Tell whether a DCF says something of an object that a node's answer can differ from."""
+def _is_comparable(variable: DescribedVariable, answer: bytes | int) -> bool:
+    """Tell whether a DCF gives something that a node's answer can differ from."""
     return bool(variable.section.text("parametervalue")) or (isinstance(answer, bytes) and variable.is_writable)
 
 
-def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[Difference]:
-    """Yield what a node has not, does not give, or gives in another length."""
-    if answer == AbortCode.NO_DATA:  # it is there and has nothing to tell, as an error field without errors
+def _unread(variable: DescribedVariable, address: Address, answer: bytes | int) -> Iterator[EdsDifference]:
+    """Yield a difference for an object that a node does not have, does not give, or gives in another length."""
+    if answer == AbortCode.NO_DATA:  # the object is there but empty, such as an error field without errors
         return
     if isinstance(answer, int):
         is_missing = answer in (AbortCode.NO_OBJECT, AbortCode.NO_SUBINDEX)
-        told = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
-        yield Difference(address, "on the node", _presence(variable), told)
+        answered = ABSENT if is_missing else f"abort {code_and_reason(answer)}"
+        yield EdsDifference(address, "on the node", _presence(variable), answered)
     elif variable.type and variable.type.bits and len(answer) != variable.type.size:
-        yield Difference(address, "bytes", str(variable.type.size), str(len(answer)))
+        yield EdsDifference(address, "bytes", str(variable.type.size), str(len(answer)))
 
 
 def _overlaid(device: LintedDevice, answers: Mapping[Address, bytes | int]) -> LintedDevice:

@@ -90,7 +90,7 @@ def _lower(*keys: str) -> frozenset[str]:
 
 
 OBJECT_KEYS = _lower(*ALL_OBJECT_KEYS)
-KNOWN_KEYS: Mapping[str, frozenset[str]] = {name.lower(): _lower(*said) for name, said in SECTION_KEYS.items()}
+KNOWN_KEYS: Mapping[str, frozenset[str]] = {name.lower(): _lower(*keys) for name, keys in SECTION_KEYS.items()}
 KNOWN_KEYS = {**KNOWN_KEYS, "devicecommissioning": KNOWN_KEYS[COMMISSIONING.lower()]}
 """The keys of each section with a fixed set of them, in lower case."""
 
@@ -289,10 +289,10 @@ def identity_of(key: str, sub: int) -> Check:
     """Make the rule that a number of [DeviceInfo] is the one in the identity object."""
 
     def check(device: LintedDevice) -> Violations:
-        said, identity = device.number("deviceinfo", key.lower()), device.value(0x1018, sub)
-        if said and identity and said != identity:
+        declared, identity = device.number("deviceinfo", key.lower()), device.value(0x1018, sub)
+        if declared and identity and declared != identity:
             at = device.at("deviceinfo", key.lower())
-            yield at, f"{key} is 0x{said.value:08X}, but 0x1018 sub {sub} is 0x{identity.value:08X}"
+            yield at, f"{key} is 0x{declared.value:08X}, but 0x1018 sub {sub} is 0x{identity.value:08X}"
 
     return check
 
@@ -313,11 +313,11 @@ def pdo_count_of(key: str, direction: PdoDirection) -> Check:
     """Make the rule that the number of PDOs is the number of communication records."""
 
     def check(device: LintedDevice) -> Violations:
-        said, compact = (device.number("deviceinfo", each) for each in (key.lower(), "compactpdo"))
+        declared, compact = (device.number("deviceinfo", each) for each in (key.lower(), "compactpdo"))
         real = sum(index in values.COMMUNICATION_RECORDS[direction] for index in device.objects)
-        if said and said.value != real and not (compact and compact.value):
+        if declared and declared.value != real and not (compact and compact.value):
             at = device.at("deviceinfo", key.lower())
-            yield at, f"{key} is {said.value}, but there are {real} records from 0x{direction.value:04X} on"
+            yield at, f"{key} is {declared.value}, but there are {real} records from 0x{direction.value:04X} on"
 
     return check
 
@@ -418,8 +418,8 @@ def short_dummies(device: LintedDevice) -> Violations:
 @RULES.rule("E234", "CiA 306, [Comments]")
 def comment_lines(device: LintedDevice) -> Violations:
     """Lines is the number of comment lines."""
-    said, real = device.number("comments", "lines"), len(_entries(device, "comments").keys() - {"lines"})
-    if device.section("comments") and (said is None or said.value != real):
+    declared, real = device.number("comments", "lines"), len(_entries(device, "comments").keys() - {"lines"})
+    if device.section("comments") and (declared is None or declared.value != real):
         text = device.document.text("comments", "lines")[:20] or "missing"
         yield device.at("comments", "lines"), f"Lines is {text}, but there are {real} lines"
 
@@ -469,10 +469,10 @@ def no_supported_objects(device: LintedDevice) -> Violations:
 def supported_objects(device: LintedDevice) -> Violations:
     """SupportedObjects is the number of entries."""
     for section, entries in _lists(device):
-        said, real = parse_number(section.text("supportedobjects")), len(entries)
-        if said and said.value != real:
+        declared, real = parse_number(section.text("supportedobjects")), len(entries)
+        if declared and declared.value != real:
             at = section.at("supportedobjects")
-            yield at, f"SupportedObjects is {said.value}, but [{section.name}] has {real} entries"
+            yield at, f"SupportedObjects is {declared.value}, but [{section.name}] has {real} entries"
 
 
 @RULES.rule("E304", "CiA 306, object lists")

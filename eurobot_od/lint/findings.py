@@ -1,6 +1,6 @@
-"""What a check finds, and how it is chosen and written.
+"""Findings of a check: how they are selected and written.
 
-Rule of this file: values only; the letter of a code is its severity, and nowhere else is a severity said.
+Rule of this file: the first letter of a code is its severity, which is stated nowhere else.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Violations: TypeAlias = Iterator[Violation]
 class Rule(NamedTuple):
     """A rule: `code` (E, W or I and three digits), what it demands, where that is written, and the check itself.
 
-    `clause` names the standard by its section or object; where the text of the standard was not at hand, it names the
+    `clause` names the standard by its section or object; where the text of the standard was not available, it names a
     public source that says the same. A check gets what it is for, a device or a network, and yields places with texts.
     """
 
@@ -54,7 +54,7 @@ class Rule(NamedTuple):
 
     @property
     def severity(self) -> Severity:
-        """How bad it is not to keep the rule."""
+        """How bad it is to break the rule."""
         return Severity(self.code[0])
 
 
@@ -110,9 +110,9 @@ def summed_up(findings: Iterable[Finding]) -> list[Finding]:
 
 
 def summary(findings: Sequence[Finding], files: int, hidden: bool) -> str:
-    """Return the last line: how many findings of each severity there are in so many files.
+    """Return the last line: how many findings of each severity there are in a number of files.
 
-    Of infos it says how to see them, if they are `hidden`.
+    If infos are `hidden`, it says how to see them.
     """
     counted = ((count(findings, each), each.name.lower()) for each in Severity)
     found = ", ".join(amount(number, word) for number, word in counted if number)

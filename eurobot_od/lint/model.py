@@ -1,7 +1,7 @@
-"""What rules ask a file: its values, its PDOs, and whether it is a DCF; the objects themselves are `od.description`'s.
+"""What rules need to know of a file: its values, its PDOs, whether it is a DCF; its objects are in `od.description`.
 
-Rule of this file: asking never raises and never guesses; what is missing or malformed is None or an empty text, and
-each rule that needs it stays silent where another one already speaks.
+Rule of this file: nothing here raises or guesses. What is missing or malformed is None or an empty text, and a rule
+that needs it stays silent, as another rule reports it.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ class LintedPdo(NamedTuple):
         return cob_id.at(node_id) & values.BASE_IDENTIFIER
 
     def mapped(self) -> Iterator[MappingEntry]:
-        """Give the entries of the mapping that count: the first `amount`, as far as they are there and are numbers."""
+        """Give the first `amount` entries of the mapping, those that are there and are numbers."""
         amount = self.amount.value if self.amount and not self.is_multiplexed else 0
         for sub in range(1, min(amount, values.MOST_SUBS) + 1):
             variable = self.entry(sub)

@@ -108,7 +108,7 @@ def _spot(node: NetworkNode, pdo: LintedPdo, sub: int) -> Spot:
 
 
 class LintedNetwork:
-    """All nodes, and what is declared of them: messages with several senders, the order of priorities, the bit rate."""
+    """All nodes, and what is declared for them: messages with several senders, priorities, the bit rate."""
 
     def __init__(
         self,
@@ -194,7 +194,7 @@ def _services(node: NetworkNode) -> Iterator[tuple[int, str, Spot]]:
         yield from ((identifier, "LSS", node.spot(section.at("lss_supported"))) for identifier in values.LSS_COB_IDS)
 
 
-class Member(NamedTuple):
+class NetworkMember(NamedTuple):
     """A device that is to be in the network; without node-ID its file's own one is taken, or the next free one."""
 
     name: str
@@ -203,13 +203,13 @@ class Member(NamedTuple):
     node_id: int | None = None
 
 
-def nodes_of(members: Sequence[Member]) -> list[NetworkNode]:
+def nodes_of(members: Sequence[NetworkMember]) -> list[NetworkNode]:
     """Make nodes of devices."""
-    said = [each.node_id or own_node_id(each.device) for each in members]
-    free = iter(number for number in values.NODE_IDS if number not in said)
+    declared = [each.node_id or own_node_id(each.device) for each in members]
+    free = iter(number for number in values.NODE_IDS if number not in declared)
     return [
         NetworkNode(each.name, each.file, each.device, number or next(free, values.NODE_IDS[0]), number is None)
-        for each, number in zip(members, said)
+        for each, number in zip(members, declared)
     ]
 
 
@@ -476,11 +476,11 @@ def unsupported_bit_rate(network: LintedNetwork) -> Conflicts:
 def different_bit_rates(network: LintedNetwork) -> Conflicts:
     """All nodes are set to one bit rate."""
     rates = [(node, node.device.commissioned("baudrate")) for node in network.nodes]
-    said = [(node, rate.value) for node, rate in rates if rate and rate.value]
-    for node, rate in said[1:]:
-        if rate != said[0][1] and node.device.commissioning:
+    declared = [(node, rate.value) for node, rate in rates if rate and rate.value]
+    for node, rate in declared[1:]:
+        if rate != declared[0][1] and node.device.commissioning:
             at = node.spot(node.device.commissioning.at("baudrate"))
-            yield at, f"{node.name} is set to {rate} kbit/s, {said[0][0].name} to {said[0][1]}"
+            yield at, f"{node.name} is set to {rate} kbit/s, {declared[0][0].name} to {declared[0][1]}"
 
 
 def _with_bit(network: LintedNetwork, index: int, bit: int) -> list[NetworkNode]:

@@ -154,9 +154,12 @@ def without_sub_number(device: LintedDevice) -> Violations:
 def wrong_sub_number(device: LintedDevice) -> Violations:
     """SubNumber is the number of sub-indices, without 0xFF."""
     for each, section in _composed(device):
-        said, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
-        if said and said.value != real and not each.compact:
-            yield section.at("subnumber"), f"SubNumber is {said.value}, but 0x{each.index:04X} has {real} sub-indices"
+        declared, real = parse_number(section.text("subnumber")), sum(sub != 0xFF for sub in each.subs)
+        if declared and declared.value != real and not each.compact:
+            yield (
+                section.at("subnumber"),
+                f"SubNumber is {declared.value}, but 0x{each.index:04X} has {real} sub-indices",
+            )
 
 
 @RULES.rule("E413", "CiA 301, sub-index 0")
@@ -248,8 +251,8 @@ def entry_lists(device: LintedDevice) -> Violations:
     """NrOfEntries is the number of entries of [xxxxName] and [xxxxValue]."""
     for name, section in device.object_sections:
         if name.list:
-            said, real = parse_number(section.text("nrofentries")), len(section.entries.keys() - {"nrofentries"})
-            if said is None or said.value != real:
+            declared, real = parse_number(section.text("nrofentries")), len(section.entries.keys() - {"nrofentries"})
+            if declared is None or declared.value != real:
                 yield section.at("nrofentries"), f"NrOfEntries is not {real}, the number of entries of [{section.name}]"
 
 
@@ -515,8 +518,8 @@ def known_types(device: LintedDevice) -> Violations:
     for variable, known in _known(device):
         if variable.section.text("datatype") and variable.type != known.type:
             at = variable.section.at("datatype")
-            said = variable.section.text("datatype")[:20]
-            yield at, f"{variable.where} has type {said}, CiA 301 says {known.type.name}"
+            declared = variable.section.text("datatype")[:20]
+            yield at, f"{variable.where} has type {declared}, CiA 301 says {known.type.name}"
 
 
 @RULES.rule("E502", "CiA 301, each object")

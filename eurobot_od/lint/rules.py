@@ -1,7 +1,6 @@
 """The table of all rules, and the check of one file.
 
-Rule of this file: the only place that knows all rules. A new rule is a function or a row in the file of its part, and a
-row of its own defect in the tests.
+A new rule is a function or a row in the file of its part, and a row with its own defect in the tests.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ def lint(data: bytes, file: str) -> list[Finding]:
 
 
 def lint_device(device: LintedDevice, file: str) -> list[Finding]:
-    """Check a device that is read already."""
+    """Check a device that has been read."""
     found = {
         Finding(file, at.line, at.column, rule.code, text) for rule in FILE_RULES for at, text in rule.check(device)
     }

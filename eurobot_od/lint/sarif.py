@@ -18,7 +18,7 @@ LEVELS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.INFO: "
 
 
 def sarif(findings: Iterable[Finding], rules: Sequence[Rule]) -> dict[str, Any]:
-    """Return a log of one run (3.13, 3.14), `rules` being all that were asked."""
+    """Return a log of one run (3.13, 3.14), `rules` are all that were checked."""
     numbers = {each.code: number for number, each in enumerate(rules)}
     driver = {"name": "eurobot-od lint", "rules": list(map(_rule, rules))}
     run = {
@@ -40,9 +40,11 @@ def _rule(rule: Rule) -> dict[str, Any]:
 
 
 def _result(finding: Finding, rule: int) -> dict[str, Any]:
-    """Describe a finding (3.27); `rule` is its rule's number in the list."""
+    """Describe a finding (3.27); `rule` is the number of its rule in the list."""
+    file = Path(finding.file)  # a file named relative to the working folder has a relative URI (3.4.3)
+    uri = file.as_uri() if file.is_absolute() else quote(file.as_posix())
     place = {
-        "artifactLocation": {"uri": _uri(Path(finding.file))},
+        "artifactLocation": {"uri": uri},
         "region": {"startLine": finding.line, "startColumn": finding.column},
     }
     return {
@@ -52,8 +54,3 @@ def _result(finding: Finding, rule: int) -> dict[str, Any]:
         "message": {"text": one_line(finding.message)},
         "locations": [{"physicalLocation": place}],
     }
-
-
-def _uri(file: Path) -> str:
-    """Return a file's URI (3.4.3), relative to the working folder if the file was named so."""
-    return file.as_uri() if file.is_absolute() else quote(file.as_posix())

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from eurobot_od.load.message_set import MICROSECONDS, MessageSet, SentMessage, analysed
-from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import columns
 
 NO_BOUND = "no bound"
 MISSED = "MISSED"
@@ -71,20 +71,12 @@ def load_report(messages: MessageSet, bit_rate: int) -> LoadReport:
 
 # As text
 
-COLUMNS = ("ID", "message", "from", "period", "response", "deadline", "margin", "held up by")
-RIGHT = ("period", "response", "deadline", "margin")
+HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin", "held up by")
 
 
 def table(report: LoadReport) -> Iterator[str]:
     """Write a line for each message, times in ms, and what is to be said of all of them."""
-    lines = [COLUMNS, *(tuple(map(one_line, _cells(row))) for row in report.rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(COLUMNS))]
-    for line in lines:
-        cells = (
-            text.rjust(width) if heading in RIGHT else text.ljust(width)
-            for heading, text, width in zip(COLUMNS, line, widths)
-        )
-        yield "  ".join(cells).rstrip()
+    yield from columns([HEADINGS, *map(_cells, report.rows)], "lllrrrr")
     yield ""
     yield summary(report)
 

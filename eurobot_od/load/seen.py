@@ -13,6 +13,7 @@ from eurobot_od.load.message_set import MICROSECONDS, MessageSet
 from eurobot_od.load.report import BoundRow, load_report
 from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import columns
 
 NOTHING = MessageSet(())
 
@@ -98,21 +99,13 @@ class SeenTraffic:
         return bits / span / self.bit_rate if span > 0 else 0.0
 
 
-COLUMNS = ("ID", "message", "from", "count", "load", "worst gap", "period", "jitter", "response", "bound")
-TEXTS = ("ID", "message", "from")
+HEADINGS = ("ID", "message", "from", "count", "load", "worst gap", "period", "jitter", "response", "bound")
 
 
 def table(seen: SeenTraffic) -> Iterator[str]:
     """Write a line for each message, times in ms, and the load of each node and of all."""
     messages = sorted(seen.messages.values(), key=lambda each: each.identifier)
-    lines = [COLUMNS, *(tuple(map(one_line, _cells(seen, each))) for each in messages)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(COLUMNS))]
-    for line in lines:
-        cells = (
-            text.ljust(width) if heading in TEXTS else text.rjust(width)
-            for heading, text, width in zip(COLUMNS, line, widths)
-        )
-        yield "  ".join(cells).rstrip()
+    yield from columns([HEADINGS, *(_cells(seen, each) for each in messages)], "lllrrrrrrr")
     nodes: dict[str, int] = {}
     for each in messages:
         nodes[each.node or "?"] = nodes.get(each.node or "?", 0) + each.bits

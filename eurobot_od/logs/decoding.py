@@ -1,10 +1,10 @@
-"""Logs to lines of output, one entry after the other, whatever the format of the log and of the output."""
+"""Turns logs into lines of output, entry by entry, whatever the format of the log and of the output."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from eurobot_od.logs import formats
 from eurobot_od.logs.entries import LARGEST, REMEMBERED, Raw
@@ -25,9 +25,9 @@ class Decoding:
         self.damage = DamageCounts()
         self._output, self._window = output, window
 
-        # Most frames on a bus are requests and confirms without data: what is made of them is kept.
+        # Most frames on a bus are requests and confirms without data: what is made from them is kept.
         @lru_cache(REMEMBERED)
-        def show(raw: Raw) -> tuple[str | None, tuple[Defect, ...]]:
+        def show(raw: Raw) -> tuple[Any, tuple[Defect, ...]]:
             meaning = decoder(raw)
             return output.row(meaning) if wanted is None or wanted(meaning) else None, meaning.defects
 
@@ -46,3 +46,4 @@ class Decoding:
             shown = shown_time(time)
             if row is not None and shown is not None:
                 yield write(number, shown, channel, row)
+        yield self._output.footer()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from eurobot_od.logs.meaning import Meaning, with_defects
 from eurobot_od.support.escaping import one_line
@@ -19,8 +19,8 @@ NAME_WIDTH = 29
 LINE = "%s%13.6f  %s  %s\n"
 """Name of the log, time, channel, row. An f-string would take half as long again for the time."""
 
-WriteLine: TypeAlias = Callable[[int, float, str, str], str]
-"""Makes a line, with its end, of an entry's line number, its time in s, its channel, and the row of its frame."""
+WriteLine: TypeAlias = Callable[[int, float, str, Any], str]
+"""Makes a line, with its end, from an entry's line number, its time in s, its channel, and the row of its frame."""
 
 
 class Output:
@@ -28,13 +28,17 @@ class Output:
 
     header = ""
 
-    def row(self, meaning: Meaning) -> str:
-        """Write what depends on the frame alone."""
+    def row(self, meaning: Meaning) -> Any:
+        """Write what depends on the frame alone; None for no line."""
         raise NotImplementedError
 
     def writer(self, log: str) -> WriteLine:
         """Return the function that writes the lines of a log with this name."""
         raise NotImplementedError
+
+    def footer(self) -> str:
+        """Return what comes after the lines of a log."""
+        return ""
 
 
 class TextOutput(Output):

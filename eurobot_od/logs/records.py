@@ -15,7 +15,7 @@ from typing import Any
 from eurobot_od.frame import Frame
 from eurobot_od.logs.meaning import Meaning
 from eurobot_od.logs.output import Output, WriteLine
-from eurobot_od.pdo.message import kinds
+from eurobot_od.pdo.message import plain
 from eurobot_od.support.escaping import cell
 
 
@@ -25,7 +25,7 @@ class JsonOutput(Output):
     def row(self, meaning: Meaning) -> str:
         data: dict[str, Any] = _identification(meaning)
         if meaning.message is not None:
-            data["fields"] = _fields(meaning)
+            data["fields"] = plain(meaning.message)
         elif meaning.text:
             data["text"] = meaning.text
         if meaning.defects:
@@ -52,12 +52,6 @@ def _identification(meaning: Meaning) -> dict[str, Any]:
     return {key: value for key, value in known.items() if value is not None}
 
 
-def _fields(meaning: Meaning) -> dict[str, Any]:
-    assert meaning.message is not None
-    written = kinds(type(meaning.message))
-    return {field: written[field].plain(value) for field, value in meaning.message._asdict().items()}
-
-
 def _json(data: Any) -> str:
     """Write data as it is for people to read, unless it has characters that a terminal might act on."""
     text = json.dumps(data, ensure_ascii=False)
@@ -76,7 +70,7 @@ class CsvOutput(Output):
 
     def row(self, meaning: Meaning) -> str:
         known = _identification(meaning)
-        fields = _fields(meaning) if meaning.message is not None else {}
+        fields = plain(meaning.message) if meaning.message is not None else {}
         damage = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
         head = [known.get(key, "") for key in FRAME]
         return _joined([*head, meaning.text, damage, *(fields.get(field, "") for field in self._fields)])

@@ -1,38 +1,26 @@
-"""The live table's cells as text, the same for every terminal.
-
-Rule of this file: how numbers are written stands here once.
-"""
+"""The live table's cells as text, the same for every terminal."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from eurobot_od.logs.meaning import with_defects
-from eurobot_od.monitor.traffic import NodeHealth, TrafficRow
+from eurobot_od.monitor.traffic import MonitorRow, NodeHealth
 from eurobot_od.support.escaping import one_line
+from eurobot_od.support.tables import GAP, columns
 
-ALIGN: Mapping[str, Callable[[str, int], str]] = {
-    "ID": str.ljust,
-    "Message": str.ljust,
-    "Count": str.rjust,
-    "Period ms": str.rjust,
-    "Age s": str.rjust,
-    "Last values": str.ljust,
-}
-HEADINGS = tuple(ALIGN)
+HEADINGS = ("ID", "Message", "Count", "Period ms", "Age s", "Last values")
+ALIGN = "llrrrl"
 
 DROPPED = ("Age s", "Count", "Period ms")
-"""The columns that a narrow terminal does without, the least important first."""
+"""The columns that a narrow terminal drops, the least important first."""
 
 ROOM = 24
-"""Characters that the last values have, as long as there is a column to do without."""
-
-GAP = "  "
-"""Between two columns."""
+"""Characters for the last values; columns are dropped to keep them."""
 
 
 def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
-    """Return the numbers of the columns that are shown on so many characters; `lines` are the cells of all of them."""
+    """Return the numbers of the columns that fit into `width` characters; `lines` are the cells of all columns."""
     widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
     shown = list(range(len(HEADINGS)))
     for dropped in map(HEADINGS.index, DROPPED):
@@ -42,7 +30,7 @@ def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
     return shown
 
 
-def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
+def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     """Write a row, one text for each heading."""
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
     period = row.period
@@ -51,21 +39,17 @@ def cells(row: TrafficRow, now: float) -> tuple[str, ...]:
     return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
 
 
-def values(row: TrafficRow) -> str:
-    """Write the last values, and what is wrong with them."""
+def values(row: MonitorRow) -> str:
+    """Write the last values and what is wrong with them."""
     return with_defects(row.meaning) if row.meaning.defects else row.meaning.text
 
 
 def health(name: str, node: NodeHealth, now: float) -> str:
-    """Write how a node is."""
+    """Write the state of a node."""
     state = "not heard" if node.pulse.heard is None else "LOST" if node.pulse.lost(now) else node.state
     return one_line(f"{name} {state} ({node.emergency})" if node.emergency else f"{name} {state}")
 
 
-def plain_table(rows: list[TrafficRow], now: float) -> Iterator[str]:
+def plain_table(rows: list[MonitorRow], now: float) -> Iterator[str]:
     """Write the table without colours, one line a row."""
-    lines = [HEADINGS, *(cells(row, now) for row in rows)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(HEADINGS) - 1)]
-    for line in lines:
-        first = (ALIGN[heading](text, width) for heading, text, width in zip(HEADINGS, line, widths))
-        yield f"{GAP.join(first)}{GAP}{line[-1]}".rstrip()
+    return columns([HEADINGS, *(cells(row, now) for row in rows)], ALIGN)

@@ -1,7 +1,4 @@
-"""What the keys of the monitor do.
-
-Rule of this file: one key in, the settings changed; no terminal.
-"""
+"""What the keys of the monitor do; no terminal is needed."""
 
 from __future__ import annotations
 
@@ -35,7 +32,7 @@ class Controls:
         return self.top
 
     def key(self, key: str) -> None:
-        """Take in a key; one that means nothing does nothing."""
+        """Take in a key; unknown keys do nothing."""
         if self.typing:
             self._type(key)
         elif key in KEYS:

@@ -13,19 +13,20 @@ from rich.table import Table
 from rich.text import Text
 
 from eurobot_od.logs.meaning import CANOPEN
-from eurobot_od.monitor.cells import ALIGN, GAP, HEADINGS, cells, fitting, health
+from eurobot_od.monitor.cells import ALIGN, HEADINGS, cells, fitting, health
 from eurobot_od.monitor.controls import HELP, Controls
-from eurobot_od.monitor.traffic import Traffic, TrafficRow, selected
+from eurobot_od.monitor.traffic import MonitorRow, Traffic, selected
 from eurobot_od.support.amounts import amount
+from eurobot_od.support.tables import GAP
 
 COLOURS = ("bright_cyan", "green", "yellow", "bright_blue", "bright_magenta")
-"""Colours of the groups of messages, in the catalogue's order; further groups have none of their own."""
+"""Colours of the groups of messages, in the catalogue's order; further groups have none."""
 
 SERVICE_COLOUR = "magenta"
 
 WRONG, OLD = "bold red", "dim"
 OLD_AFTER = 3.0
-"""A message is old after so many of its periods, but not before a second."""
+"""Periods after which a message is old, but at least a second."""
 
 BAR_WIDTH = 20
 HEAVY_LOAD = 0.8
@@ -41,7 +42,7 @@ class Size(NamedTuple):
 def screen(
     traffic: Traffic, controls: Controls, now: float, load: tuple[float, float], size: Size, notes: Sequence[str] = ()
 ) -> RenderableType:
-    """Return everything that is shown on a terminal of a size; of the `notes` the last."""
+    """Return everything that is shown on a terminal of a size, with the last of the `notes`."""
     rows = selected(traffic.rows.values(), controls.sort, controls.part)
     room = max(size.height - 8, 1)
     top = controls.within(len(rows) - room)
@@ -71,20 +72,20 @@ def _nodes(traffic: Traffic, now: float) -> Text:
     return text
 
 
-def _table(rows: list[TrafficRow], now: float, colours: Mapping[str, str], width: int) -> Table:
+def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width: int) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
     lines = [cells(row, now) for row in rows]
     columns = fitting(lines, width)
-    for heading in map(HEADINGS.__getitem__, columns):
-        ratio = 1 if heading == HEADINGS[-1] else None
-        justify: JustifyMethod = "right" if ALIGN[heading] is str.rjust else "left"
-        table.add_column(heading, justify=justify, no_wrap=True, ratio=ratio)
+    for column in columns:
+        ratio = 1 if column == len(HEADINGS) - 1 else None
+        justify: JustifyMethod = "right" if ALIGN[column] == "r" else "left"
+        table.add_column(HEADINGS[column], justify=justify, no_wrap=True, ratio=ratio)
     for row, line in zip(rows, lines):
         table.add_row(*(Text(line[column]) for column in columns), style=_style(row, now, colours))
     return table
 
 
-def _style(row: TrafficRow, now: float, colours: Mapping[str, str]) -> str:
+def _style(row: MonitorRow, now: float, colours: Mapping[str, str]) -> str:
     if row.meaning.defects:
         return WRONG
     colour = colours.get(row.meaning.group, "")

@@ -1,6 +1,6 @@
 """Where the monitor's frames come from: a bus, or logs played at any speed.
 
-Rule of this file: `poll` never waits; it returns what has come since the last time. The monitor waits for keys instead.
+Rule of this file: `poll` never waits, as the monitor waits for keys; it returns what has come since the last time.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
-from eurobot_od.frame import Frame
 from eurobot_od.live import Opener, Watch
 from eurobot_od.logs.binary import of_message
 from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
@@ -46,8 +45,17 @@ class BusSource:
         self._last, self._seen = 0.0, clock()
         self._overflow = 0
         self._leaving = ExitStack()
-        watch = Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
-        self._watch = self._leaving.enter_context(watch)
+        self._watch = self._leaving.enter_context(
+            Watch(
+                bus,
+                lambda time, frame: self._came.append((time, frame)),
+                None,
+                self._fail,
+                self._take_foreign,
+                opener=opener,
+                back=lambda gap: self.notes.append(f"the bus is back after a gap of {gap:.1f} s"),
+            )
+        )
 
     def _fail(self, why: BusError) -> None:
         if self._opener is None:
@@ -55,21 +63,13 @@ class BusSource:
         else:
             self.notes.append(f"{why}; it is opened again")
 
-    def _note_gap(self, gap: float) -> None:
-        self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
-
     def _note_overflow(self) -> None:
         self._overflow = self._watch.overflow()
-        self.notes.append(
-            f"{self._overflow} frames have found no room in the driver's queue so far, and are missing here"
-        )
-
-    def _take(self, time: float, frame: Frame) -> None:
-        self._came.append((time, frame))
+        self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
 
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:
-            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver can make no sense of it")))
+            self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver cannot read it")))
             return
         try:
             raw = of_message(message)
@@ -88,7 +88,7 @@ class BusSource:
 
     def poll(self) -> Iterator[Timed]:
         """Return the frames; raises BusError if the bus failed."""
-        for _ in range(len(self._came)):  # not until there is none: a full bus would never let the screen be drawn
+        for _ in range(len(self._came)):  # not until it is empty: on a full bus the screen would never be drawn
             timed = self._came.popleft()
             self._last, self._seen = timed[0], self._clock()
             yield timed
@@ -98,14 +98,14 @@ class BusSource:
             raise self._failures[0]
 
     def close(self) -> None:
-        """Let the bus go."""
+        """Close the bus."""
         if self._watch.overflow() > self._overflow:
             self._note_overflow()
         self._leaving.close()
 
 
 class LogSource:
-    """Entries of logs, played so many times faster than they were recorded."""
+    """Entries of logs, played `speed` times faster than they were recorded."""
 
     notes: Sequence[str] = ()
 

@@ -40,7 +40,7 @@ class MeanPeriod(NamedTuple):
 
 
 @dataclass
-class TrafficRow:
+class MonitorRow:
     """One message, service or kind of damage: `meaning` is the last frame's, `wrong` counts frames with damage."""
 
     identifier: int | None
@@ -71,7 +71,7 @@ class TrafficRow:
 
 @dataclass
 class NodeHealth:
-    """What a node said of itself last: its state, its last EMCY; `pulse` tells whether it is lost."""
+    """A node's last reported state and EMCY; `pulse` knows whether the node is lost."""
 
     pulse: Pulse = field(default_factory=Pulse)
     state: str = ""
@@ -88,7 +88,7 @@ class Traffic:
         self.bitrate, self._promised = bitrate, promised
         self.seen = SeenTraffic(bitrate, promised)
         self.groups = decoder.protocol.catalogue.groups
-        self.rows: dict[int | Damage, TrafficRow] = {}
+        self.rows: dict[int | Damage, MonitorRow] = {}
         periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.outlines}
         self.nodes = {name: NodeHealth(Pulse(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
@@ -99,13 +99,13 @@ class Traffic:
         self._explain: Callable[[Raw], Meaning] = lru_cache(REMEMBERED)(decoder)
 
     def take(self, time: float, raw: Raw) -> Meaning:
-        """Take in a frame and tell what it means."""
+        """Take in a frame and return what it means."""
         meaning = self._explain(raw)
         self.now = time
         self.frames += 1
         row = self.rows.get(raw[0])  # by COB-ID or Damage
         if row is None:
-            row = self.rows[raw[0]] = TrafficRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
+            row = self.rows[raw[0]] = MonitorRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
         row.meaning = meaning
         row.count += 1
         row.times.append(time)
@@ -129,7 +129,7 @@ class Traffic:
     def load(self, now: float) -> tuple[float, float]:
         """Return bus load (share of 1, stuff bits counted) and frames per second since the last second's mark.
 
-        Called at every refresh; between two calls the traffic is taken as even.
+        Called at every refresh; between two calls the traffic is assumed to be even.
         """
         self._marks.append((now, self._bits, self.frames))
         while len(self._marks) > 2 and now - self._marks[1][0] >= LOAD_SPAN:
@@ -151,13 +151,13 @@ def _emergency(health: NodeHealth, _: float, text: str) -> None:
 
 
 HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _beat, "EMCY": _emergency}
-"""What services say of a node's health."""
+"""The services that report a node's health."""
 
 
 # What is shown
 
 
-SORTS: Mapping[str, Callable[[TrafficRow], Any]] = {
+SORTS: Mapping[str, Callable[[MonitorRow], Any]] = {
     "identifier": lambda row: (row.identifier is None, row.identifier or 0),
     "name": lambda row: row.name.casefold(),
     "count": lambda row: -row.count,
@@ -168,7 +168,7 @@ SORTS: Mapping[str, Callable[[TrafficRow], Any]] = {
 """The orders of the table."""
 
 
-def selected(rows: Iterable[TrafficRow], sort: str, part: str) -> list[TrafficRow]:
+def selected(rows: Iterable[MonitorRow], sort: str, part: str) -> list[MonitorRow]:
     """Return the rows whose name, group or nodes contain `part`, in an order of SORTS."""
     return sorted((row for row in rows if named(row.meaning, part)), key=SORTS[sort])
 

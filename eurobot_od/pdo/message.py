@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple, TypeAlias, TypeVar, get_type_hints
+from typing import Any, NamedTuple, TypeAlias, TypeVar, get_type_hints
 
 from eurobot_od.pdo.kinds import Kind, OutOfRange
 
@@ -49,6 +49,11 @@ def is_flagged(message: Message) -> bool:
 def flagged_fields(message: Message) -> list[str]:
     """Return the fields of a received message whose value is out of range; empty if all may be acted on."""
     return [name for name, value in zip(message._fields, message) if isinstance(value, OutOfRange)]
+
+
+def plain(message: Message) -> dict[str, Any]:
+    """Return a message's fields as numbers, None (unknown), or the words that a person writes."""
+    return {name: kind.plain(value) for (name, kind), value in zip(kinds(type(message)).items(), message)}
 
 
 def describe(message: Message) -> str:

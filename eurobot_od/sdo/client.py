@@ -26,6 +26,7 @@ from eurobot_od.errors import RemoteError
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo import wire
 from eurobot_od.sdo.wire import AbortCode, Block, ClientCommand, Initiate, ServerCommand
+from eurobot_od.support.progress import Progress, unwatched
 
 UNANNOUNCED = 1 << 20
 """Bytes, or segments, that are taken of an object whose size the server does not say; more never ends."""
@@ -35,14 +36,6 @@ NO_OBJECT: Address = (0, 0)
 
 FRUITLESS_BLOCKS = 2
 """So many blocks in a row without their first segment end a transfer: one may be lost, more would go on for ever."""
-
-
-Progress: TypeAlias = Callable[[int, int | None], object]
-"""Is told how many bytes of an object have been moved, and of how many (None: the server has not said)."""
-
-
-def unwatched(done: int, size: int | None) -> None:
-    """Take note of no progress."""
 
 
 class TransferError(RemoteError):

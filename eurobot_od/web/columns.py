@@ -11,7 +11,7 @@ from typing import Any
 from eurobot_od.frame import Frame
 from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.meaning import Decoder, Meaning
-from eurobot_od.monitor.traffic import TrafficRow
+from eurobot_od.monitor.traffic import MonitorRow
 from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.web.content import defects, described, event_data, values
 from eurobot_od.web.panel import Event, Panel, service_events
@@ -52,7 +52,7 @@ class _Row:
         padded = ([*each, *[None] * (width - len(each))] for each in self.values)
         return {
             "id": self.identifier,
-            "name": TrafficRow(self.identifier, self.meaning).name,
+            "name": MonitorRow(self.identifier, self.meaning).name,
             "group": self.meaning.group,
             "nodes": self.meaning.nodes,
             "times": self.times,

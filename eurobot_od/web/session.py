@@ -20,7 +20,7 @@ from eurobot_od.logs.entries import Damage, Raw
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.recorder import recording
 from eurobot_od.monitor.sources import BusSource
-from eurobot_od.monitor.traffic import NodeHealth, Traffic, TrafficRow
+from eurobot_od.monitor.traffic import MonitorRow, NodeHealth, Traffic
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import Event, Panel, service_events
 from eurobot_od.web.polled import PolledObject
@@ -240,7 +240,7 @@ class Recording:
         return {"on": self._write is not None, "frames": self._frames, "file": name, "trouble": self._trouble}
 
 
-def _row_data(row: TrafficRow) -> dict[str, Any]:
+def _row_data(row: MonitorRow) -> dict[str, Any]:
     found, period = values(row.meaning), row.period
     return {
         "id": row.identifier,

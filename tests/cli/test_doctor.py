@@ -48,5 +48,5 @@ def test_what_an_extra_of_another_package_brings_is_looked_for_too() -> None:
 
 def test_a_port_without_permission_is_told_with_what_gives_it() -> None:
     assert list(doctor.denied(["/dev/ttyUSB0"])) == [
-        ("/dev/ttyUSB0 is not to be opened by this user", "sudo usermod -aG dialout $USER, and log in again")
+        ("/dev/ttyUSB0 cannot be opened by this user", "sudo usermod -aG dialout $USER, and log in again")
     ]

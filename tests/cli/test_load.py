@@ -69,7 +69,7 @@ def test_json_and_a_chart(capsys: pytest.CaptureFixture[str], messages: str, tmp
 
 def test_a_terminal_sees_how_far_a_sweep_is(messages: str, monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
-    monkeypatch.setattr("eurobot_od.cli.progress.SHORT", 0.0)
+    monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
     main(["load", messages, "--sweep"])
     drawn = re.findall(r"(\d) of (\d) limits", terminal.getvalue())

@@ -7,7 +7,6 @@ import os
 import re
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
@@ -195,7 +194,7 @@ def test_defaults_are_those_that_the_help_says() -> None:
     compared = 0
     for name in cli.COMMANDS:
         parser = argparse.ArgumentParser()
-        import_module(f"eurobot_od.cli.{name.replace('-', '_')}").add_arguments(parser)
+        cli.find(name).add_arguments(parser)
         for option in parser._actions:
             said = re.search(r"\(([\d.]+) (ms|s)\)$", option.help or "")
             if said and isinstance(option.default, float):

@@ -470,7 +470,7 @@ def test_many_seeds_are_logged_kept_and_taken_up_again(tmp_path: Path, capsys: p
     ("words", "complaint"),
     [
         (["--results", "x"], "--results goes with --seeds only"),
-        (["--seeds", "2", "--resume"], "--resume needs --results: the folder to go on with"),
+        (["--seeds", "2", "--resume"], "--resume needs --results: the folder of the run to continue"),
         (["--seeds", "2", "--executor", "x"], "'x' is no executor: dask://HOST:PORT, or --jobs"),
         (["--seeds", "2", "--executor", "dask://x:1", "--jobs", "2"], "does not go with --executor"),
     ],

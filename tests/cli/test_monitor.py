@@ -49,7 +49,7 @@ def test_statistics_at_the_end(log: Path, capsys: pytest.CaptureFixture[str]) ->
 
 def test_nobody_can_be_asked_in_a_log(log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["monitor", str(log), "--ask"]) == 2
-    assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has nobody to ask\n"
+    assert capsys.readouterr().err == "eurobot-od: --ask is for a bus: a log has no devices to ask\n"
 
 
 @pytest.mark.parametrize("speed", ["0", "-1", "fast"])

@@ -66,7 +66,7 @@ def test_the_answer_to_any_query_is_drawn(season: str, tmp_path: Path, capsys: p
 
 def test_a_terminal_sees_how_far_a_query_is(season: str, monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
-    monkeypatch.setattr("eurobot_od.cli.progress.SHORT", 0.0)
+    monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
     main(["query", season, "SELECT count(*) FROM frames"])
     assert "100 of 100 %" in terminal.getvalue()
@@ -159,7 +159,7 @@ def test_a_folder_without_files_is_no_table(season: str, capsys: pytest.CaptureF
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (["SELECT 1", "--report", "load"], "a question is SQL or --report, not both"),
+        (["SELECT 1", "--report", "load"], "a query is SQL or --report, not both"),
         (["--report", "latancy"], "unknown report 'latancy'; did you mean latency?"),
         (["SELECT x FROM y"], "Table with name y does not exist"),
         (["SELECT 'a' AS b", "--plot", "x.svg"], "nothing to draw"),

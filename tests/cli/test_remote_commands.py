@@ -66,7 +66,7 @@ def test_a_terminal_sees_how_far_it_is_with_the_objects(
     drive: str, words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     terminal = Terminal()
-    monkeypatch.setattr("eurobot_od.cli.progress.SHORT", 0.0)
+    monkeypatch.setattr("eurobot_od.support.progress.SHORT", 0.0)
     monkeypatch.setattr("sys.stderr", terminal)
     main([*(word.format(folder=tmp_path) for word in words), "-i", "virtual", "-c", drive])
     drawn, *_, wiped = terminal.getvalue().split("\r")[1:-1]

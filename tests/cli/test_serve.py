@@ -25,7 +25,7 @@ def log(tmp_path: Path) -> Path:
     ("words", "status", "complaint"),
     [
         (["a.log", "b.log", "c.log"], 2, "3 logs do not go side by side: name one or two"),
-        (["a.log", "--control"], 2, "--control is for a bus: in a log there is nothing to be changed"),
+        (["a.log", "--control"], 2, "--control is for a bus: a log cannot be changed"),
         (["nothing.log"], 3, "nothing.log: No such file or directory"),
         (["x.txt", "--format", "log"], 3, "x.txt: No such file or directory"),
         (["--listen", "8014"], 2, "8014 is not HOST:PORT, such as 127.0.0.1:2014"),

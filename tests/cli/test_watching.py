@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from argparse import Namespace
 from itertools import islice
 
 import pytest
@@ -67,10 +66,10 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
     ("words", "complaint"),
     [
         (["watch", "128"], "node-ID 128 is not in 1..127"),
-        (["watch", "--guard", "1 s"], "--guard asks nodes that are named"),
+        (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),
         (["sync", "--counter", "1"], "a counter of SYNC ends at 2 to 240, not at 1"),
         (["sync", "--period", "0 s"], "a period is longer than 0"),
-        (["sync", "--cob-id", "0x800"], "'0x800' is no 11-bit identifier"),
+        (["sync", "--cob-id", "0x800"], "'0x800' is not an 11-bit identifier"),
     ],
 )
 def test_what_is_refused(capsys: pytest.CaptureFixture[str], bus: WiredBus, words: list[str], complaint: str) -> None:
@@ -84,4 +83,4 @@ def test_without_reconnecting_a_bus_that_is_lost_ends_it() -> None:
     bus = Unplugged()
     master = Master(bus, clock=lambda: bus.now)
     with pytest.raises(BusError):
-        produce(master, islice(syncs(), 10), 0.5, options.guard(Namespace(no_reconnect=True), master))
+        produce(master, islice(syncs(), 10), 0.5, options.guard(None, master))

@@ -24,7 +24,7 @@ from eurobot_od.od.objects import address_of, at
 from eurobot_od.od.values import Address, Value
 from eurobot_od.robot.model.messages import GotoConfirm, GotoXY
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.sdo.client import Progress, unwatched
+from eurobot_od.support.progress import Progress, unwatched
 from tests.client.peers import DRIVE, EDS, master_on, open_bus, robot, stock_drive
 from tests.conftest import with_entry
 from tests.eds_text import DEVICE_TYPE, variable

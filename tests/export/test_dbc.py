@@ -300,5 +300,5 @@ def test_a_field_in_pieces_is_refused() -> None:
     spoilt = EurobotProtocol.load(dialects.DEFAULT)
     binding = spoilt.binding("Goto State Response")
     binding.layout = Layout([Slot("time", 12, 12), Slot("time", 0, 12)])
-    with pytest.raises(MappingError, match="Goto State Response: time is not in one piece"):
+    with pytest.raises(MappingError, match="Goto State Response: time is not contiguous"):
         dbc_text(spoilt)

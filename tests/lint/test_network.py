@@ -13,7 +13,7 @@ from eurobot_od.cli.lint import read_network
 from eurobot_od.errors import DictionaryError
 from eurobot_od.lint.findings import Severity
 from eurobot_od.lint.model import load
-from eurobot_od.lint.network import RULES, LintedNetwork, Member, lint_network, nodes_of, overview
+from eurobot_od.lint.network import RULES, LintedNetwork, NetworkMember, lint_network, nodes_of, overview
 
 ROOT = Path(__file__).resolve().parents[2]
 NETWORK_FILE = ROOT / "eds/network.yaml"
@@ -21,7 +21,7 @@ DIALECTS = sorted(each for each in (ROOT / "eds").iterdir() if each.is_dir())
 
 
 def network_of(texts: dict[str, str]) -> LintedNetwork:
-    devices = [Member(name, f"{name}.eds", load(text.encode(), f"{name}.eds")) for name, text in texts.items()]
+    devices = [NetworkMember(name, f"{name}.eds", load(text.encode(), f"{name}.eds")) for name, text in texts.items()]
     return LintedNetwork(nodes_of(devices))
 
 

@@ -192,7 +192,7 @@ def test_the_monitor_writes_a_comment_for_what_is_missing() -> None:
         monitor.line("Heartbeat")
         with process(sys.executable, "-c", flood) as flooding:
             assert flooding.wait() == 0
-        assert monitor.line("# ").endswith("found no room in the driver's queue so far, and are missing here")
+        assert monitor.line("# ").endswith("because the driver's queue was full")
 
 
 # Class bit of the identifier, data byte 1, and what the node tells by EMCY (Linux's can/error.h).

@@ -12,17 +12,17 @@ import pytest
 from eurobot_od import cli
 from eurobot_od.check import report
 from eurobot_od.check.results import Reason, Status, StepResult, SuitePart, SuiteResult
-from eurobot_od.cli.remote import columns
 from eurobot_od.device.storage import FileStore
 from eurobot_od.gatekeeper import Report
 from eurobot_od.gatekeeper.reports import Event
-from eurobot_od.lint.diff import Difference
+from eurobot_od.lint.diff import EdsDifference
 from eurobot_od.lint.findings import Finding
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.document import parse
 from eurobot_od.robot import dialects
 from eurobot_od.support import svg
 from eurobot_od.support.escaping import cell, one_line
+from eurobot_od.support.tables import columns
 from eurobot_od.support.yaml_places import Place
 
 EVIL = "a\x1b[31m\nnot ok 1\r\x07\x9b\u202e\u2028\udc80"
@@ -98,8 +98,8 @@ LINES = {
     "step": report.step_line(STEP),
     "reason": "\n".join(report.reason_lines(STEP.reason or Reason(""))),
     "finding": str(Finding(EVIL, 1, 1, "E001", EVIL)),
-    "difference": str(Difference((0x1000, 0), "name", EVIL, EVIL)),
-    "node strings": columns([("1", EVIL), ("2", "b")]),
+    "difference": str(EdsDifference((0x1000, 0), "name", EVIL, EVIL)),
+    "node strings": "\n".join(columns([("1", EVIL), ("2", "b")])),
     "report": str(Report(Event.NODE_ALARM, EVIL, EVIL, 0.0)),
 }
 

@@ -87,7 +87,7 @@ def compiled(header: str, source: str, folder: Path) -> Path:
     return judge
 
 
-def program(blocks: Iterable[c.Block]) -> str:
+def program(blocks: Iterable[c.MessageBlock]) -> str:
     """Write a program that reads lines of number, length and data, and prints raw values and the data packed again."""
     cases = "\n".join(_case(number, block) for number, block in enumerate(blocks) if block.members)
     return f"""
@@ -118,7 +118,7 @@ int main(void)
 """
 
 
-def _case(number: int, block: c.Block) -> str:
+def _case(number: int, block: c.MessageBlock) -> str:
     prints = "\n            ".join(map(_printed, block.members))
     return f"""        case {number}: {{
             {block.name}_t m;

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from eurobot_od.cli import options
-from eurobot_od.cli.logs import add_log, entries
+from eurobot_od.cli.logs import ReadOptions, add_log, entries
 from eurobot_od.errors import RemoteError
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> None:
     decode = lru_cache(REMEMBERED)(described)
 
     def meanings() -> Iterator[tuple[float, Meaning]]:
-        for log, (line, time, _, raw) in entries(arguments.logs, arguments):
+        for log, (line, time, _, raw) in entries(arguments.logs, ReadOptions.of(arguments)):
             meaning = decode(raw)
             damage.add(log, line, meaning.defects)
             yield time, meaning

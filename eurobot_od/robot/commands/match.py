@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, campaign, complain, fall_silent
 from eurobot_od.cli import options as shared
-from eurobot_od.cli.terminal import in_colour
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.model.options import UNITS, Errors
 from eurobot_od.robot.model.values import TeamColour
+from eurobot_od.support.terminal import in_colour
 
 if TYPE_CHECKING:
     from eurobot_od.frame import Frame

@@ -1,0 +1,249 @@
+"""Commands on the nodes of a CANopen bus as a whole: `scan`, `nmt`, `watch`, `sync` and `time`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from datetime import datetime, timezone
+from itertools import islice
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from eurobot_od.cli import ExitStatus, options
+from eurobot_od.cli.remote import MASTER, TARGET, Target
+from eurobot_od.cli.table import BUS, JSON, RECONNECT, CommandRow, Parameter, option
+from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
+from eurobot_od.device.nmt import TARGET as TARGET_STATES
+from eurobot_od.errors import LocalError
+from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, TIME_COB_ID, parse_number
+from eurobot_od.support import durations
+from eurobot_od.support.tables import columns
+
+if TYPE_CHECKING:
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.scan import Found
+    from eurobot_od.client.watch import NodeEvent
+    from eurobot_od.live.connection import Opener
+
+
+def scan(master: Master, listen: float, as_json: bool) -> ExitStatus:
+    """List the CANopen nodes of a bus: which answer, in which state, what they are.
+
+    Exit status 1 if there is none.
+    """
+    from eurobot_od.client import scan
+
+    with master:
+        found = scan.scan(master, listen=listen)
+    if as_json:
+        print(json.dumps([found_as_data(each) for each in found], indent=2))
+    else:
+        print(*(columns(found_rows(found)) if found else ["no node answers"]), sep="\n")
+    return ExitStatus.FINE if found else ExitStatus.FOUND
+
+
+def found_as_data(found: Found) -> dict[str, Any]:
+    """Return a node as plain data."""
+    identity = found.identity._asdict() if found.identity else None
+    state = None if found.state is None else STATE_NAMES[found.state]
+    return {"node_id": found.node_id, "name": found.name, "state": state, "identity": identity}
+
+
+def found_rows(found: Sequence[Found]) -> Iterator[tuple[str, ...]]:
+    """Yield the table of the nodes."""
+    yield "node", "name", "state", "vendor", "product", "revision", "serial"
+    for each in found:
+        state = "-" if each.state is None else STATE_NAMES[each.state]
+        numbers = (f"0x{number:08X}" for number in each.identity) if each.identity else ("-",) * 4
+        yield f"{each.node_id:>4}", each.name or "-", state, *numbers
+
+
+# NMT
+
+NMT_COMMANDS = {name.replace(" ", "-"): NmtCommand(command) for command, name in COMMAND_NAMES.items()}
+"""The NMT commands by their words on the command line."""
+
+HEARTBEAT_WAIT = 1.2
+"""Seconds to wait for the heartbeat after the command; our nodes send one a second."""
+
+
+def nmt(target: Target, command: str) -> ExitStatus:
+    """Send an NMT command to a CANopen node, or to all, and print the state that the heartbeat reports.
+
+    An NMT command has no answer: the heartbeat or the boot-up message shows what the node did. Exit status 1 if the
+    heartbeat shows that the node did not follow.
+    """
+    number = NMT_COMMANDS[command]
+    if target.name == "all":
+        with target.master() as master:
+            master.send(NMT_COB_ID, bytes([number, ALL_NODES]))
+        print(f"{command} sent to all nodes")
+        return ExitStatus.FINE
+    with target.opened() as node:
+        if number not in TARGET_STATES:
+            node.reset(number)
+            state = node.state(HEARTBEAT_WAIT)
+            print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
+            return ExitStatus.FINE
+        node.command(number)
+        followed = node.wait_for(TARGET_STATES[number], HEARTBEAT_WAIT)
+        state = node.last_state
+    if state is None:
+        print(f"sent; node {node.node_id} has no heartbeat that would show its state")
+        return ExitStatus.FINE
+    print(f"node {node.node_id} is {STATE_NAMES[state]}")
+    return ExitStatus.FINE if followed else ExitStatus.FOUND
+
+
+# Watching
+
+
+def watch(
+    nodes: Sequence[int],
+    within: float,
+    guard: float | None,
+    span: float,
+    as_json: bool,
+    open_bus: Opener,
+    reopen: Opener | None,
+) -> ExitStatus:
+    """Watch CANopen nodes by heartbeat or node guarding: a line when one boots, is lost or comes back.
+
+    Without node-IDs every node that is heard is watched. Exit status 1 if a node is lost at the end.
+    """
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.watch import NodeWatch, watch_nodes
+
+    wrong = [node_id for node_id in nodes if node_id not in NODE_IDS]
+    if wrong:
+        raise LocalError(f"node-ID {wrong[0]} is not in 1..127")
+    if guard is not None and not (nodes and guard):
+        raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
+    guarded: dict[int, float] = dict.fromkeys(nodes, guard) if guard else {}
+    with Master(open_bus()) as master:
+        started = master.clock()
+        write = event_as_json if as_json else event_as_line
+        watched = NodeWatch(
+            lambda event: print(write(event._replace(time=event.time - started)), flush=True),
+            expected=nodes,
+            patience=within,
+            guarded=guarded,
+        )
+        with suppress(KeyboardInterrupt):  # the usual way to end it
+            watch_nodes(master, watched, started + span, options.guard(reopen, master))
+    return ExitStatus.FOUND if any(node.lost for node in watched.nodes.values()) else ExitStatus.FINE
+
+
+def event_as_line(event: NodeEvent) -> str:
+    """Write what happened to a node."""
+    state = "" if event.state in (None, 0) else f" ({STATE_NAMES[event.state]})"
+    return f"{event.time:9.3f}  node {event.node_id} {event.change.value}{state}"
+
+
+def event_as_json(event: NodeEvent) -> str:
+    """Write what happened to a node as a JSON object."""
+    state = None if event.state is None else STATE_NAMES[event.state]
+    return json.dumps(event._asdict() | {"change": event.change.name.lower(), "state": state})
+
+
+# What a master sends again and again
+
+
+def sync(
+    counter: int | None, period: float, count: int | None, cob_id: int, open_bus: Opener, reopen: Opener | None
+) -> None:
+    """Send SYNC messages at a fixed period, until Ctrl-C or --count."""
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.producing import produce, syncs
+
+    frames = syncs(counter, cob_id)
+    with Master(open_bus()) as master:
+        produce(master, islice(frames, count), period, options.guard(reopen, master))
+
+
+def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, reopen: Opener | None) -> None:
+    """Send the time of this computer as CANopen's TIME message, once or periodically."""
+    from eurobot_od.client.master import Master
+    from eurobot_od.client.producing import produce, times
+
+    zone = timezone.utc if utc else None
+    frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
+    with Master(open_bus()) as master:
+        produce(master, islice(frames, count), period, options.guard(reopen, master))
+
+
+def _period(text: str) -> float:
+    seconds = durations.seconds(text)
+    if not seconds:
+        raise LocalError("a period is longer than 0")
+    return seconds
+
+
+def identifier(text: str) -> int:
+    """Read an 11-bit identifier; raises LocalError."""
+    number = parse_number(text)
+    if number is None or number.relative or not 0 <= number.value <= BASE_IDENTIFIER:
+        raise LocalError(f"{text!r} is not an 11-bit identifier")
+    return number.value
+
+
+def _production(cob_id: int, period: str, count: int | None = None) -> tuple[Parameter, ...]:
+    """Return the parameters of what is sent periodically."""
+    return (
+        option("--period", type=_period, default=period, metavar="TIME", help=f"time between two messages ({period})"),
+        option("--count", type=int, default=count, metavar="N", help="end after N messages"),
+        option("--cob-id", type=identifier, default=cob_id, metavar="ID", help=f"identifier (0x{cob_id:03X})"),
+        BUS,
+        RECONNECT,
+    )
+
+
+COMMANDS = {
+    "scan": CommandRow(
+        scan,
+        option(
+            "--listen",
+            type=durations.seconds,
+            default=1.5,
+            metavar="TIME",
+            help="listen for heartbeats for this time (1.5 s)",
+        ),
+        JSON,
+        MASTER,
+    ),
+    "nmt": CommandRow(nmt, TARGET, option("command", choices=NMT_COMMANDS, help="the command; NODE may be `all`")),
+    "watch": CommandRow(
+        watch,
+        option("nodes", nargs="*", type=int, metavar="NODE-ID", help="nodes that must be there"),
+        option(
+            "--within",
+            type=durations.seconds,
+            default=2.0,
+            metavar="TIME",
+            help="time in which they must be heard (2 s)",
+        ),
+        option("--guard", type=durations.seconds, metavar="TIME", help="poll them by remote frames with this period"),
+        option(
+            "--for",
+            dest="span",
+            type=durations.seconds,
+            default=inf,
+            metavar="TIME",
+            help="how long to watch (default: until Ctrl-C)",
+        ),
+        option("--json", dest="as_json", action="store_true", help="print one JSON object per line"),
+        BUS,
+        RECONNECT,
+    ),
+    "sync": CommandRow(
+        sync,
+        option("--counter", type=int, metavar="N", help="number the messages from 1 to N (2..240), over and over"),
+        *_production(SYNC_COB_ID, "100 ms"),
+    ),
+    "time": CommandRow(
+        time,
+        option("--utc", action="store_true", help="UTC instead of local time"),
+        *_production(TIME_COB_ID, "1 s", count=1),
+    ),
+}

@@ -1,0 +1,203 @@
+"""What `check` runs and prints: suites on simulated nodes or on a bus, in this process or in others."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from eurobot_od.check import report
+from eurobot_od.check.reader import SuiteReader
+from eurobot_od.check.results import CheckedSeed, StepResult, SuiteResult
+from eurobot_od.check.runner import Interrupt, RunOptions
+from eurobot_od.check.selection import chosen, is_chosen
+from eurobot_od.cli import campaign
+from eurobot_od.cli.options import Devices, complain_of_repairs
+from eurobot_od.od import network
+from eurobot_od.support.escaping import one_line
+from eurobot_od.support.terminal import in_colour
+
+if TYPE_CHECKING:
+    from eurobot_od.campaign.executors import Workers
+    from eurobot_od.campaign.results import Results
+    from eurobot_od.check.suite import Suite
+    from eurobot_od.check.vocabulary import Networks
+    from eurobot_od.live.connection import Opener
+    from eurobot_od.od.dictionary import Dictionary
+    from eurobot_od.od.pdos import OnRefused
+
+
+class Checks(NamedTuple):
+    """Which suites are run, and how, called as the options are; it can be sent to other processes."""
+
+    devices: Devices
+    open_bus: Opener
+    files: Sequence[str]
+    tag: Sequence[str]
+    step: Sequence[str]
+    fault: Sequence[str]
+    simulate: bool
+    shared_world: bool
+    conformance: bool
+    destructive: bool
+    keep_going: bool
+
+    def reader(self, refused: OnRefused = lambda _: None) -> SuiteReader:
+        """Return the reader of suites for the devices; `refused` gets each PDO that is left out."""
+        return SuiteReader(self._networks(refused), self.devices.dialect)
+
+    def _networks(self, refused: OnRefused) -> Networks:
+        """Return the dialects, and the devices that the command line names for suites that name no dialect."""
+        known = self.devices.robot.networks()._replace(refused=refused)
+        files = self.devices.files()
+        if not files:
+            return known
+        named = Path(self.devices.network or files[0].file)
+
+        def load(path: Path) -> tuple[Dictionary, ...]:
+            if path != named:
+                return known.load(path)
+            loaded = network.load(files)
+            complain_of_repairs(loaded)
+            return loaded
+
+        return known._replace(find=lambda dialect: known.find(dialect) if dialect else named, load=load)
+
+    def conformance_texts(self) -> dict[Path, str]:
+        """Make the conformance suites of each device, by what reports call their file."""
+        from eurobot_od.check.conformance import suite
+
+        devices = self.devices.load()
+        return {Path(f"{each.name}.yaml"): suite.text(each, destructive=self.destructive) for each in devices}
+
+    def suites(self, reader: SuiteReader) -> list[Suite]:
+        """Read the suites that are asked for; raises SuiteError, LocalError."""
+        if self.conformance:
+            read = reader.read_texts(self.conformance_texts())
+        else:
+            robot = self.devices.robot
+            read = reader.read_files([robot.suite(name) for name in self.files] or [*robot.shipped_suites().values()])
+        return chosen(read, self.tag, self.step)
+
+    def how(self, seed: int) -> str:
+        """Say how suites are run, for reports."""
+        return f"simulated, seed {seed}" if self.simulate else "on the bus"
+
+    def skips(self, suite: Suite) -> str:
+        """Say why a suite is skipped, `` if it is not."""
+        if suite.world and not self.simulate and not self.shared_world:
+            return "skipped: its nodes have to share a world (--shared-world: they do)"
+        folder = self.devices.robot.dialects.folder
+        fits = None in (suite.dialect, self.devices.dialect) or folder(suite.dialect) == folder(self.devices.dialect)
+        return "" if fits else f"skipped: it is for the dialect {suite.dialect}"
+
+    def run(
+        self, suite: Suite, seed: int, interrupt: Interrupt, show: Callable[[StepResult], None] = lambda _: None
+    ) -> SuiteResult:
+        """Run a suite, unless it is skipped; `show` gets each step's result as it comes."""
+        if skipped := self.skips(suite):
+            return SuiteResult(suite.file, suite.name, self.how(seed), skipped=skipped)
+        # A conformance suite is to find all that is wrong with a device; its steps do not build on each other.
+        keeps_going = self.keep_going or self.conformance
+        options = RunOptions(keeps_going, partial(is_chosen, self.step), self.conformance, interrupt, show)
+        if self.simulate:
+            return self.devices.robot.simulate(suite, options, self.fault, seed)
+        from eurobot_od.check.live import run_live
+
+        return run_live(suite, options, self.open_bus)
+
+    def run_seed(self, seed: int) -> CheckedSeed:
+        """Run all suites for one seed, in any process."""
+        suites = self.suites(self.reader())
+        return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt()) for suite in suites))
+
+    def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
+        """Return all that the results of a seed depend on: the options, and the content of the files."""
+        from eurobot_od.campaign.files import digest_of
+
+        eds, named_network, dialect, robot_name = self.devices
+        named = [Path(each.file) for each in self.devices.files()]
+        dialects = self.devices.robot.dialects
+        folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
+        found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
+        options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network}
+        own = ("fault", "tag", "step", "conformance", "destructive", "keep_going")
+        given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
+        return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
+
+
+class Printer(NamedTuple):
+    """Prints suites as they run; `silent` if standard output is one document, `verbose` for every step and reason."""
+
+    silent: bool
+    verbose: bool
+
+    def heading(self, suite: Suite, how: str) -> None:
+        """Print the line above a suite."""
+        if not self.silent:
+            print(report.heading(suite, how), flush=True)
+
+    def step(self, step: StepResult) -> None:
+        """Print a step's line, unless it is only counted; if `verbose` also why it failed or was skipped."""
+        if self.silent or (step.status in report.UNEVENTFUL and not self.verbose):
+            return
+        print(report.step_line(step, in_colour(sys.stdout)))
+        if step.reason is not None and self.verbose:
+            print("\n".join(report.reason_lines(step.reason)))
+        sys.stdout.flush()
+
+    def end(self, result: SuiteResult) -> None:
+        """Print how many of a suite's steps have not been shown."""
+        counted = report.folded(result)
+        if counted and not (self.silent or self.verbose):
+            print(f"  {counted}", flush=True)
+
+
+def listed(suites: Iterable[Suite]) -> Iterator[str]:
+    """Yield a line for each suite."""
+    for suite in suites:
+        where = f"{', '.join(suite.nodes)}; {suite.dialect or 'any dialect'}"
+        tags = f"  [{', '.join(suite.tags)}]" if suite.tags else ""
+        yield one_line(f"{suite.file.stem:<24} {len(suite.steps):>4} steps  {suite.name} ({where}){tags}")
+
+
+def results_of(
+    checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, printer: Printer
+) -> Iterator[SuiteResult]:
+    """Run the suites for all seeds, until an interrupt or until the bus fails."""
+    for seed in seeds:
+        for suite in suites:
+            if interrupt.requested:
+                return
+            printer.heading(suite, checks.skips(suite) or checks.how(seed))
+            result = checks.run(suite, seed, interrupt, printer.step)
+            printer.end(result)
+            yield result
+            if result.error:
+                return
+
+
+def many_results(
+    checks: Checks,
+    suites: Sequence[Suite],
+    seeds: Sequence[int],
+    interrupt: Interrupt,
+    printer: Printer,
+    workers: Workers,
+    kept: Results[CheckedSeed] | None,
+) -> Iterator[SuiteResult]:
+    """Run the suites for all seeds by several workers, and print what `results_of` prints, seed by seed."""
+    from eurobot_od.campaign import blocks
+
+    done = blocks.run(checks.run_seed, seeds, workers, kept)
+    for seed, results in campaign.counted(done, len(seeds), "seeds", workers, hidden=not printer.silent):
+        for suite, result in zip(suites, results):
+            printer.heading(suite, result.skipped or checks.how(seed))
+            for step in result.steps:
+                printer.step(step)
+            printer.end(result)
+            yield result
+        if interrupt.requested:
+            return

@@ -1,0 +1,49 @@
+"""Commands as rows of a table: a function, and how each of its parameters is given on the command line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from eurobot_od.cli import options
+
+if TYPE_CHECKING:
+    from eurobot_od.cli import ExitStatus
+
+
+class Parameter(NamedTuple):
+    """A parameter of a command's function: what it adds to the command line, and how its value is read there."""
+
+    name: str
+    add: Callable[[argparse.ArgumentParser], object]
+    read: Callable[[argparse.Namespace], Any]
+
+
+def option(*names: str, **settings: Any) -> Parameter:
+    """Return the parameter of one option or argument, described as for `add_argument`; it is called as its value is."""
+    name = settings.get("dest") or names[-1].lstrip("-").replace("-", "_")
+    return Parameter(name, lambda parser: parser.add_argument(*names, **settings), attrgetter(name))
+
+
+JSON = option("--json", dest="as_json", action="store_true", help="print as JSON")
+DEVICES = Parameter("devices", options.add_network, options.Devices.of)
+BUS = Parameter("open_bus", options.add_bus, options.opener)
+RECONNECT = Parameter("reopen", options.add_reconnect, options.reopener)
+
+
+class CommandRow:
+    """A command; the first line of its function's docstring is what its help says."""
+
+    def __init__(self, run: Callable[..., ExitStatus | None], *parameters: Parameter) -> None:
+        self._run, self._parameters, self.__doc__ = run, parameters, run.__doc__
+
+    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Describe the command line."""
+        for each in self._parameters:
+            each.add(parser)
+
+    def run(self, arguments: argparse.Namespace) -> ExitStatus | None:
+        """Call the function with what the command line says."""
+        return self._run(**{each.name: each.read(arguments) for each in self._parameters})

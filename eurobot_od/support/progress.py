@@ -1,0 +1,148 @@
+"""Shows how far something has come that takes its time: a transfer by its bytes, many things by their number."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple, TextIO, TypeAlias, TypeVar
+
+from eurobot_od.support.escaping import one_line
+from eurobot_od.support.terminal import redraws
+
+Progress: TypeAlias = Callable[[int, "int | None"], object]
+"""Called with how much is done, and how much there is in all, None if that is not known."""
+
+WIDTH = 30
+"""Characters of the bar."""
+
+REDRAWN = 0.1
+"""Seconds between two drawings."""
+
+SHORT = 2.0
+"""Seconds after which the bar also says how long it will still take."""
+
+LONG = 10.0
+"""Seconds from which on the time it takes is announced where there is no terminal, and seconds between two lines."""
+
+
+class Unit(NamedTuple):
+    """What is counted, the unit of its rate, and how many of it that unit stands for."""
+
+    name: str
+    rate: str
+    number: int = 1
+
+
+BYTES, PERCENT, OBJECTS = Unit("bytes", "kB/s", 1000), Unit("%", "%/s"), Unit("objects", "objects/s")
+
+
+def unwatched(done: int, size: int | None) -> None:
+    """Show nothing."""
+
+
+@contextmanager
+def bar(
+    what: str,
+    stream: TextIO | None = None,
+    clock: Callable[[], float] = time.monotonic,
+    unit: Unit = BYTES,
+    after: float = 0.0,
+) -> Iterator[Progress]:
+    """Give a function that draws the bar, once `after` s have passed; at the end the bar is wiped out.
+
+    Without a terminal nothing is drawn.
+    """
+    out = stream or sys.stderr
+    if not redraws(out):
+        yield unwatched
+        return
+    started = drawn = clock()
+    width = 0
+
+    def draw(done: int, size: int | None) -> None:
+        nonlocal drawn, width
+        now = clock()
+        if now - started < after or (width and now - drawn < REDRAWN and done != size):
+            return
+        drawn = now
+        text = line(what, done, size, now - started, unit)
+        out.write("\r" + text.ljust(width))
+        out.flush()
+        width = max(width, len(text))
+
+    try:
+        yield draw
+    finally:
+        if width:
+            out.write("\r" + " " * width + "\r")
+            out.flush()
+
+
+def line(what: str, done: int, size: int | None, seconds: float, unit: Unit = BYTES) -> str:
+    """Return the bar as text: share, number, number per second, and from `SHORT` on how long it will still take."""
+    rate = f"{done / seconds / unit.number:.1f} {unit.rate}" if seconds > 0 else ""
+    if not size:
+        return "  ".join(filter(None, (one_line(what), f"{done} {unit.name}", rate)))
+    if done and seconds >= SHORT:
+        rate += f", about {_about(seconds / done * (size - done))} left"
+    filled = done * WIDTH // size
+    drawn = f"{'█' * filled}{'░' * (WIDTH - filled)} {done / size:4.0%}"
+    return "  ".join(filter(None, (one_line(what), drawn, f"{done} of {size} {unit.name}", rate)))
+
+
+# Many things
+
+Thing = TypeVar("Thing")
+
+
+@contextmanager
+def passing(what: str, things: Iterable[Thing]) -> Iterator[Iterator[Thing]]:
+    """Give the objects `things` one after the other; if that takes long, a bar for `what` is drawn."""
+    listed = list(things)
+    with bar(what, unit=OBJECTS, after=SHORT) as draw:
+
+        def drawn() -> Iterator[Thing]:
+            for done, thing in enumerate(listed):
+                draw(done, len(listed))
+                yield thing
+
+        # Not `passing` itself is the generator: an error would then be printed before the bar is wiped out.
+        yield drawn()
+
+
+def counted(
+    things: Iterable[Thing],
+    number: int,
+    what: str,
+    at_once: int,
+    stream: TextIO | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> Iterator[Thing]:
+    """Pass on `number` things, `what` in words, that are made `at_once` at a time, and show how far it is.
+
+    A terminal has a bar. Elsewhere a line announces how long it will take, if that is long, and others follow.
+    """
+    out = stream or sys.stderr
+    with bar("", out, clock, Unit(what, f"{what}/s")) as draw:
+        first = said = clock()
+        for count, thing in enumerate(things, 1):
+            now = clock()
+            if count == 1:
+                first = now  # the first round also starts the processes, which tells nothing of the others
+            elif not redraws(out):
+                left = (now - first) / (count - 1) * (number - count)
+                if count == 1 + at_once and left >= LONG:
+                    processes = f" on {at_once} processes" if at_once > 1 else ""
+                    out.write(f"{number} {what}, about {_about(left)}{processes}\n")
+                if now - said >= LONG:
+                    said = now
+                    out.write(f"{count} of {number} {what}, about {_about(left)} left\n")
+                out.flush()
+            draw(count, number)
+            yield thing
+
+
+def _about(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 90 else f"{seconds / 60:.0f} min"
