@@ -1,4 +1,4 @@
-"""Compute how full a CAN bus is and how late each message can be, for a network, a robot, or any set of messages.
+"""Compute how full a CAN bus is and how late each message can be, for a network or a robot.
 
 Worst-case response times by Davis, Burns, Bril and Lukkien (2007), with transmit mailboxes and errors. Exit status 1 if
 a deadline can be missed.
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.errors import LocalError
-from eurobot_od.support import bounded
 
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
@@ -32,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "path",
         nargs="?",
-        metavar="NETWORK|MESSAGES.yaml",
-        help="network file or folder of EDS files, or a set of messages; left out: the robot's network",
+        metavar="NETWORK",
+        help="network file or folder of EDS files; left out: the robot's network",
     )
     parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s; left out: what the file says, or 500000")
     parser.add_argument("--errors", type=_errors, metavar="N/TIME", help="at most N bit errors in any TIME, as 1/10ms")
@@ -102,7 +101,7 @@ def _limits(messages: MessageSet, bit_rate: int) -> Limits:
 
 
 def message_set(arguments: argparse.Namespace) -> MessageSet:
-    """Return the messages that the command line is about; raises LocalError, DictionaryError, SetError, OSError."""
+    """Return the messages that the command line is about; raises LocalError, DictionaryError, OSError."""
     messages = _read(arguments)
     if arguments.mailboxes is not None:
         nodes = {each.node for each in messages.messages}
@@ -111,18 +110,11 @@ def message_set(arguments: argparse.Namespace) -> MessageSet:
 
 
 def _read(arguments: argparse.Namespace) -> MessageSet:
-    from eurobot_od.load.set_file import is_message_set, read_set
-
-    path = arguments.path
-    if path is None:
+    if arguments.path is None:
         return of_robot(options.robot(arguments), arguments.dialect)
     if arguments.dialect:
         raise LocalError("--dialect is for a robot's network: leave it out, or the file")
-    if Path(path).suffix.lower() in (".yaml", ".yml"):
-        text = bounded.read(path).decode(errors="replace")
-        if is_message_set(text):
-            return read_set(text, path, arguments.bitrate)
-    return _of_network(path, options.robot(arguments))
+    return _of_network(arguments.path, options.robot(arguments))
 
 
 def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
