@@ -221,7 +221,7 @@ DEPENDED_ON = ("robot", "dialect", "eds", "network", "fault", "tag", "step", "co
 
 def _settings(arguments: argparse.Namespace, suites: Sequence[Suite]) -> dict[str, str]:
     """Return all that the results of any seeds depend on: the options, and what the files have in them."""
-    from eurobot_od.campaign.files import digest_of
+    from eurobot_od.support.files import digest_of
 
     named = [Path(each.file) for each in shared.named_files(arguments)]
     dialects = shared.robot(arguments).dialects
