@@ -30,7 +30,10 @@ def draw(rows: pl.DataFrame, chart: Chart, title: str) -> str:
     complete = rows.drop_nulls()
     if not any(column.dtype.is_numeric() for column in rows):
         raise LocalError(f"nothing to draw: none of the columns {', '.join(rows.columns)} has numbers")
-    content, width, height = DRAWN[chart.kind](complete, chart) if len(complete) else _nothing()
+    if not len(complete):
+        nothing = svg.text((LEFT, TOP), "no rows", font_size=svg.TEXT, fill=svg.PALE)
+        return svg.document(title, svg.heading(title), nothing, width=LEFT + PLOT, height=TOP + BOTTOM)
+    content, width, height = DRAWN[chart.kind](complete, chart)
     return svg.document(title, svg.heading(title), *content, width=width, height=height)
 
 
@@ -45,10 +48,6 @@ def chart_of(rows: pl.DataFrame) -> Chart:
         return Chart(ChartKind.HISTOGRAM, first, "rows")
     kind = ChartKind.LINES if rows[first].dtype.is_numeric() else ChartKind.BARS
     return Chart(kind, first, ", ".join(rows.columns[1:]))
-
-
-def _nothing() -> Drawn:
-    return [svg.text((LEFT, TOP), "no rows", font_size=svg.TEXT, fill=svg.PALE)], LEFT + PLOT, TOP + BOTTOM
 
 
 # Bars: a row for each
