@@ -1,15 +1,19 @@
-"""Who does the work of a campaign: this process, others on this machine, or dask's workers on any.
+"""Who does the work of a campaign: this process, others on this machine, or dask's workers on any machine.
 
-Rule of this file: an executor of `concurrent.futures` is all that a campaign sees of them.
+A campaign sees nothing of them but an executor of `concurrent.futures`.
 """
 
 from __future__ import annotations
 
 import os
+import signal
+import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
-from typing import NamedTuple
+from multiprocessing import get_context, parent_process
+from multiprocessing.connection import Connection, wait
+from typing import Any, NamedTuple
 
 from eurobot_od.errors import LocalError
 
@@ -22,7 +26,7 @@ CONNECT_WAIT = "10s"
 
 
 BLOCK = 100
-"""Items of a block for workers elsewhere: a lost one does not matter much, and handing it over not at all."""
+"""Items of a block for workers elsewhere: losing one costs little, and handing it over next to nothing."""
 
 
 class Workers(NamedTuple):
@@ -44,24 +48,56 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+class Processes(ProcessPoolExecutor):
+    """Processes of this machine; at the end of the `with` block they end at once, whatever they are doing.
+
+    They are started anew, not forked: threads of other packages do not survive a fork. The standard library's wait for
+    work for ever when their parent was killed, and finish what they have begun when nobody wants it any more. So each
+    of ours has a thread that waits for either, and ends the process.
+    """
+
+    def __init__(self, number: int) -> None:
+        context = get_context("spawn")
+        self._end, self._end_here = context.Pipe(duplex=False)
+        super().__init__(number, context, _begin, (self._end,))
+
+    def __exit__(self, *_: object) -> bool | None:
+        self._end_here.send_bytes(b"end")  # nobody takes it out, so that all see it
+        self.shutdown(wait=True, cancel_futures=True)
+        self._end_here.close()
+        self._end.close()
+        return None
+
+
+def _begin(end: Connection) -> None:
+    """Set a new process up: Ctrl-C, which reaches all processes, is the parent's to act on."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    awaited: list[Any] = [end] if parent is None else [end, parent.sentinel]
+    threading.Thread(target=_end_after, args=(awaited,), daemon=True).start()
+
+
+def _end_after(awaited: list[Any]) -> None:
+    wait(awaited)
+    os._exit(0)
+
+
 @contextmanager
 def local(number: int) -> Iterator[Workers]:
-    """Give so many processes of this machine; one is this process itself. They end with the `with` block."""
+    """Give a number of processes of this machine; one is this process itself. They end with the `with` block."""
     if number == 1:
         yield HERE
         return
-    from eurobot_od.campaign.processes import Processes
-
     with Processes(number) as executor:
         yield Workers(number, executor)
 
 
 @contextmanager
 def dask(address: str) -> Iterator[Workers]:
-    """Give the workers of a dask scheduler, `HOST:PORT`; what is still to be done is given up at the end.
+    """Give the workers of a dask scheduler, `HOST:PORT`; work that is not done at the end is given up.
 
-    Raises LocalError if nobody answers there, without a worker, and for one that does several things at once in one
-    process: `sys.stdout` would be anybody's. Raises ModuleNotFoundError without dask.
+    Raises LocalError if nobody answers there, without a worker, and for a worker with several threads: they would share
+    `sys.stdout`. Raises ModuleNotFoundError without dask.
     """
     from distributed import Client
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from eurobot_od import live as runtime
@@ -30,11 +30,8 @@ RETRY = 0.001
 """Seconds from one try to the next."""
 
 
-RECOVERY = 10.0
-"""Seconds that a bus has to come back for the teardown."""
-
-STEADY = 0.3
-"""Seconds without an error, after which a bus that is open again works: SocketCAN opens one that is down, too."""
+RECOVERY = 12.0
+"""Seconds that a bus has to come back for the teardown: the last of the tries to open it again is after 11.3 s."""
 
 
 class LiveBench:
@@ -44,26 +41,25 @@ class LiveBench:
     """
 
     def __init__(self, open_bus: Callable[[], can.BusABC]) -> None:
-        self._open_bus, self._watching = open_bus, ExitStack()
         self._loop = asyncio.get_running_loop()
+        self._works = asyncio.Event()
+        self._works.set()
+        self._watch = runtime.Watch(
+            open_bus(), self.seen, time.monotonic, self.failed, opener=open_bus, back=self._came_back
+        )
         self.trace = Trace()
 
     def __enter__(self) -> LiveBench:
-        self._open()
+        self._watch.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._watching.close()
-
-    def _open(self) -> None:
-        bus = self._open_bus()
-        self._driver = runtime.Driver(bus)
-        self._watching.enter_context(runtime.Watch(bus, self.seen, time.monotonic, self.failed))
+        self._watch.__exit__()
 
     @property
     def name(self) -> str:
         """What the driver calls the bus."""
-        return str(self._driver.bus.channel_info)
+        return self._watch.name
 
     async def begin(self) -> None:
         """Return at once: nobody knows when the nodes on a real bus are up."""
@@ -74,29 +70,25 @@ class LiveBench:
 
     def failed(self, failure: BusError) -> None:
         """Take in that the bus has failed."""
+        self._loop.call_soon_threadsafe(self._works.clear)
         self._loop.call_soon_threadsafe(self.trace.fail, failure)
 
+    def _came_back(self, _gap: float) -> None:
+        self._loop.call_soon_threadsafe(self._works.set)
+
     async def recover(self) -> bool:
-        """Open the bus again, for the teardown, as often as it takes; False if it does not work in `RECOVERY` s."""
-        end = self._loop.time() + RECOVERY
-        while self._loop.time() < end:
-            with suppress(Exception):  # of a bus that has failed, what its end has to say is only a consequence
-                self._watching.close()
-            self.trace.recover()
-            with suppress(BusError):
-                self._open()
-                await asyncio.sleep(STEADY)
-                if not self.trace.has_failed:
-                    return True
-            await asyncio.sleep(STEADY)
-        return False
+        """Wait until the bus works again, for the teardown; False if it does not in `RECOVERY` s."""
+        with suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._works.wait(), RECOVERY)
+        self.trace.recover()
+        return self._works.is_set()
 
     async def send(self, frame: Frame) -> float:
         """Hand a frame to the driver; raises BusError if it does not take it."""
         begun = now = self._loop.time()
-        while not self._driver.send(frame):
+        while not self._watch.send(frame):
             if now > begun + SEND_WAIT:
-                raise BusError(f"the bus {self._driver.bus.channel_info} did not take {frame}")
+                raise BusError(f"the bus {self.name} did not take {frame}")
             await asyncio.sleep(RETRY)
             now = self._loop.time()
         return now

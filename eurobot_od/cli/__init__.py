@@ -189,7 +189,9 @@ def _run(words: list[str]) -> int:
         parser = Parser(f"eurobot-od {command}", description=(found.__doc__ or "").partition("\n")[0], robot=robot)
         found.add_arguments(parser)
         add_robot(parser)
-        arguments = parser.parse_args(words[1:])
+        # Only so may an option stand between positional arguments of which one can be left out.
+        parse = parser.parse_args if parser._subparsers else parser.parse_intermixed_args
+        arguments = parse(words[1:])
         arguments.robot = robot
     finally:
         gc.freeze()

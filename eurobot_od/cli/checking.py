@@ -115,7 +115,7 @@ class Checks(NamedTuple):
 
     def settings(self, suites: Sequence[Suite]) -> dict[str, str]:
         """Return all that the results of a seed depend on: the options, and the content of the files."""
-        from eurobot_od.campaign.files import digest_of
+        from eurobot_od.support.files import digest_of
 
         eds, named_network, dialect, robot_name = self.devices
         named = [Path(each.file) for each in self.devices.files()]

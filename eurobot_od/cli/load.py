@@ -1,4 +1,4 @@
-"""Compute how full a CAN bus is and how late each message can be, for a network, a robot, or any set of messages.
+"""Compute how full a CAN bus is and how late each message can be, for a network or a robot.
 
 Worst-case response times by Davis, Burns, Bril and Lukkien (2007), with transmit mailboxes and errors. Exit status 1 if
 a deadline can be missed.
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.cli import ExitStatus, options
 from eurobot_od.errors import LocalError
-from eurobot_od.support import bounded
 
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
@@ -32,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "path",
         nargs="?",
-        metavar="NETWORK|MESSAGES.yaml",
-        help="network file, folder of EDS files, or set of messages (default: the robot's network)",
+        metavar="NETWORK",
+        help="network file or folder of EDS files (default: the robot's network)",
     )
     parser.add_argument("-b", "--bitrate", type=options.bit_rate, help="bit/s (default: the file's, or 500000)")
     parser.add_argument(
@@ -74,7 +73,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     from eurobot_od.load.report import as_data, load_report, table
     from eurobot_od.load.sweep import sentences
 
-    messages = _read(arguments.path, arguments.dialect, arguments.bitrate, options.robot(arguments))
+    messages = _read(arguments.path, arguments.dialect, options.robot(arguments))
     if arguments.mailboxes is not None:
         nodes = {each.node for each in messages.messages}
         messages = messages._replace(mailboxes=dict.fromkeys(nodes, arguments.mailboxes) if arguments.mailboxes else {})
@@ -101,19 +100,14 @@ def _limits(messages: MessageSet, bit_rate: int) -> Limits:
         return limits(messages, bit_rate, lambda done: draw(done, SEARCHES))
 
 
-def _read(path: str | None, dialect: str | None, bit_rate: int | None, robot: Plugin) -> MessageSet:
-    """Return the messages that the command line is about; raises LocalError, DictionaryError, SetError, OSError."""
-    from eurobot_od.load.set_file import is_message_set, read_set
+def _read(path: str | None, dialect: str | None, robot: Plugin) -> MessageSet:
+    """Return the messages that the command line is about; raises LocalError, DictionaryError, OSError."""
     from eurobot_od.od.network import load, read_network
 
     if path is None:
         return of_robot(robot, dialect)
     if dialect:
         raise LocalError("--dialect is for a robot's network: leave it out, or the file")
-    if Path(path).suffix.lower() in (".yaml", ".yml"):
-        text = bounded.read(path).decode(errors="replace")
-        if is_message_set(text):
-            return read_set(text, path, bit_rate)
     network = read_network(path)
     return _of_outlines(load(network.nodes), network, path, robot)
 

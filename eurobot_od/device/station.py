@@ -18,12 +18,7 @@ from eurobot_od.device.node import Node
 from eurobot_od.errors import DictionaryError, NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper, Report, Stay
-
-FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
-"""Seconds until a node that has failed is restarted, doubled each time."""
-
-STEADY = 10.0
-"""Seconds without a failure after which the pauses begin anew."""
+from eurobot_od.support.backoff import Backoff
 
 
 class OnError(Enum):
@@ -58,7 +53,7 @@ class Station:
             **_sizes(node),
         )
         self.failure: NodeFailed | None = None
-        self._on_error, self._pause, self._failed_at = on_error, FIRST_PAUSE, -inf
+        self._on_error, self._backoff = on_error, Backoff()
         self._restarts_at: float | None = None
         """When a node that has failed is restarted; None while it runs."""
         self._identifiers = node.device.identifiers
@@ -123,9 +118,9 @@ class Station:
             self.node.switched_off()
             pause, what = inf, "it has ended"
         else:
-            pause = FIRST_PAUSE if now - self._failed_at >= STEADY else min(2 * self._pause, LONGEST_PAUSE)
+            pause = self._backoff.pause(now)
             what = f"it is restarted in {pause:g} s"
-        self._failed_at, self._pause, self._restarts_at = now, pause, now + pause
+        self._restarts_at = now + pause
         self._listener.failed += 1
         self.gatekeeper.report(Report(Event.NODE_FAILED, self.node.name, f"{text}; {what}", now, error))
         return frames

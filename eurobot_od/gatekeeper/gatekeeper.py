@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from eurobot_od.errors import FrameLengthError, ListenerError, StateError
-from eurobot_od.frame import Data, Frame
+from eurobot_od.frame import HIGHEST_IDENTIFIER, Data, Frame
 from eurobot_od.gatekeeper.listeners import Function, FunctionListener, ListenerStatistics, MessageQueue
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT, MAILBOXES, Mailboxes, Stay, TransmitStatistics
 from eurobot_od.gatekeeper.reports import Event, Report, Reporter
@@ -28,9 +28,6 @@ SLOW_AFTER = 0.010
 
 REPORTS_KEPT = 1000
 """Reports kept when nobody takes them."""
-
-EXACT = 0x7FF
-"""Filter mask: all 11 bits of an identifier count."""
 
 ALL_MESSAGES = "all messages"
 """What a listener without a message type listens to."""
@@ -196,7 +193,10 @@ class Gatekeeper:
 
     def filters(self) -> list[CanFilter]:
         """Return the receive filters as of now, made anew: nothing but the bus keeps them (document section 6)."""
-        return [{"can_id": cob_id, "can_mask": EXACT, "extended": False} for cob_id in sorted(self._routes)]
+        # the mask: all 11 bits of an identifier count
+        return [
+            {"can_id": cob_id, "can_mask": HIGHEST_IDENTIFIER, "extended": False} for cob_id in sorted(self._routes)
+        ]
 
     # Receiving
 

@@ -16,15 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.errors import BusError
 from eurobot_od.live.buses import Driver
+from eurobot_od.support.backoff import Backoff
 
 if TYPE_CHECKING:
     import can
-
-FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
-"""Seconds until a lost bus is opened again, doubled each time."""
-
-STEADY = 10.0
-"""Seconds that a bus has to work for the pauses to begin anew."""
 
 Opener: TypeAlias = "Callable[[], can.BusABC]"
 """Opens a bus as it was opened before; raises BusError."""
@@ -65,7 +60,7 @@ class Connection:
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._since = clock()
-        self._pause = FIRST_PAUSE
+        self._backoff = Backoff()
 
     def fail(self, why: BusError) -> None:
         """Note that the bus has failed; from any thread."""
@@ -76,7 +71,6 @@ class Connection:
             self.failure = self.failure or why
             self.up = self._opener is None
             if first:
-                self._pause = FIRST_PAUSE if self._clock() - self._since >= STEADY else self._pause
                 self._since = self._clock()
         if first:
             self._told_lost(why, self._opener is not None)
@@ -85,8 +79,7 @@ class Connection:
         """Open the bus again, and wait until that succeeds; False if the connection is to end instead."""
         if self._opener is None:
             return False
-        while not self._closing.wait(self._pause):
-            self._pause = min(2 * self._pause, LONGEST_PAUSE)
+        while not self._closing.wait(self._backoff.pause(self._clock())):
             try:
                 self.count_overflow()
                 self.driver.replace(self._opener)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from struct import error as StructError  # noqa: N812
 from typing import TYPE_CHECKING
 
@@ -115,6 +116,19 @@ class Watch:
         reader = Reader(self._connection, receive, clock, foreign)
         self._thread = threading.Thread(target=reader.read, name=f"{bus.channel_info} watch", daemon=True)
 
+    @property
+    def name(self) -> str:
+        """What the driver calls the bus."""
+        return str(self._connection.driver.bus.channel_info)
+
+    def send(self, frame: Frame, timeout: float | None = None) -> bool:
+        """Hand a frame to the driver, as `Driver.send` does; when that fails, the bus is opened again as well."""
+        try:
+            return self._connection.driver.send(frame, timeout)
+        except BusError as failed:
+            self._connection.fail(failed)
+            raise
+
     def overflow(self) -> int:
         """Return how many frames have found no room in the driver's queue so far; 0 if it does not tell."""
         self._connection.count_overflow()
@@ -128,4 +142,6 @@ class Watch:
         self._connection.close()
         self._connection.count_overflow()
         self._thread.join(10 * POLL)
-        shut_down(self._connection.driver.bus)
+        # The end of a bus that has failed can only fail for the same reason.
+        with suppress(Exception) if self._connection.failure else nullcontext():
+            shut_down(self._connection.driver.bus)

@@ -173,17 +173,13 @@ class Watchdog:
     def _program(self) -> FrameType | None:
         """Return the innermost call of the program in the watched thread, None if it is not there, or in a debugger."""
         frame, found = sys._current_frames().get(self._watched.ident or 0), None
-        while frame is not None and not _is_callback(frame):
+        # From asyncio's call of what is ready outwards there is no program any more.
+        while frame is not None and frame.f_code is not asyncio.Handle._run.__code__:
             if frame.f_globals.get("__name__") in DEBUGGERS:
                 return None
             found = found or (None if frame.f_code.co_filename.startswith(OWN_CODE) else frame)
             frame = frame.f_back
         return None if frame is None else found
-
-
-def _is_callback(frame: FrameType) -> bool:
-    """Tell whether a frame is asyncio's that calls what is ready: from here on outwards there is no program."""
-    return frame.f_code is asyncio.Handle._run.__code__
 
 
 def give_up(program: object) -> None:

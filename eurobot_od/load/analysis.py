@@ -47,7 +47,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import NamedTuple, TypeAlias
 
-from eurobot_od.load.frames import RECOVERY_BITS, Urgency
+from eurobot_od.load.frames import RECOVERY_BITS
 
 HORIZON = 10**7
 """Bit times after which a busy period is taken for endless: 10 s at 1 Mbit/s."""
@@ -72,7 +72,7 @@ class Message(NamedTuple):
     the node takes for it.
     """
 
-    urgency: Urgency
+    identifier: int
     bits: int
     period: int
     deadline: int
@@ -180,8 +180,10 @@ class Analysis:
 
     def _level(self, place: int) -> Level:
         message = self.messages[place]
-        others = tuple(n for n, each in enumerate(self.messages) if each.urgency <= message.urgency and n != place)
-        less = [n for n, each in enumerate(self.messages) if each.urgency > message.urgency]
+        others = tuple(
+            n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
+        )
+        less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
         level = [message, *(self.messages[n] for n in others)]
@@ -195,11 +197,11 @@ class Analysis:
 
         `late`: one message may take more than one mailbox.
         """
-        node, urgency = self.messages[place].node, self.messages[place].urgency
+        node, identifier = self.messages[place].node, self.messages[place].identifier
         if node not in self.mailboxes:
             return []
-        less = [n for n, each in enumerate(self.messages) if each.node == node and each.urgency > urgency]
-        less.sort(key=lambda n: self.messages[n].urgency, reverse=True)
+        less = [n for n, each in enumerate(self.messages) if each.node == node and each.identifier > identifier]
+        less.sort(key=lambda n: self.messages[n].identifier, reverse=True)
         return less if late else less[self.mailboxes[node] - 1 :]
 
 

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from eurobot_od.load.analysis import Analysis, Errors, Message
-from eurobot_od.load.frames import longest_frame, urgency
+from eurobot_od.load.frames import longest_frame
 
 MICROSECONDS = 1_000_000
 """Microseconds of a second."""
@@ -31,14 +31,13 @@ class SentMessage(NamedTuple):
     deadline: int
     node: str = ""
     jitter: int = 0
-    extended: bool = False
     answers: str = ""
     reason: str = ""
 
     @property
     def bits(self) -> int:
         """The longest that its frame can be, in bits."""
-        return longest_frame(self.length, self.extended)
+        return longest_frame(self.length)
 
 
 class ErrorRate(NamedTuple):
@@ -74,7 +73,7 @@ class MessageSet(NamedTuple):
 
 def by_urgency(messages: Iterable[SentMessage]) -> tuple[SentMessage, ...]:
     """Return messages in the order of their urgency, the most urgent first."""
-    return tuple(sorted(messages, key=lambda each: urgency(each.identifier, each.extended)))
+    return tuple(sorted(messages, key=lambda each: each.identifier))
 
 
 def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
@@ -90,7 +89,7 @@ def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
     return Analysis(
         [
             Message(
-                urgency(each.identifier, each.extended),
+                each.identifier,
                 each.bits,
                 max(bits(each.period), 1),
                 bits(each.deadline),

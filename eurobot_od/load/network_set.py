@@ -60,7 +60,7 @@ def network_set(
     """
     devices = tuple(outlines)
     reader = _Rows(devices, network.traffic, file)
-    senders = [each for device in devices for each in _pdos(device, names)]
+    senders = [_pdo_sender(device, each, names) for device in devices for each in _sent_pdos(device)]
     services = [each for device in devices for each in _services(device, devices)]
     reader.refuse_unknown({each.row for each in (*senders, *services)})
     by_itself = [
@@ -101,10 +101,6 @@ def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> Sende
     length = -(-sum(each.bits for each in pdo.mapping) // 8)
     name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
     return Sender(name, name, pdo.cob_id, length, device.name)
-
-
-def _pdos(device: Dictionary, names: Mapping[int, str]) -> Iterator[Sender]:
-    return (_pdo_sender(device, each, names) for each in _sent_pdos(device))
 
 
 def _timed_pdos(device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]) -> Iterator[SentMessage]:

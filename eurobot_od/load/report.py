@@ -90,10 +90,10 @@ def summary(report: LoadReport) -> str:
 
 
 def _cells(row: BoundRow) -> tuple[str, ...]:
-    message, digits = row.message, 8 if row.message.extended else 3
+    message = row.message
     margin = MISSED if row.margin is None else f"{MISSED} {ms(row.margin)}" if row.margin < 0 else ms(row.margin)
     return (
-        f"{message.identifier:0{digits}X}",
+        f"{message.identifier:03X}",
         message.name,
         message.node,
         ms(message.period),
@@ -135,7 +135,6 @@ def _row_data(row: BoundRow) -> dict[str, Any]:
     return {
         "name": message.name,
         "identifier": message.identifier,
-        "extended": message.extended,
         "node": message.node,
         "length": message.length,
         "bits": message.bits,

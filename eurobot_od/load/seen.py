@@ -64,7 +64,7 @@ class SeenTraffic:
         self.messages: dict[int, SeenMessage] = {}
         self._promised: dict[int, BoundRow] = {}
         self._answers: dict[int, set[int]] = {}
-        rows = [row for row in load_report(promised, bit_rate).rows if not row.message.extended]
+        rows = load_report(promised, bit_rate).rows
         identifiers = {row.message.name: row.message.identifier for row in rows}
         for row in sorted(rows, key=lambda each: each.response or 0):  # of several senders the one that may be latest
             self._promised[row.message.identifier] = row
@@ -74,8 +74,8 @@ class SeenTraffic:
         self.begin: float | None = None
         self.end = 0.0
 
-    def take(self, time: float, frame: Frame, name: str, node: str) -> None:
-        """Take in a frame that ended at a time in s, of a message of `node`."""
+    def take(self, time: float, frame: Frame, name: str, node: str) -> int:
+        """Count a frame that ended at a time in s, of a message of `node`; return how many bits it took."""
         identifier, bits = frame.cob_id, frame_bits(frame)
         seen = self.messages.get(identifier)
         if seen is None:
@@ -84,6 +84,7 @@ class SeenTraffic:
         for answer in self._answers.get(identifier, ()):
             self._asked[answer] = time
         self.begin, self.end = time if self.begin is None else self.begin, time
+        return bits
 
     def _first(self, identifier: int, name: str, node: str) -> SeenMessage:
         row = self._promised.get(identifier)
@@ -94,7 +95,7 @@ class SeenTraffic:
         return SeenMessage(identifier, name, row.message.node, row.message.period / MICROSECONDS, seconds)
 
     def load(self, bits: int) -> float:
-        """Return which share of the bus so many bits took; 0 before any time has passed."""
+        """Return the share of the bus that a number of bits took; 0 before any time has passed."""
         span = 0.0 if self.begin is None else self.end - self.begin
         return bits / span / self.bit_rate if span > 0 else 0.0
 

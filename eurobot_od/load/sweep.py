@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
-from eurobot_od.load.frames import MOST_BYTES, Urgency, urgency
+from eurobot_od.frame import MOST_BYTES
 from eurobot_od.load.message_set import MessageSet, SentMessage, analysed
 from eurobot_od.load.report import LoadReport, load_report
 
@@ -112,39 +112,24 @@ def _first(found: Callable[[int], bool], end: int) -> int:
 
 def with_messages(messages: MessageSet, number: int, period: int) -> MessageSet:
     """Return the set with further messages of 8 bytes, less urgent than all others, each with a node of its own."""
-    first = _free_identifier(messages)
+    first = 1 + max(each.identifier for each in messages.messages)  # may be one that no frame can have, as below
     more = [SentMessage(f"further {n}", first + n, MOST_BYTES, period, period, f"further {n}") for n in range(number)]
     return messages._replace(messages=(*messages.messages, *more))
 
 
 def with_nodes(messages: MessageSet, number: int, node: str) -> MessageSet:
     """Return the set with further nodes that send what `node` does, each frame just after it in urgency."""
-    ranks = {each: n for n, each in enumerate(sorted({_urgency(each) for each in messages.messages}))}
+    ranks = {each: n for n, each in enumerate(sorted({each.identifier for each in messages.messages}))}
     mailboxes = dict(messages.mailboxes)
     more: list[SentMessage] = []
     for each in messages.messages:
-        first = ranks[_urgency(each)] * (number + 1)
-        more.append(_renumbered(each, first))
+        first = ranks[each.identifier] * (number + 1)
+        more.append(each._replace(identifier=first))
         for n in range(1, number + 1 if each.node == node else 1):
             name = f"{node} {n + 1}"
             mailboxes |= {name: mailboxes[node]} if node in mailboxes else {}
-            copy = each._replace(name=f"{each.name} of {name}", node=name, answers="")
-            more.append(_renumbered(copy, first + n))
+            more.append(each._replace(name=f"{each.name} of {name}", identifier=first + n, node=name, answers=""))
     return messages._replace(messages=tuple(more), mailboxes=mailboxes)
-
-
-def _urgency(message: SentMessage) -> Urgency:
-    return urgency(message.identifier, message.extended)
-
-
-def _renumbered(message: SentMessage, rank: int) -> SentMessage:
-    """Return a message with an identifier of that rank, possibly one that no frame can have."""
-    return message._replace(identifier=rank << 18 if message.extended else rank)
-
-
-def _free_identifier(messages: MessageSet) -> int:
-    """Return a base identifier less urgent than all that the set has, possibly one that no frame can have."""
-    return 1 + max(each.identifier >> 18 if each.extended else each.identifier for each in messages.messages)
 
 
 def _busiest(messages: MessageSet) -> str:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Foreign, Raw, frame, seconds, shortened
+from eurobot_od.frame import MOST_BYTES, Frame
+from eurobot_od.logs.entries import Damage, Foreign, Raw, frame, seconds, shortened
 from eurobot_od.logs.lines import LineFormat
 
 BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
@@ -44,7 +44,7 @@ class AscFormat(LineFormat):
 
     def _frame(self, words: list[bytes]) -> Frame:
         identifier, direction, kind, length, *octets = words
-        count = min(int(length, self._base), MAX_LENGTH)
+        count = min(int(length, self._base), MOST_BYTES)
         data = bytes([int(octet, self._base) for octet in octets[:count]])
         if direction not in DIRECTIONS or kind != b"d" or len(data) != count:
             raise ValueError(octets)

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 from eurobot_od.errors import LocalError
+from eurobot_od.frame import MOST_BYTES
 from eurobot_od.logs.entries import (
     LARGEST,
-    MAX_LENGTH,
     Damage,
     Entries,
     Foreign,
@@ -80,7 +80,7 @@ def _of_row(row: tuple[float, int, int, int, int, int, bytes | None]) -> tuple[f
     is_classic = not (error or remote or extended)
     if is_classic and len(octets) != length:
         raise ValueError(f"{cob_id:03X}#{octets.hex()} with length {length}")
-    flags = error, is_classic and length > MAX_LENGTH, remote, extended
+    flags = error, is_classic and length > MOST_BYTES, remote, extended
     damage = next((each for each, is_set in zip(FLAGS, flags) if is_set), None)
     return seconds(time), "", frame_or_foreign(damage, cob_id, octets)
 

@@ -9,8 +9,8 @@ import re
 from binascii import a2b_hex
 from functools import cache
 
-from eurobot_od.frame import Frame
-from eurobot_od.logs.entries import LATEST, MAX_LENGTH, Damage, Foreign, Raw
+from eurobot_od.frame import MOST_BYTES, Frame
+from eurobot_od.logs.entries import LATEST, Damage, Foreign, Raw
 from eurobot_od.logs.lines import LineFormat
 
 OPENING, CLOSING = b"()"
@@ -45,7 +45,7 @@ class CandumpFormat(LineFormat):
             cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])
         except ValueError:
             return time, channel.decode(), _foreign(rest)
-        if len(data) > MAX_LENGTH:
+        if len(data) > MOST_BYTES:
             raise ValueError(line)
         return time, channel.decode(), tuple.__new__(Frame, (cob_id, data))
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from binascii import a2b_base64
 
-from eurobot_od.logs.entries import MAX_LENGTH, Damage, Raw, frame_or_foreign, seconds
+from eurobot_od.frame import MOST_BYTES
+from eurobot_od.logs.entries import Damage, Raw, frame_or_foreign, seconds
 from eurobot_od.logs.lines import LineFormat
 
 HEADER = b"timestamp,"
@@ -34,7 +35,7 @@ class CsvFormat(LineFormat):
         damage, data = FLAGS[tuple(flags)], _data(base64.rstrip())
         if len(data) != int(length) and damage in CLASSIC:
             raise ValueError(line)
-        if len(data) > MAX_LENGTH and damage in CLASSIC:
+        if len(data) > MOST_BYTES and damage in CLASSIC:
             damage = Damage.FD
         return seconds(stamp), "", frame_or_foreign(damage, int(identifier, 16), data)
 

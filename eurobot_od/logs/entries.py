@@ -10,11 +10,7 @@ from enum import Enum
 from struct import error as StructError  # noqa: N812 (a class with a small name)
 from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 
-from eurobot_od.frame import Frame
-
-MAX_COB_ID = 0x7FF
-MAX_LENGTH = 8
-"""Highest identifier and longest data of a classic base frame (ISO 11898-1)."""
+from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
 
 REMEMBERED = 256
 """For how many distinct frames, or values of a field, their meaning is kept."""
@@ -88,7 +84,7 @@ def seconds(text: bytes | float) -> float:
 
 def frame(cob_id: int, data: bytes) -> Frame:
     """Return a classic base data frame; raises ValueError for an identifier or length that it cannot have."""
-    if not 0 <= cob_id <= MAX_COB_ID or len(data) > MAX_LENGTH:
+    if not 0 <= cob_id <= HIGHEST_IDENTIFIER or len(data) > MOST_BYTES:
         raise ValueError(cob_id)
     return tuple.__new__(Frame, (cob_id, data))
 

@@ -12,6 +12,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
+from eurobot_od.frame import Frame
 from eurobot_od.live import Opener, Watch
 from eurobot_od.logs.binary import of_message
 from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
@@ -29,8 +30,8 @@ AT_ONCE = 20_000
 class BusSource:
     """Frames of a bus, with the driver's times, which are more exact than ours; a thread reads them.
 
-    A bus that is lost is opened again by `opener`, if there is one. `notes` say when it was lost, for how long,
-    and how many frames were lost because the driver's queue was full.
+    A bus that is lost is opened again by `opener`, if there is one; meanwhile `trouble` says why. `notes` say when it
+    was lost, for how long, and how many frames were lost because the driver's queue was full.
     """
 
     ended = False
@@ -39,33 +40,34 @@ class BusSource:
         self, bus: can.BusABC, clock: Callable[[], float] = time.monotonic, opener: Opener | None = None
     ) -> None:
         self.notes: list[str] = []
+        self.trouble = ""
         self._clock, self._opener = clock, opener
         self._came: deque[Timed] = deque()
         self._failures: list[BusError] = []
         self._last, self._seen = 0.0, clock()
+        self._offset, self._reopened = 0.0, False
         self._overflow = 0
         self._leaving = ExitStack()
-        self._watch = self._leaving.enter_context(
-            Watch(
-                bus,
-                lambda time, frame: self._came.append((time, frame)),
-                None,
-                self._fail,
-                self._take_foreign,
-                opener=opener,
-                back=lambda gap: self.notes.append(f"the bus is back after a gap of {gap:.1f} s"),
-            )
-        )
+        watch = Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+        self._watch = self._leaving.enter_context(watch)
 
     def _fail(self, why: BusError) -> None:
+        self.trouble = str(why)
         if self._opener is None:
             self._failures.append(why)
         else:
             self.notes.append(f"{why}; it is opened again")
 
+    def _note_gap(self, gap: float) -> None:
+        self.trouble, self._reopened = "", True
+        self.notes.append(f"the bus is back after a gap of {gap:.1f} s")
+
     def _note_overflow(self) -> None:
         self._overflow = self._watch.overflow()
         self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
+
+    def _take(self, time: float, frame: Frame) -> None:
+        self._came.append((self._continued(time), frame))
 
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:
@@ -75,7 +77,18 @@ class BusSource:
             raw = of_message(message)
         except ValueError:
             raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
-        self._came.append((message.timestamp, raw))
+        self._came.append((self._continued(message.timestamp), raw))
+
+    def _continued(self, stamp: float) -> float:
+        """Return a time stamp by the clock before the bus was opened again: a driver's may start anywhere each time."""
+        if self._reopened and stamp + self._offset < self._last:
+            self._offset = self.now - stamp
+        self._reopened = False
+        return stamp + self._offset
+
+    def send(self, frame: Frame, timeout: float) -> bool:
+        """Send on the same bus; False if the driver does not take the frame in `timeout` s. Raises BusError."""
+        return self._watch.send(frame, timeout)
 
     @property
     def now(self) -> float:

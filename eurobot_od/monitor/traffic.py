@@ -23,7 +23,6 @@ from eurobot_od.logs.entries import REMEMBERED, Damage, Raw
 from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.logs.statistics import DamageCounts
 from eurobot_od.od.standard import HEARTBEAT_TIME
-from eurobot_od.simulation.bits import frame_bits
 
 REMEMBERED_TIMES = 33
 """Period and jitter are those of the last 32 intervals."""
@@ -110,8 +109,7 @@ class Traffic:
         row.count += 1
         row.times.append(time)
         if isinstance(raw, Frame):
-            self._bits += frame_bits(raw)
-            self.seen.take(time, raw, row.name, meaning.nodes[0] if meaning.nodes else "")
+            self._bits += self.seen.take(time, raw, row.name, meaning.nodes[0] if meaning.nodes else "")
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)

@@ -11,6 +11,8 @@ from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple, TypeAlias
 
+from eurobot_od.frame import HIGHEST_IDENTIFIER
+
 Address: TypeAlias = tuple[int, int]
 """Index and sub-index of an object."""
 
@@ -287,7 +289,7 @@ SLICE = re.compile(r"(?P<name>.+) [(\[](?P<high>\d{1,3}):(?P<low>\d{1,3})[)\]]$"
 NOT_VALID, NO_RTR, EXTENDED = 1 << 31, 1 << 30, 1 << 29
 """Bits of a COB-ID entry: the service is off, no remote frames, a 29-bit identifier (CiA 301, Tables 67 and 71)."""
 
-BASE_IDENTIFIER = 0x7FF
+BASE_IDENTIFIER = HIGHEST_IDENTIFIER
 """Bits of a COB-ID entry that hold an 11-bit identifier."""
 
 NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID = 0x000, 0x080, 0x100
@@ -325,7 +327,7 @@ RESTRICTED = (
     _per_node(SDO_RESPONSE_BASE, "the SDO answer"),
     _per_node(SDO_REQUEST_BASE, "the SDO request"),
     _per_node(ERROR_CONTROL_BASE, "the heartbeat"),
-    IdentifierRange(0x780, 0x7FF, "LSS and further services"),
+    IdentifierRange(0x780, HIGHEST_IDENTIFIER, "LSS and further services"),
 )
 """Restricted identifiers under which every device, or every tool, speaks (CiA 301, 7.3.5)."""
 

@@ -145,7 +145,8 @@ class Archiver:
                     written.take(batch)
                     self.told(batch.size)
             row = known | written.row()
-            _write_row(begun, row)
+            schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {})
+            pq.write_table(pa.Table.from_pylist([row], schema), begun / f"{tables.RUNS}{tables.SUFFIX}")
             _put_in_place(begun, self.season, run)
         finally:
             shutil.rmtree(begun, ignore_errors=True)
@@ -158,11 +159,6 @@ def _name(file: BinaryIO, known: str) -> str:
     while part := file.read(HASHED):
         digest.update(part)
     return digest.hexdigest()
-
-
-def _write_row(begun: Path, row: dict[str, Any]) -> None:
-    schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {})
-    pq.write_table(pa.Table.from_pylist([row], schema), begun / f"{tables.RUNS}{tables.SUFFIX}")
 
 
 def _put_in_place(begun: Path, season: Path, run: str) -> None:

@@ -68,7 +68,8 @@ def _parts(file: BinaryIO, form: str | None) -> Iterator[Batch]:
     suffix, packed = formats.form_of(file, form)
     if suffix == formats.CANDUMP:
         return _candump_batches(_unpacked_chunks(file) if packed else _chunks(file))
-    return _entry_batches(formats.read(file, form))
+    entries = formats.read(file, form)
+    return map(_batch, iter(lambda: list(islice(entries, ENTRIES)), []))
 
 
 def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:
@@ -99,11 +100,6 @@ def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
 
 
 # Entries one by one
-
-
-def _entry_batches(entries: Iterator[LogEntry]) -> Iterator[Batch]:
-    while taken := list(islice(entries, ENTRIES)):
-        yield _batch(taken)
 
 
 def _batch(entries: Iterable[LogEntry]) -> Batch:
@@ -203,27 +199,15 @@ def _of_lines(content: bytes, before: int, time: float) -> Batch:
 
 def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int, time: float) -> Batch:
     """Add the lines that candump's own reader has to look at; one that cannot be read has the time of that before."""
-    lines = _split(content)
-    entries = [entry for number in odd for entry in _read_line(lines[number - before - 1], number)]
-    batch = _batch(entries)
-    timed = pl.concat([frames.select("line", "t"), batch.frames.select("line", "t"), _timed(batch.foreign)])
+    lines = BytesIO(content).readlines()
+    batch = _batch(
+        (number, time, channel, raw)
+        for number in odd
+        for _, time, channel, raw in read_lines(BytesIO(lines[number - before - 1]), CandumpFormat(), LARGEST)
+    )
+    unread = pl.col("kind").is_in([Damage.UNREADABLE.value, Damage.CUT_OFF.value])
+    of_foreign = batch.foreign.select("line", pl.when(~unread).then("t"))
+    timed = pl.concat([frames.select("line", "t"), batch.frames.select("line", "t"), of_foreign])
     known = timed.sort("line").with_columns(pl.col("t").fill_null(strategy="forward").fill_null(time))
     foreign = batch.foreign.drop("t").join(known, on="line", how="left").select(FOREIGN.names())
     return Batch(pl.concat([frames, batch.frames]).sort("line"), foreign, len(content))
-
-
-def _split(content: bytes) -> list[bytes]:
-    parts = content.split(b"\n")
-    return [part + b"\n" for part in parts[:-1]] + ([parts[-1]] if parts[-1] else [])
-
-
-def _read_line(line: bytes, number: int) -> Iterator[LogEntry]:
-    """Yield what the format's reader makes of a line, under its number."""
-    for _, time, channel, raw in read_lines(BytesIO(line), CandumpFormat(), LARGEST):
-        yield number, time, channel, raw
-
-
-def _timed(foreign: pl.DataFrame) -> pl.DataFrame:
-    """Return lines and times; null where there is no time because the line cannot be read."""
-    unread = pl.col("kind").is_in([Damage.UNREADABLE.value, Damage.CUT_OFF.value])
-    return foreign.select("line", pl.when(~unread).then("t"))

@@ -10,14 +10,15 @@ from typing import NamedTuple
 
 import polars as pl
 
-from eurobot_od.logs.entries import MAX_COB_ID, Damage
+from eurobot_od.frame import HIGHEST_IDENTIFIER
+from eurobot_od.logs.entries import Damage
 from eurobot_od.logs.services import CanopenService
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.season.columns import LENGTH, flagged, readable
 
 PLACE = ("line", "t", "channel")
 
-HEX_DIGITS = {number: f"{number:03X}" for number in range(MAX_COB_ID + 1)}
+HEX_DIGITS = {number: f"{number:03X}" for number in range(HIGHEST_IDENTIFIER + 1)}
 
 
 class Check(NamedTuple):

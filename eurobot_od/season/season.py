@@ -113,8 +113,9 @@ class Season:
     def sql(self, query: str, values: Mapping[str, Any] | None = None, told: Told | None = None) -> pl.DataFrame:
         """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
 
-        `values` are those of `$name` in the query; those that it does not name are left out. `told` hears now and then,
-        in another thread, how far the query is, and at the end that it is done.
+        It reads and writes no file outside the season, and loads no extension. `values` are those of `$name` in the
+        query; those that it does not name are left out. `told` is called now and then, in another thread, with how far
+        the query is in percent, and at the end with 100.
         """
         import duckdb
 
@@ -123,6 +124,7 @@ class Season:
             self._add_views(connection, query)
             try:
                 with nullcontext() if told is None else _watched(connection, told):
+                    self._confine(connection)
                     answer = connection.sql(query, params=named or None)
                     rows = pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
@@ -131,6 +133,13 @@ class Season:
         if len(rows) > MOST_ROWS:
             raise SqlError(f"more than {MOST_ROWS} rows: ask for sums, or for a part by LIMIT")
         return rows
+
+    def _confine(self, connection: duckdb.DuckDBPyConnection) -> None:
+        """Keep queries in the season's folder for good; settings of our own have to be made before."""
+        folder = str(self.folder).replace("'", "''")  # as the views spell it
+        connection.execute(f"SET allowed_directories = ['{folder}']")
+        connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
+        connection.execute("SET lock_configuration = true")
 
     def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
         """Add a view for each table that the query has in it: to look into all files takes its time."""

@@ -49,7 +49,8 @@ class Decoding:
     """How the frames of a network become the rows of tables."""
 
     def __init__(self, network: Network) -> None:
-        protocol = Protocol.of_devices(network.outlines, network.catalogue, _left_out)
+        # A PDO that does not hold is left out: the one who loaded the devices has reported it.
+        protocol = Protocol.of_devices(network.outlines, network.catalogue, lambda _: None)
         names, answers = tables.table_names(protocol.names()), dict(network.answers)
         self.eds = network.hash
         self.network = " ".join(f"{each.node_id}={each.name}" for each in network.outlines)
@@ -58,10 +59,6 @@ class Decoding:
             each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
             for each in protocol.bindings
         }
-
-
-def _left_out(_: Exception) -> None:
-    """Leave out a PDO that does not hold; who loaded the devices has said so."""
 
 
 def _others(protocol: Protocol, network: Network) -> dict[int, CanopenService]:

@@ -8,11 +8,12 @@ with its program, says that what else lies beside the file was left there by a c
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import secrets
 import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
@@ -104,3 +105,11 @@ def check_writable(path: Path) -> None:
     for number, applies in wrong.items():
         if applies:
             raise OSError(number, os.strerror(number), str(path))
+
+
+def digest_of(files: Iterable[Path | None]) -> str:
+    """Return a hash of the content of files, in their order; a file that is not there counts as such."""
+    digest = hashlib.blake2b(digest_size=8)
+    for file in files:
+        digest.update(file.read_bytes() if file and file.is_file() else b"-")
+    return digest.hexdigest()

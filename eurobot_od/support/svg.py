@@ -1,14 +1,25 @@
-"""SVG elements as text.
+"""SVG elements as text, and what all our pictures have in common: colours, type, and the axes of charts.
 
 Rule of this file: text is escaped here and nowhere else, so that a title with `<` in it cannot break a picture.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from html import escape
+from math import ceil, floor, log10
+from typing import NamedTuple
 
 from eurobot_od.support.escaping import one_line
+
+FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
+INK, PALE, GRID, PAPER = "#22262b", "#6b7178", "#e6e3d8", "#ffffff"
+COLOURS = BLUE, RED, GREEN, PURPLE, BROWN = "#2f8fd0", "#c62828", "#2e7d32", "#8e5bb5", "#b26a00"
+TEXT, TITLE = 13, 17
+"""Sizes of type in charts, in pixels of a screen."""
+
+TICKS = 6
+"""A scale has about this many lines."""
 
 PaperPoint = tuple[float, float]
 """x and y on the paper, where y grows downwards."""
@@ -80,3 +91,58 @@ def moved(corner: PaperPoint, *content: str, **attributes: object) -> str:
 
 def _points(points: Iterable[PaperPoint]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in points)
+
+
+def document(heading: str, *content: str, width: float, height: float) -> str:
+    """Return a picture as a file."""
+    return element(
+        "svg",
+        title(heading),
+        rectangle((0, 0), width, height, fill=PAPER),
+        *content,
+        xmlns="http://www.w3.org/2000/svg",
+        viewBox=f"0 0 {number(width)} {number(height)}",
+        width=width,
+        height=height,
+        font_family=FONT,
+    )
+
+
+def heading(words: str) -> str:
+    """Return the heading of a chart."""
+    return text((20, 29), words, font_size=TITLE, font_weight="bold", fill=INK)
+
+
+# Axes
+
+
+class Scale(NamedTuple):
+    """From a value to a place: `low` is at `start`, `high` at `end`."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def at(self, value: float) -> float:
+        """Return the place of a value."""
+        return self.start + (self.end - self.start) * (value - self.low) / (self.high - self.low)
+
+    def ticks(self) -> Iterator[float]:
+        """Yield round values from `low` to `high`."""
+        step = round_step((self.high - self.low) / TICKS)
+        # 1e-9: an end that is a tick stays one in spite of rounding
+        return (number * step for number in range(ceil(self.low / step - 1e-9), floor(self.high / step + 1e-9) + 1))
+
+
+def round_step(least: float) -> float:
+    """Return the smallest of 1, 2, 5, 10, 20, ... (or 0.5, 0.2, ...) that is not less."""
+    power = 10.0 ** floor(log10(least))
+    return next(factor * power for factor in (1, 2, 5, 10) if factor * power >= least * (1 - 1e-9))
+
+
+def axis_across(ticks: Iterable[tuple[float, str]], top: float, bottom: float) -> Iterator[str]:
+    """Yield a line and a label for each tick, which is its x and its words."""
+    for x, words in ticks:
+        yield line((x, top - 6), (x, bottom + 4), stroke=GRID, stroke_width=1)
+        yield text((x, bottom + 20), words, font_size=TEXT, fill=PALE, text_anchor="middle")

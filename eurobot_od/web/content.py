@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from eurobot_od.logs.meaning import Decoder, Meaning
-from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import kinds
@@ -17,7 +16,15 @@ def described(decoder: Decoder) -> dict[str, Any]:
     """Return messages and nodes as data."""
     return {
         "messages": [_message(each) for each in decoder.protocol.bindings],
-        "nodes": [_node(each) for each in decoder.outlines],
+        "nodes": [
+            {
+                "name": each.name,
+                "id": each.node_id,
+                "file": each.file.name,
+                "identity": [each.number((IDENTITY, sub)) for sub in range(1, 5)],
+            }
+            for each in decoder.outlines
+        ],
         "groups": list(decoder.protocol.catalogue.groups),
     }
 
@@ -42,11 +49,6 @@ def _field(binding: Binding, field: str) -> dict[str, Any]:
     if field in binding.defaults:
         data["default"] = kind.text(binding.defaults[field])
     return data
-
-
-def _node(outline: Dictionary) -> dict[str, Any]:
-    identity = [outline.number((IDENTITY, sub)) for sub in range(1, 5)]
-    return {"name": outline.name, "id": outline.node_id, "file": outline.file.name, "identity": identity}
 
 
 def panels_described(panels: Iterable[type[Panel]]) -> list[dict[str, Any]]:

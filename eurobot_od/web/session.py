@@ -1,7 +1,6 @@
 """The live bus as the page shows it: takes in every frame, and says what has changed since any moment.
 
-Rule of this file: one thread calls everything here but the methods of `tap`; `poll` never waits. A bus that fails is
-opened again; the page says so meanwhile.
+Rule of this file: one thread calls everything here but the methods of `tap`; `poll` never waits.
 """
 
 from __future__ import annotations
@@ -13,9 +12,8 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eurobot_od.errors import BusError, LocalError
+from eurobot_od.errors import LocalError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver
 from eurobot_od.logs.entries import Damage, Raw
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.recorder import recording
@@ -29,9 +27,6 @@ from eurobot_od.web.tap import Tap
 if TYPE_CHECKING:
     import can
 
-REOPEN = 1.0
-"""Seconds between two tries to open a bus that has failed."""
-
 MOST_EVENTS = 2000
 """Events that are kept; the oldest make room."""
 
@@ -40,7 +35,7 @@ MOST_RECORDED = 10_000_000
 
 
 class Session:
-    """A bus that is watched. `open_bus` opens it, for the first time here: raises BusError.
+    """A bus that is watched. `open_bus` opens it, here and whenever it is lost; raises BusError here.
 
     `now` counts the seconds since then. `trouble` is what is wrong with the bus, `` while all is well, `panels` are
     what is shown beside frames.
@@ -54,11 +49,11 @@ class Session:
         panels: Sequence[type[Panel]] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.decoder, self.bitrate, self.tap = decoder, bitrate, Tap()
+        self.decoder, self.bitrate = decoder, bitrate
         self.polled: dict[str, PolledObject] = {}
         self.trouble = ""
         self.turn = 0
-        self._open_bus, self._clock = open_bus, clock
+        self._clock = clock
         self.panels = [panel() for panel in panels]
         self._traffic = Traffic(decoder, bitrate)
         self._changed: dict[int | Damage, int] = {}
@@ -66,10 +61,10 @@ class Session:
         self._events: dict[str, tuple[int, Event]] = {}
         self._recording = Recording()
         self._load = (0.0, 0.0)
-        self._started, self._origin = clock(), 0.0
-        self._retry = 0.0
-        self._source: BusSource | None = None
-        self._open()
+        self._started = clock()
+        self._origin: float | None = None
+        self._source = BusSource(open_bus(), clock, open_bus)
+        self.tap = Tap(self._source.send)
 
     @property
     def now(self) -> float:
@@ -83,51 +78,17 @@ class Session:
 
     # The bus
 
-    def _open(self) -> None:
-        bus = self._open_bus()
-        self._source, self._fresh = BusSource(bus), True
-        self.tap.driver = Driver(bus)
-
     def poll(self) -> None:
         """Take in what has come since the last time."""
         self.turn += 1
-        if self._source is None:
-            self._open_again()
-        else:
-            try:
-                for frame_time, raw in self._source.poll():
-                    self._take(self._since_start(frame_time), raw)
-            except BusError as error:
-                self._lose(error)
+        for frame_time, raw in self._source.poll():
+            if self._origin is None:  # a driver's clock may start anywhere
+                self._origin = frame_time - self.now
+            self._take(frame_time - self._origin, raw)
+        self.trouble = self.tap.trouble = self._source.trouble
         for frame in self.tap.sent():
             self._take(self.now, frame)
         self._load = self._traffic.load(self.now)
-
-    def _since_start(self, frame_time: float) -> float:
-        """Return the time of a frame, by the driver's clock, as seconds since the start."""
-        if self._fresh:  # a driver's clock may begin anywhere, and anew with each opening
-            self._fresh, self._origin = False, frame_time - self.now
-        return frame_time - self._origin
-
-    def _lose(self, error: BusError) -> None:
-        self.trouble = self.tap.trouble = str(error)
-        self.tap.driver = None
-        self._retry = self.now + REOPEN
-        source, self._source = self._source, None
-        if source is not None:
-            with suppress(Exception):  # drivers raise what they like when the adapter is gone already
-                source.close()
-
-    def _open_again(self) -> None:
-        if self.now < self._retry:
-            return
-        self._retry = self.now + REOPEN
-        try:
-            self._open()
-        except BusError as error:
-            self.trouble = self.tap.trouble = str(error)
-        else:
-            self.trouble = self.tap.trouble = ""
 
     def _take(self, now: float, raw: Raw) -> None:
         meaning = self._traffic.take(now, raw)
@@ -151,8 +112,7 @@ class Session:
     def close(self) -> None:
         """Let the bus go, end a recording."""
         self._recording.stop()
-        if self._source is not None:
-            self._source.close()
+        self._source.close()
         self.tap.shutdown()
 
     # What is shown

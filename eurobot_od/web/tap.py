@@ -6,6 +6,7 @@ frames only while it asks for something, and other masters may be on the bus all
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, Full, Queue, SimpleQueue
 from threading import Lock
@@ -14,7 +15,6 @@ import can
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Driver
 from eurobot_od.od.values import NODE_IDS, SDO_RESPONSE_BASE
 
 WANTED = {SDO_RESPONSE_BASE + node for node in NODE_IDS}
@@ -28,15 +28,15 @@ PATIENCE = 0.5
 
 
 class Tap(can.BusABC):
-    """What a master may treat as a bus: it sends by the `driver` of another, and receives what it is given.
+    """What a master may treat as a bus: it sends by another's `send`, and receives what it is given.
 
-    Without a driver, as while the bus is down, sending raises BusError with `trouble`.
+    While there is `trouble` with the bus, sending raises it as a BusError.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, send: Callable[[Frame, float], bool]) -> None:
         super().__init__(channel="tap")
         self.channel_info = "bus"
-        self.driver: Driver | None = None
+        self._send_by = send
         self.trouble = ""
         self._lock = Lock()
         self._came: Queue[can.Message] = Queue(MOST_WAITING)
@@ -56,9 +56,9 @@ class Tap(can.BusABC):
     def send_frame(self, frame: Frame) -> None:
         """Send a frame; raises BusError if the driver does not take it."""
         with self._lock:
-            if self.driver is None:
-                raise BusError(self.trouble or "the bus is not open")
-            if not self.driver.send(frame, PATIENCE):
+            if self.trouble:
+                raise BusError(self.trouble)
+            if not self._send_by(frame, PATIENCE):
                 raise BusError("the bus did not take the frame: is anybody there to acknowledge it?")
         self._sent.put(frame)
 

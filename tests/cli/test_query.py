@@ -34,6 +34,18 @@ def test_a_table_is_aligned_and_rounded(season: str, capsys: pytest.CaptureFixtu
     )
 
 
+def test_options_and_the_query_come_in_any_order(season: str, capsys: pytest.CaptureFixture[str]) -> None:
+    orders = [
+        [season, "--csv", SQL],
+        ["--csv", season, SQL],
+        [season, SQL, "--csv"],
+        [season, "-b", "125000", SQL, "--csv"],
+    ]
+    first, *others = [run(capsys, "query", *order).out for order in orders]
+    assert first.startswith("line,hex")
+    assert others == [first] * 3
+
+
 def test_csv_and_json_have_all_rows(season: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(capsys, "query", season, SQL, "--csv").out.splitlines()[:2] == [
         "line,hex,data,t,nothing",

@@ -10,8 +10,9 @@ from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.errors import BusError
 from eurobot_od.live import Driver
-from eurobot_od.live import connection as connection_module
-from eurobot_od.live.connection import STEADY, Connection, Gaps
+from eurobot_od.live.connection import Connection, Gaps
+from eurobot_od.support import backoff
+from eurobot_od.support.backoff import STEADY
 
 FAILED = BusError("it failed")
 
@@ -44,8 +45,8 @@ class Scene:
 
 @pytest.fixture(autouse=True)
 def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(connection_module, "FIRST_PAUSE", 0.001)
-    monkeypatch.setattr(connection_module, "LONGEST_PAUSE", 0.002)
+    monkeypatch.setattr(backoff, "FIRST_PAUSE", 0.001)
+    monkeypatch.setattr(backoff, "LONGEST_PAUSE", 0.002)
 
 
 def test_only_the_first_who_notices_is_heard() -> None:

@@ -9,7 +9,7 @@ from typing import ClassVar
 import pytest
 from can.interfaces.virtual import VirtualBus
 
-from eurobot_od.device.station import FIRST_PAUSE, OnError
+from eurobot_od.device.station import OnError
 from eurobot_od.errors import NodeFailed
 from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event, Gatekeeper
@@ -21,6 +21,7 @@ from eurobot_od.robot.nodes import Drive
 from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.support.backoff import FIRST_PAUSE
 from tests.live.loose import LONG, Reports, wait_for
 
 PROTOCOL = EurobotProtocol.load()

@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
+import gc
+import re
 import signal
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
 
 import can
 import pytest
 
+from eurobot_od.check.live import run_live
+from eurobot_od.check.results import Status, StepResult, SuitePart
+from eurobot_od.check.runner import RunOptions
+from eurobot_od.live import open_bus
 from eurobot_od.robot.model.messages import CheckDriveRequest, GotoConfirm, GotoXY, StartConfigurationSet
 from eurobot_od.robot.model.values import TeamColour
-from eurobot_od.robot.protocol import EurobotProtocol
+from eurobot_od.robot.protocol import EurobotProtocol, decoder
+from eurobot_od.web.session import Session
+from tests.check.suites import HEAD, document, suite
 from tests.live.loose import wait_for
-from tests.processes import bus_server, free_port, node, process, shared
+from tests.processes import PATIENCE, bus_server, free_port, node, process, shared
 
 pytest.importorskip("can_remote")
 pytestmark = pytest.mark.live
+
+EUROBOT_OD = sys.executable, "-m", "eurobot_od"
 
 
 def test_a_bus_server_that_is_restarted_is_found_again() -> None:
@@ -30,6 +44,84 @@ def test_a_bus_server_that_is_restarted_is_found_again() -> None:
                 assert "after a gap of " in each.line("bus back")
             with node("navigation", *shared(port)), node("core", "--team", "red", *shared(port)) as another:
                 another.line("start configuration confirmed after ")
+
+
+MATCH = """
+import asyncio
+
+async def play(core):
+    print("playing", flush=True)
+    await asyncio.sleep(60)
+"""
+
+
+def test_a_match_that_a_core_leads_goes_on_when_the_bus_server_is_restarted(tmp_path: Path) -> None:
+    file, port = tmp_path / "mine.py", free_port()
+    file.write_text(MATCH, encoding="utf-8")
+    with bus_server(port) as first, process(*EUROBOT_OD, "world", "--listen", "127.0.0.1:0") as world:
+        where = re.search(r"world on (\S+);", world.line("Ctrl-C ends it"))
+        assert where is not None
+        options = "--world", where[1], *shared(port)
+        with node("drive", *options), node("navigation", *options):
+            leading = "core", "--strategy", str(file), "--duration", "5 s", *options
+            with process(*EUROBOT_OD, "node", *leading) as core:
+                core.line("playing")
+                first.kill()
+                core.line("it is opened again")
+                with bus_server(port):
+                    core.line("bus back")
+                    assert core.wait() == 0, core.told()
+
+
+@pytest.fixture
+def _collected() -> Iterator[None]:
+    """Have the garbage collector close the sockets that python-can-remote leaves open when a connection fails."""
+    yield
+    gc.collect()
+
+
+LEAKING = pytest.mark.filterwarnings("ignore:unclosed <socket:ResourceWarning")
+
+
+@LEAKING
+@pytest.mark.usefixtures("_collected")
+def test_a_page_goes_on_when_the_bus_server_is_restarted() -> None:
+    port = free_port()
+    with bus_server(port) as first:
+        session = Session(partial(joined, port), decoder(), 500_000)
+        first.kill()
+        until(session, lambda: bool(session.trouble))
+        with bus_server(port), joined(port) as other:
+            until(session, lambda: not session.trouble)
+            other.send(can.Message(arbitration_id=0x702, data=b"\5", is_extended_id=False))
+            until(session, lambda: session.frames == 1)
+        session.close()
+
+
+def until(session: Session, reached: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not reached():
+        session.poll()
+        assert time.monotonic() < deadline
+
+
+@LEAKING
+@pytest.mark.usefixtures("_collected")
+def test_a_check_has_its_teardown_when_the_bus_server_is_restarted() -> None:
+    port = free_port()
+    text = document("- send: Stop Drive\n- wait: 1 min", HEAD + "teardown:\n  - send: Stop Drive\n")
+    restarted = ExitStack()
+    first = restarted.enter_context(bus_server(port))
+
+    def restart(step: StepResult) -> None:
+        if step.status is Status.PASSED and step.section is SuitePart.STEPS:
+            first.kill()
+            restarted.enter_context(bus_server(port))
+
+    with restarted:
+        result = run_live(suite(text), RunOptions(show=restart), partial(joined, port))
+    assert "failed" in str(result.error)
+    assert [step.status for step in result.steps] == [Status.PASSED, Status.BUS_FAILED, Status.PASSED]
 
 
 def test_without_reconnection_a_lost_bus_ends_a_node_with_status_3() -> None:
@@ -68,7 +160,7 @@ def strategy(port: int) -> tuple[str, ...]:
 
 
 def joined(port: int) -> can.BusABC:
-    return can.Bus(f"ws://127.0.0.1:{port}/", interface="remote")
+    return open_bus("remote", f"ws://127.0.0.1:{port}/")
 
 
 def place(bus: can.BusABC) -> bytes:

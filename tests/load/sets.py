@@ -12,7 +12,7 @@ FAR = 10**9
 
 def message(rank: int, bits: int, period: int, jitter: int = 0, node: str = "", deadline: int = FAR) -> Message:
     """Return a message with the identifier `rank`."""
-    return Message((rank, 0, 0), bits, period, deadline, jitter, node)
+    return Message(rank, bits, period, deadline, jitter, node)
 
 
 messages = st.builds(
@@ -27,7 +27,7 @@ messages = st.builds(
 
 def ranked(found: list[Message]) -> list[Message]:
     """Give messages the identifiers 0, 1, ... in their order."""
-    return [each._replace(urgency=(rank, 0, 0)) for rank, each in enumerate(found)]
+    return [each._replace(identifier=rank) for rank, each in enumerate(found)]
 
 
 sets = st.lists(messages, min_size=1, max_size=7).map(ranked)

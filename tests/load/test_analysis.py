@@ -267,8 +267,8 @@ def test_a_further_message_makes_nothing_earlier(
     found: list[Message], boxes: dict[str, int], errors: Errors, place: int
 ) -> None:
     """Wherever it stands: as a more urgent one it comes before, as a less urgent one it blocks and fills mailboxes."""
-    ranks = [message(2 * n, 1, 1).urgency for n in range(len(found))]
-    apart = [each._replace(urgency=urgency) for each, urgency in zip(found, ranks)]
+    ranks = [2 * n for n in range(len(found))]
+    apart = [each._replace(identifier=rank) for each, rank in zip(found, ranks)]
     more = [*apart, message(2 * min(place, len(found)) - 1, 135, 4000, node="a")]
     assert none_is_earlier(Analysis(apart, errors, boxes), Analysis(more, errors, boxes))
 

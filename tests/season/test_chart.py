@@ -12,19 +12,8 @@ pytest.importorskip("polars", reason="the extra `season` is not installed")
 import polars as pl
 
 from eurobot_od.errors import LocalError
-from eurobot_od.season.chart import Scale, chart_of, draw, round_step
+from eurobot_od.season.chart import chart_of, draw
 from eurobot_od.season.reports import ChartKind
-
-
-@pytest.mark.parametrize(
-    ("least", "step"), [(1, 1), (1.01, 2), (0.3, 0.5), (6, 10), (10, 10), (0.00021, 0.0005), (4321, 5000)]
-)
-def test_steps_are_round(least: float, step: float) -> None:
-    assert round_step(least) == pytest.approx(step)
-
-
-def test_a_scale_has_round_ticks_between_its_ends() -> None:
-    assert list(Scale(-3, 11, 0, 1).ticks()) == [0, 5, 10]
 
 
 @pytest.mark.parametrize(

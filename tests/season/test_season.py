@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -92,3 +93,26 @@ def test_who_asks_hears_how_far_it_is(season: Season) -> None:
     season.sql("SELECT count(*) FROM goto_xy", told=told.append)
     assert told[-1] == 100
     assert set(told) <= set(range(101))
+
+
+CONFINED = {
+    "a file elsewhere": "SELECT * FROM read_text('/etc/hostname')",
+    "a file elsewhere by its name": "SELECT * FROM '/etc/hostname'",
+    "a copy to elsewhere": "COPY (SELECT 1) TO '{outside}'",
+    "a database elsewhere": "ATTACH '{outside}'",
+    "an extension": "INSTALL httpfs",
+    "the confinement lifted": "SET enable_external_access = true; COPY (SELECT 1) TO '{outside}'",
+    "another folder allowed": "SET allowed_directories = ['/']; COPY (SELECT 1) TO '{outside}'",
+    "a variable of Python": "SELECT * FROM values",
+}
+
+
+@pytest.mark.parametrize("query", CONFINED.values(), ids=CONFINED)
+@pytest.mark.parametrize("progress", [None, lambda _: None], ids=["silent", "watched"])
+def test_a_query_reaches_nothing_outside_the_season(
+    season: Season, tmp_path: Path, query: str, progress: Callable[[int], object] | None
+) -> None:
+    outside = tmp_path / "outside"
+    with pytest.raises(SqlError):
+        season.sql(query.format(outside=outside), {"values": 1}, progress)
+    assert not list(tmp_path.iterdir())

@@ -32,3 +32,14 @@ def test_a_figure_is_written_with_all_its_measures(figure: str, text: str) -> No
 )
 def test_numbers_have_at_most_two_decimals(value: object, text: str) -> None:
     assert svg.number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("least", "step"), [(1, 1), (1.01, 2), (0.3, 0.5), (6, 10), (10, 10), (0.00021, 0.0005), (4321, 5000)]
+)
+def test_steps_are_round(least: float, step: float) -> None:
+    assert svg.round_step(least) == pytest.approx(step)
+
+
+def test_a_scale_has_round_ticks_between_its_ends() -> None:
+    assert list(svg.Scale(-3, 11, 0, 1).ticks()) == [0, 5, 10]

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import json
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+import can
 import pytest
+from can.interfaces.virtual import VirtualBus
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
@@ -22,6 +26,27 @@ from eurobot_od.web.session import Session
 from tests.web.scene import channel
 
 BEAT = Frame(0x702, b"\x05")
+
+
+class Restarting(VirtualBus):
+    """A bus whose time stamps count from its opening."""
+
+    latest: ClassVar[Restarting]
+
+    def __init__(self, channel: str) -> None:
+        super().__init__(channel)
+        self.broken, self._opened_at = False, time.time()
+        Restarting.latest = self
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        if self.broken:
+            raise OSError("pulled out")
+        message, filtered = super()._recv_internal(timeout)
+        if message is not None:
+            message.timestamp -= self._opened_at
+        return message, filtered
+
+
 STOP = decoder().protocol.encode(StopDrive())
 
 
@@ -117,29 +142,46 @@ def test_a_full_disk_ends_a_recording_and_nothing_else(
     assert "No space left on device" in found["recording"]["trouble"]
 
 
-def test_a_bus_that_fails_is_told_and_opened_again() -> None:
-    name, now = channel(), [0.0]
-    opened: list[Any] = []
+def test_a_bus_that_fails_is_reported_and_opened_again() -> None:
+    name = channel()
+    opened = [open_bus("virtual", name)]
+    may_open = threading.Event()
 
     def opening() -> Any:
-        if len(opened) == 1:
-            opened.append(None)
+        if not may_open.is_set():
             raise BusError("not yet")
         opened.append(open_bus("virtual", name))
         return opened[-1]
 
-    session = Session(opening, decoder(), 500_000, clock=lambda: now[0])
+    session = Session(lambda: opening() if opened[0]._is_shutdown else opened[0], decoder(), 500_000)
     opened[0].shutdown()
     while not session.trouble:
         session.poll()
     assert "failed" in session.trouble
     with pytest.raises(BusError, match="failed"):
         session.tap.send_frame(BEAT)
-    session.poll()
-    assert len(opened) == 1  # not at once
-    for expected in ("not yet", ""):
-        now[0] += module.REOPEN
+    may_open.set()
+    while session.trouble:
         session.poll()
-        assert session.trouble == expected
     session.tap.send_frame(BEAT)
+    session.close()
+
+
+def test_times_go_on_when_the_driver_begins_anew_at_zero() -> None:
+    name = channel()
+    session = Session(partial(Restarting, name), decoder(), 500_000)
+    with open_bus("virtual", name) as other:
+        for lost in (True, False):
+            before = session.frames
+            Driver(other).send(BEAT)
+            while session.frames == before:
+                session.poll()
+            if lost:
+                Restarting.latest.broken = True
+                while not session.trouble:
+                    session.poll()
+                while session.trouble:
+                    session.poll()
+    [row] = snapshot(session)["rows"]
+    assert 0.0 < row["time"] <= session.now
     session.close()

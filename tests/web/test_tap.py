@@ -14,7 +14,7 @@ ANSWER, BEAT = Frame(0x582, bytes(8)), Frame(0x702, b"\x05")
 
 
 def test_the_master_gets_answers_and_nothing_else() -> None:
-    tap = Tap()
+    tap = Tap(lambda *_: True)
     for frame in (BEAT, ANSWER, Frame(0x100, bytes(5))):
         tap.give(frame)
     first, second = tap.recv(0), tap.recv(0)
@@ -24,7 +24,7 @@ def test_the_master_gets_answers_and_nothing_else() -> None:
 
 
 def test_what_nobody_takes_makes_room_for_what_is_newer() -> None:
-    tap = Tap()
+    tap = Tap(lambda *_: True)
     for number in range(MOST_WAITING + 2):
         tap.give(Frame(ANSWER.cob_id, number.to_bytes(8, "little")))
     waiting = []
@@ -35,11 +35,13 @@ def test_what_nobody_takes_makes_room_for_what_is_newer() -> None:
 
 
 def test_what_is_sent_is_told_once_as_the_bus_does_not() -> None:
-    tap, name = Tap(), channel()
-    with pytest.raises(BusError, match="the bus is not open"):
-        tap.send_frame(BEAT)
+    name = channel()
     with open_bus("virtual", name) as bus, open_bus("virtual", name) as other:
-        tap.driver = Driver(bus)
+        tap = Tap(Driver(bus).send)
+        tap.trouble = "it was pulled out"
+        with pytest.raises(BusError, match="it was pulled out"):
+            tap.send_frame(BEAT)
+        tap.trouble = ""
         tap.send_frame(BEAT)
         heard = other.recv(1.0)
     assert heard is not None

@@ -150,7 +150,10 @@ def _play(
 
     robot = shared.robot(arguments)
     counter = FrameCounter(Protocol.of_devices(robot.dialects.load_all(arguments.dialect), robot.catalogue()))
-    with Watch(shared.open_bus(arguments), lambda _, frame: counter.count(frame), live.clock):
+    watch = Watch(
+        shared.open_bus(arguments), lambda _, frame: counter.count(frame), live.clock, opener=shared.opener(arguments)
+    )
+    with watch:
         summary = Led(live, core, vehicle, partial(print, flush=True)).play(options, strategy, counter)
     print(f"\n{summary}", flush=True)
     if summary.failure is None:

@@ -41,6 +41,7 @@ from eurobot_od.robot.picture.recording import (
     Truth,
     at,
 )
+from eurobot_od.support import svg
 from eurobot_od.web.panel import Control, Event, Panel
 
 HERE = Path(__file__).parent
@@ -104,7 +105,7 @@ class FieldPanel(Panel):
             "robots": list(_robots(facts)),
             "teams": {words_of(team): colour for team, colour in style.TEAM.items()},
             "start": StartConfigurationSet.__name__,
-            "ink": style.INK,
+            "ink": svg.INK,
         }
 
     def objection(self, message: Message, control: Control) -> str:

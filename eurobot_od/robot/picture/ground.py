@@ -41,7 +41,7 @@ def ground(facts: Facts, team: TeamColour | None, passages: Mapping[int, Passage
         *_grid(sheet),
         *(_start(sheet, colour, start, colour is team) for colour, start in field.starts.items()),
         *(_barrier(sheet, each, passages.get(each.number, Passage.FREE)) for each in facts.barriers),
-        svg.rectangle((0, 0), field.width, field.height, fill="none", stroke=style.INK, stroke_width=field.border),
+        svg.rectangle((0, 0), field.width, field.height, fill="none", stroke=svg.INK, stroke_width=field.border),
         *(svg.circle(sheet.place(*each), field.trees.radius, fill=style.TREE) for each in field.trees.places),
     )
 
@@ -49,11 +49,11 @@ def ground(facts: Facts, team: TeamColour | None, passages: Mapping[int, Passage
 def _grid(sheet: Sheet) -> Iterator[str]:
     place, width, height = sheet.place, sheet.width, sheet.height
     for x in range(0, int(width) + 1, GRID_STEP):
-        yield svg.line(place(x, 0), place(x, height), stroke=style.GRID, stroke_width=3)
-        yield style.label((x, height + 48), str(x), fill=style.PALE, size=style.SMALL)
+        yield svg.line(place(x, 0), place(x, height), stroke=svg.GRID, stroke_width=3)
+        yield style.label((x, height + 48), str(x), fill=svg.PALE, size=style.SMALL)
     for y in range(0, int(height) + 1, GRID_STEP):
-        yield svg.line(place(0, y), place(width, y), stroke=style.GRID, stroke_width=3)
-        yield style.label((-24, height - y + 11), str(y), fill=style.PALE, size=style.SMALL, anchor="end")
+        yield svg.line(place(0, y), place(width, y), stroke=svg.GRID, stroke_width=3)
+        yield style.label((-24, height - y + 11), str(y), fill=svg.PALE, size=style.SMALL, anchor="end")
 
 
 def _start(sheet: Sheet, colour: TeamColour, start: Start, ours: bool) -> str:
@@ -79,7 +79,7 @@ def _barrier(sheet: Sheet, barrier: Barrier, passage: Passage) -> str:
     centre, radius = sheet.place(barrier.x, barrier.y), barrier.kind.radius
     ring = [] if passage is Passage.FREE else [passage_ring(centre, radius + RING, passage)]
     words = barrier.name if radius > NAMED else barrier.name.rpartition(" ")[2]
-    name = style.label((centre[0], centre[1] + 13), words, fill=style.PAPER, size=36, font_weight="bold")
+    name = style.label((centre[0], centre[1] + 13), words, fill=svg.PAPER, size=36, font_weight="bold")
     return svg.group(*ring, barrier_shape(barrier.kind, centre, radius), name)
 
 

@@ -50,15 +50,15 @@ def picture(recording: Recording, facts: Facts, title: str) -> str:
     width, height = PAGE
     return svg.element(
         "svg",
-        svg.rectangle((0, 0), width, height, fill=style.PAPER),
+        svg.rectangle((0, 0), width, height, fill=svg.PAPER),
         style.label((FIELD[0], 130), title, size=84, anchor="start", font_weight="bold"),
-        style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=style.PALE, size=46, anchor="start"),
+        style.label((FIELD[0], 215), ", ".join(_summary(recording)), fill=svg.PALE, size=46, anchor="start"),
         svg.moved(FIELD, _fitted(facts.field, field_drawing(recording, facts)), id="field"),
         svg.moved(COLUMN, column(recording, facts)),
         svg.moved(TIMELINE, timeline(recording)),
         xmlns="http://www.w3.org/2000/svg",
         viewBox=f"0 0 {width} {height}",
-        font_family=style.FONT,
+        font_family=svg.FONT,
     )
 
 
@@ -118,7 +118,7 @@ def _ours(sheet: Sheet, body: Body, where: PathPoint, colour: str) -> str:
     pose = Pose(where.x, where.y, where.angle)
     corners = [sheet.place(*each) for each in body.corners(pose)]
     wheels = ((sheet.place(*back), sheet.place(*front)) for back, front in body.tracks(pose))
-    tyres = [svg.line(*ends, stroke=style.INK, stroke_width=style.TYRE) for ends in wheels]
+    tyres = [svg.line(*ends, stroke=svg.INK, stroke_width=style.TYRE) for ends in wheels]
     return style.robot_mark(centre, body.radius, where.angle, colour, corners) + "".join(tyres)
 
 
@@ -130,7 +130,7 @@ def _path(sheet: Sheet, path: list[PathPoint], end: float) -> Iterator[str]:
     """Draw the path in pieces, each in the colour of its time, on a light ground that sets it off."""
     if len(path) > 1:
         yield svg.polyline(
-            _points(sheet, path), fill="none", stroke=style.PAPER, stroke_width=24, stroke_linejoin="round"
+            _points(sheet, path), fill="none", stroke=svg.PAPER, stroke_width=24, stroke_linejoin="round"
         )
     for one, two in pairwise(path):
         colour = style.colour_at(two.time / end if end else 0.0)
@@ -158,7 +158,7 @@ def _ticks(sheet: Sheet, recording: Recording) -> Iterator[str]:
         if where is not None and all(dist(place(where.x, where.y), other) > CLEAR for other in taken):
             centre = place(where.x, where.y)
             taken.append(centre)
-            yield svg.circle(centre, 15, fill=style.PAPER, stroke=style.colour_at(time / recording.end), stroke_width=7)
+            yield svg.circle(centre, 15, fill=svg.PAPER, stroke=style.colour_at(time / recording.end), stroke_width=7)
             yield style.halo((centre[0] + 28, centre[1] + 11), f"{time} s", anchor="start")
 
 
@@ -206,7 +206,7 @@ def _stops(sheet: Sheet, stops: Iterable[RecordedStop]) -> Iterator[str]:
     for (x, y), here in _by_place((sheet.place(each.place.x, each.place.y), each) for each in stops if each.place):
         above = y + SIGN if y < CLEAR else y - SIGN
         yield svg.line((x, y), (x, above), stroke=style.STOP, stroke_width=5)
-        yield svg.circle((x, y), 13, fill=style.STOP, stroke=style.PAPER, stroke_width=4)
+        yield svg.circle((x, y), 13, fill=style.STOP, stroke=svg.PAPER, stroke_width=4)
         for centre, stop in _side_by_side(sheet, (x, above), here):
             words = f"{stop.letter}: {stop.name}, {stop.reason}, at {stop.time:.1f} s"
             yield style.stop_mark(centre, stop.letter, svg.title(words))

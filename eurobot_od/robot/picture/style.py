@@ -12,23 +12,21 @@ from collections.abc import Iterable, Mapping
 from eurobot_od.robot.model import messages
 from eurobot_od.robot.model.values import Outcome, Passage, TeamColour
 from eurobot_od.support import svg
-from eurobot_od.support.svg import PaperPoint
+from eurobot_od.support.svg import GREEN, INK, PAPER, RED, PaperPoint
 
 MOST_TICKS = 60
 """So many times are marked at most: one far timestamp in a log is no reason to draw for ever."""
 
-FONT = "Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif"
 TEXT, SMALL = 38, 31
 
-PAPER, SURFACE, GRID, INK, PALE = "#ffffff", "#fbfaf4", "#e6e3d8", "#22262b", "#6b7178"
-PUSHED, FIXED, STOP, GOTO, TRUTH = "#e8762c", "#8d6e63", "#c62828", "#1c2f6b", "#12b5a0"
+SURFACE, PUSHED, FIXED, STOP, GOTO, TRUTH = "#fbfaf4", "#e8762c", "#8d6e63", RED, "#1c2f6b", "#12b5a0"
 TREE, TOUCH = "#558b2f", "#d500f9"
 TEAM = {TeamColour.RED: "#d32f2f", TeamColour.YELLOW: "#f2b705"}
 
 OTHERS: Mapping[type[messages.PositionResponse], tuple[str, str, str | None]] = {
     messages.Enemy1PositionResponse: ("enemy 1", "#8e24aa", None),
     messages.Enemy2PositionResponse: ("enemy 2", "#ad5a00", "26 12"),
-    messages.ConfederatePositionResponse: ("confederate", "#2e7d32", "6 12"),
+    messages.ConfederatePositionResponse: ("confederate", GREEN, "6 12"),
 }
 """Name, colour and dashes of the other robots."""
 
@@ -42,7 +40,7 @@ PASSAGES = {Passage.NORMAL: ("barrier, normal", "18 14", 8), Passage.FORCED: ("b
 """Name, dashes and width of the ring around a barrier that a goto asked for."""
 
 OUTCOMES: Mapping[Outcome | None, str] = {
-    Outcome.ARRIVED: "#2e7d32",
+    Outcome.ARRIVED: GREEN,
     **dict.fromkeys((Outcome.STOPPED, Outcome.BLOCKED, Outcome.NOT_POSSIBLE), STOP),
     **dict.fromkeys((Outcome.REPLACED, None), "#78909c"),
 }

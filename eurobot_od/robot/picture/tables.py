@@ -120,13 +120,13 @@ STOP_COLUMNS = (
 
 def _table(heading: str, columns: Sequence[TableColumn], rows: Sequence[object], shown: int) -> str:
     """Draw the first `shown` rows; if there are more, the line below says how many."""
-    lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=style.INK)]
-    lines += [column.cell(1, column.heading, style.PALE) for column in columns]
+    lines = [svg.text((0, 0), heading, font_size=style.TEXT, font_weight="bold", fill=svg.INK)]
+    lines += [column.cell(1, column.heading, svg.PALE) for column in columns]
     for row, each in enumerate(rows[:shown], 2):
-        lines += [column.cell(row, column.words(each), style.INK) for column in columns]
+        lines += [column.cell(row, column.words(each), svg.INK) for column in columns]
     if len(rows) > shown:
         more, place = f"and {len(rows) - shown} more", (195, (shown + 2) * ROW)
-        lines.append(style.label(place, more, fill=style.PALE, anchor="start"))
+        lines.append(style.label(place, more, fill=svg.PALE, anchor="start"))
     return svg.group(*lines)
 
 
@@ -152,7 +152,7 @@ def timeline(recording: Recording) -> str:
         *(style.stop_mark(where, letter) for where, letter in _signs(recording.stops, x)),
         *(style.touch_mark((x(each.time), TIME_Y + BAR / 2), each.at_fault) for each in recording.touches),
         *_points(recording.scores, x),
-        style.label((WIDTH, CAPTION_Y), _caption(recording), fill=style.PALE, size=style.SMALL, anchor="end"),
+        style.label((WIDTH, CAPTION_Y), _caption(recording), fill=svg.PALE, size=style.SMALL, anchor="end"),
     )
 
 
@@ -168,8 +168,8 @@ def _seconds(end: float, x: Callable[[float], float]) -> Iterator[str]:
         start = WIDTH * piece / pieces
         yield svg.rectangle((start, TIME_Y), WIDTH / pieces + 1, BAR, fill=style.colour_at(piece / pieces))
     for time in (0, *style.ticks(TIME_TICK, end)):
-        yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=style.GRID, stroke_width=3)
-        yield style.label((x(time), TIME_Y - 14), str(time), fill=style.PALE, size=style.SMALL)
+        yield svg.line((x(time), TIME_Y), (x(time), SCORE_Y + SCORE_BAR), stroke=svg.GRID, stroke_width=3)
+        yield style.label((x(time), TIME_Y - 14), str(time), fill=svg.PALE, size=style.SMALL)
 
 
 def _signs(stops: Sequence[RecordedStop], x: Callable[[float], float]) -> Iterator[tuple[PaperPoint, str]]:
@@ -248,5 +248,5 @@ def _names(scores: Sequence[ScoredTask], x: Callable[[float], float]) -> Iterato
         row = next((row for row, begin in free.items() if begin <= left), None)
         if row is not None:
             free[row] = x(each.time) + CHARACTER
-            yield svg.line((x(each.time), SCORE_Y + SCORE_BAR), (x(each.time), row), stroke=style.PALE, stroke_width=3)
+            yield svg.line((x(each.time), SCORE_Y + SCORE_BAR), (x(each.time), row), stroke=svg.PALE, stroke_width=3)
             yield style.label((x(each.time) - 6, row), words, size=style.SMALL, anchor="end")

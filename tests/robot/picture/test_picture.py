@@ -29,6 +29,7 @@ from eurobot_od.robot.picture import style
 from eurobot_od.robot.picture.picture import PAGE, picture
 from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth, record
 from eurobot_od.robot.protocol import decoder
+from eurobot_od.support import svg
 
 FACTS = robot_file.read()
 
@@ -100,7 +101,7 @@ def numbers(picture: ElementTree.Element) -> Iterator[tuple[float, float]]:
 
 
 def test_the_field_is_to_scale() -> None:
-    borders = (each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("stroke") == style.INK)
+    borders = (each for each in field_of(drawn()).iter(f"{SVG}rect") if each.get("stroke") == svg.INK)
     (border,) = (each for each in borders if each.get("x") == "0")
     assert (float(border.attrib["width"]), float(border.attrib["height"])) == (FACTS.field.width, FACTS.field.height)
 
@@ -125,8 +126,8 @@ def test_gotos_to_one_place_share_its_mark_and_have_their_own_discs() -> None:
     field = field_of(drawn())
     assert len(circles(field, r="26")) == 1
     assert [(x, FACTS.field.height - y, r) for x, y, r in circles(field, r="26")] == [(1000, 500, 26)]
-    assert [fill for fill in (style.PAPER, style.GOTO) for _ in circles(field, r=str(style.MARK), fill=fill)] == [
-        style.PAPER,
+    assert [fill for fill in (svg.PAPER, style.GOTO) for _ in circles(field, r=str(style.MARK), fill=fill)] == [
+        svg.PAPER,
         style.GOTO,
     ]
 
