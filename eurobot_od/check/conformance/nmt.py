@@ -16,7 +16,6 @@ from eurobot_od.check.conformance.subject import (
     never,
     nmt,
     put_back,
-    read,
     save,
     skip,
     wait,
@@ -50,7 +49,7 @@ PRECISION = "20 ms"
 LONGEST_PERIOD = 5000
 """Longest heartbeat time of a file that is measured, ms."""
 
-NO_HEARTBEAT = "the file has no producer heartbeat time (0x1017) that can be written"
+NO_HEARTBEAT = "the file has no producer heartbeat time (0x1017) that can be read, written and put back"
 
 WALK = (
     ("start", "operational"),
@@ -68,8 +67,8 @@ WAY_TO = {"pre-operational": (), "operational": ("start",), "stopped": ("stop",)
 
 def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     """Do some steps while the device says its state often enough to be watched."""
-    time = subject.find(HEARTBEAT_TIME)
-    if time is None or not time.writable:
+    time = subject.settable(HEARTBEAT_TIME)
+    if time is None:
         return skip(name, NO_HEARTBEAT)
     faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
     return group(name, save(time), faster, *steps, put_back(time))
@@ -142,7 +141,7 @@ def _raw(data: bytes) -> Data:
 
 def _services(subject: Subject) -> Iterator[Data]:
     request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
-    answered = read("an SDO is answered", subject.probe)
+    answered = awake(subject, "an SDO is answered")
     yield group("SDO in PRE-OPERATIONAL", answered)
     yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
     yield group(
@@ -160,8 +159,8 @@ def _services(subject: Subject) -> Iterator[Data]:
 
 
 def _heartbeat_times(subject: Subject) -> Iterator[Data]:
-    time = subject.find(HEARTBEAT_TIME)
-    if time is None or not time.writable:
+    time = subject.settable(HEARTBEAT_TIME)
+    if time is None:
         yield skip("it can be changed", NO_HEARTBEAT)
         return
     beat = _allowed(time, BEAT)

@@ -23,15 +23,12 @@ from eurobot_od.check.conformance.subject import (
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
-from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY, RESTORE, STORE, SYNC
+from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY
 from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
-
-INFO_KEYS = {1: "vendornumber", 2: "productnumber", 3: "revisionnumber"}
-"""Sub-indices of 0x1018 that are the same in all devices of a kind, and the keys of [DeviceInfo] that have them."""
 
 FREE = (0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 """Indices where mostly nothing is, one in each area."""
@@ -39,12 +36,10 @@ FREE = (0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 FIXED = (DEVICE_TYPE[0], DEVICE_NAME[0])
 """Read-only objects whose value does not depend on what the device does."""
 
-ACTING = {ERROR_FIELD, STORE, RESTORE, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
+ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 """Objects whose writing does something: their own clauses look at them, or nobody should."""
 
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
-
-COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
 
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
@@ -68,20 +63,12 @@ def _writable(subject: Subject) -> Iterator[ODVariable]:
 
 
 def _identity(subject: Subject) -> Iterator[Data]:
-    for subindex, key in INFO_KEYS.items():
+    for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
         each = subject.find((IDENTITY, subindex))
-        if each is None:
-            continue
-        said = subject.number(address_of(each)) or _device_info(subject, key)
-        if said:
-            yield read(title(each), address_of(each), expect=said)
-        else:
+        if each is not None and number:
+            yield read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
+        elif each is not None:
             yield skip(title(each), "the file does not say it")
-
-
-def _device_info(subject: Subject, key: str) -> int:
-    number = values.parse_number(subject.dictionary.device.document.text("deviceinfo", key))
-    return number.value if number else 0
 
 
 # Values
@@ -107,6 +94,8 @@ def _default(each: ODVariable) -> Iterator[Data]:
     content = default_bytes(each)
     if content is None or (not content and not data_type(each).size):
         return
+    if each.index == IDENTITY:
+        return  # [DeviceInfo] may say it better
     default = default_of(each)
     if isinstance(default, int) and data_type(each).is_integer and in_limits(each, default):
         yield read(title(each), address_of(each), expect=int(default))
@@ -138,19 +127,15 @@ def _own_values(subject: Subject) -> Iterator[Data]:
         elif data_type(each) is values.DOMAIN:
             yield skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
-            refused = BUSY if _has_value(subject, each) else (*BUSY, *OUTSIDE)
+            refused = BUSY if _has_value(each) else (*BUSY, *OUTSIDE)
             written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
             yield group(f"{title(each)}: the value it has", save(each), written, unchanged(each))
 
 
-def _has_value(subject: Subject, each: ODVariable) -> bool:
-    """Whether the file gives an object a value that it may have: a PDO cannot be synchronous without SYNC."""
+def _has_value(each: ODVariable) -> bool:
+    """Whether the file gives an object a value that it may have."""
     default = default_of(each)
-    if not isinstance(default, int):
-        return default is not None
-    is_type = each.index in COMMUNICATIONS and each.subindex == values.TRANSMISSION_TYPE
-    cannot_be = is_type and default in values.SYNCHRONOUS and subject.find(SYNC) is None
-    return in_limits(each, default) and not cannot_be
+    return default is not None and in_limits(each, default)
 
 
 # Refusals
@@ -231,7 +216,7 @@ def _other_values(subject: Subject) -> Iterator[Data]:
 def _is_setting(subject: Subject, each: ODVariable) -> bool:
     """Whether an object is one of the device's own settings, and not its node-ID."""
     own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
-    return own and each.access_type == "rw" and not each.pdo_mappable and _has_value(subject, each)
+    return own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)
 
 
 def _other(each: ODVariable) -> int | None:

@@ -13,6 +13,7 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    awake,
     codes,
     expect,
     group,
@@ -65,7 +66,8 @@ def _long(subject: Subject) -> ODVariable | None:
 
 def _number(subject: Subject) -> ODVariable | None:
     """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID."""
-    found = [each for each in subject.objects if _known(each) and each.writable and _harmless(each)]
+    settable = [each for each in subject.objects if _known(each) and subject.settable(address_of(each))]
+    found = [each for each in settable if _harmless(each)]
     return min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None)
 
 
@@ -162,7 +164,7 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
         "a client's abort is not answered",
         _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
         never("no answer", subject.answer("?" * 16), QUIET),
-        read("the next request is", subject.probe),
+        awake(subject, "the next request is"),
     )
     each = _number(subject)
     if each is None:

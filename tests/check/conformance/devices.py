@@ -27,7 +27,12 @@ NODE_ID = 5
 @cache
 def suites(file: Path, *, destructive: bool = False) -> list[Suite]:
     """Return the conformance suites of a file, read as any others are."""
-    dictionary = Dictionary.load(file, NODE_ID)
+    return suites_of(Dictionary.load(file, NODE_ID), destructive=destructive)
+
+
+def suites_of(dictionary: Dictionary, *, destructive: bool = False) -> list[Suite]:
+    """Return the conformance suites of a dictionary."""
+    file = dictionary.file
     networks = Networks(lambda _: file, load=lambda _: (dictionary,), refused=lambda _: None)
     return SuiteReader(networks).read_texts({file: suite.text(dictionary, destructive=destructive)})
 
@@ -44,3 +49,9 @@ def steps(
     run = partial(run_simulated, options=RunOptions(keep_going), make_nodes=of_kind(kind))
     for each in suites(file, destructive=destructive):
         yield from run(each).steps
+
+
+def run_all(dictionary: Dictionary, *, destructive: bool = False) -> list[StepResult]:
+    """Run all suites of a dictionary against the device simulated from it."""
+    run = partial(run_simulated, options=RunOptions(keep_going=True), make_nodes=of_kind(SimulatedDevice))
+    return [step for each in suites_of(dictionary, destructive=destructive) for step in run(each).steps]

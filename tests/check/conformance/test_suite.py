@@ -68,7 +68,7 @@ def test_a_device_with_everything_is_asked_for_everything() -> None:
 
 LACKING = [
     # a file, a chapter's clause, and why its steps are skipped
-    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be written"),
+    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be read, written and put back"),
     ("old.eds", "7.2.4.3.7", "the file has no object of more than 4 bytes whose value is known"),
     ("old.eds", "7.5.2.36", "the file has no RPDO"),
     ("old.eds", "7.2.7", "the file has no valid EMCY (0x1014)"),
@@ -94,7 +94,7 @@ def made(*records: str) -> str:
 
 def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
     identity = record(0x1018, "Identity", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", None))
-    step = 'Identity: 0x1018:1 Entry 1", sdo: {read: "0x1018:1", expect: 66}'
+    step = 'Identity: 0x1018:1 Entry 1", sdo: {read: "0x1018:1", data: "42 00 00 00"}'
     assert step in made(identity, "[DeviceInfo]\nVendorNumber=0x42\n")
     assert "the file does not say it" in made(identity)
 
