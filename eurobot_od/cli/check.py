@@ -42,7 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--step", action="append", default=[], metavar="TEXT", help="do the steps named like this, and those before"
     )
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files: CiA 301")
-    parser.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
+    tier = parser.add_mutually_exclusive_group()
+    tier.add_argument("--reversible", action="store_true", help="conformance: also reset, write PDOs and own values")
+    tier.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and end")
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
     parser.add_argument("--repeat", type=_count, default=1, metavar="N", help="run everything N times, seed by seed")
@@ -114,7 +116,7 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:
         campaign.refuse(arguments, "--simulate --repeat")
-    for option in ("destructive", "output"):
+    for option in ("reversible", "destructive", "output"):
         if getattr(arguments, option) and not arguments.conformance:
             raise LocalError(f"--{option} needs --conformance")
 
@@ -122,11 +124,10 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
 def _conformance(arguments: argparse.Namespace) -> dict[Path, str]:
     """Make the suites of each device, by what reports call their file."""
     from eurobot_od.check.conformance import suite
+    from eurobot_od.check.conformance.subject import Tier
 
-    return {
-        Path(f"{each.name}.yaml"): suite.text(each, destructive=arguments.destructive)
-        for each in shared.devices(arguments)
-    }
+    tier = next((each for each in Tier if each and getattr(arguments, each.word)), Tier.READING)
+    return {Path(f"{each.name}.yaml"): suite.text(each, tier) for each in shared.devices(arguments)}
 
 
 def _networks(arguments: argparse.Namespace, refused: OnRefused) -> Networks:
@@ -215,7 +216,10 @@ def _many_results(
                 return
 
 
-DEPENDED_ON = ("robot", "dialect", "eds", "network", "fault", "tag", "step", "conformance", "destructive", "keep_going")
+DEPENDED_ON = (
+    *("robot", "dialect", "eds", "network", "fault", "tag", "step"),
+    *("conformance", "reversible", "destructive", "keep_going"),
+)
 """Options that the results of a seed depend on."""
 
 

@@ -9,6 +9,7 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
     awake,
     codes,
     group,
@@ -127,7 +128,7 @@ CHAPTER = Chapter(
     "emergencies",
     (
         Clause("7.2.7", "EMCY", _silence),
-        Clause("7.5.2.4", "Error history", _history),
-        Clause("7.2.7", "EMCY", _too_short),
+        Clause("7.5.2.4", "Error history", _history, Tier.DESTRUCTIVE),
+        Clause("7.2.7", "EMCY", _too_short, Tier.DESTRUCTIVE, "5.2 to 5.6"),
     ),
 )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     BUSY,
     Chapter,
     Clause,
+    StepsOf,
     Subject,
+    Tier,
     codes,
     group,
     put_back,
@@ -21,6 +24,7 @@ from eurobot_od.check.conformance.subject import (
     write,
 )
 from eurobot_od.check.conformance.writing import Data
+from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
 from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY
@@ -119,6 +123,16 @@ def _read_only(subject: Subject) -> Iterator[Data]:
             yield write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
 
 
+def _communication(steps: StepsOf) -> StepsOf:
+    """Restrict what has to be refused to the communication objects."""
+    return lambda subject: steps(replace(subject, only=COMMUNICATION_PROFILE))
+
+
+def _makers(steps: StepsOf) -> StepsOf:
+    """Restrict what has to be refused to the maker's and the profile's objects: a device that takes it may move."""
+    return lambda subject: steps(replace(subject, only=range(COMMUNICATION_PROFILE.stop, 0x10000)))
+
+
 def _own_values(subject: Subject) -> Iterator[Data]:
     """Write what is there already, and read it again."""
     for each in _writable(subject):
@@ -142,15 +156,17 @@ def _has_value(each: ODVariable) -> bool:
 
 
 def _unknown_objects(subject: Subject) -> Iterator[Data]:
-    for index in FREE:
-        if index not in subject.dictionary.members:
-            yield read(f"read {label((index, 0))}", (index, 0), abort=codes(AbortCode.NO_OBJECT))
-            yield write(
-                f"write {label((index, 0))}",
-                (index, 0),
-                data="00",
-                abort=codes(AbortCode.NO_OBJECT),
-            )
+    for address in _free(subject):
+        yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
+
+
+def _unknown_written(subject: Subject) -> Iterator[Data]:
+    for address in _free(subject):
+        yield write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
+
+
+def _free(subject: Subject) -> Iterator[Address]:
+    return ((index, 0) for index in FREE if index not in subject.dictionary.members)
 
 
 def _unknown_subindices(subject: Subject) -> Iterator[Data]:
@@ -202,9 +218,6 @@ def _outside(each: ODVariable) -> Iterator[Data]:
 
 def _other_values(subject: Subject) -> Iterator[Data]:
     """Write another value to each configuration object, and put back the one it had."""
-    if not subject.destructive:
-        yield skip("configuration objects take other values", "only with --destructive")
-        return
     for each in _writable(subject):
         other = _other(each) if _is_setting(subject, each) else None
         if other is not None:
@@ -233,15 +246,19 @@ CHAPTER = Chapter(
     "objects",
     (
         Clause("7.2.4.3.17", "Unknown object", _unknown_objects),
-        Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices),
+        Clause("7.2.4.3.17", "Unknown object", _unknown_written, Tier.REVERSIBLE),
+        Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices, ctt="2.5"),
         Clause("7.5.2.21", "Identity", _identity),
-        Clause("7.4.4", "Length of the type", _readable),
-        Clause("7.3.2.2.3", "Default after a reset", _defaults),
-        Clause("7.4.5", "Write-only", _write_only),
-        Clause("7.4.5", "Read-only", _read_only),
-        Clause("7.4.5", "Writable", _own_values),
-        Clause("7.2.4.3.17", "Wrong length", _wrong_lengths),
-        Clause("7.2.4.3.17", "Limits", _limits),
-        Clause("7.4.5", "Writable", _other_values),
+        Clause("7.4.4", "Length of the type", _readable, ctt="4.1, 4.7"),
+        Clause("7.3.2.2.3", "Default after a reset", _defaults, Tier.REVERSIBLE, "4.2, 4.8"),
+        Clause("7.4.5", "Write-only", _write_only, ctt="2.4, 4.4"),
+        Clause("7.4.5", "Read-only", _communication(_read_only), Tier.REVERSIBLE, "2.3, 4.3"),
+        Clause("7.4.5", "Read-only", _makers(_read_only), Tier.DESTRUCTIVE, "4.3"),
+        Clause("7.4.5", "Writable", _own_values, Tier.REVERSIBLE, "2.2, 4.9"),
+        Clause("7.2.4.3.17", "Wrong length", _communication(_wrong_lengths), Tier.REVERSIBLE, "2.8, 2.9"),
+        Clause("7.2.4.3.17", "Wrong length", _makers(_wrong_lengths), Tier.DESTRUCTIVE, "2.8, 2.9"),
+        Clause("7.2.4.3.17", "Limits", _communication(_limits), Tier.REVERSIBLE, "2.10, 2.11, 4.6"),
+        Clause("7.2.4.3.17", "Limits", _makers(_limits), Tier.DESTRUCTIVE, "2.10, 2.11, 4.6"),
+        Clause("7.4.5", "Writable", _other_values, Tier.DESTRUCTIVE),
     ),
 )

@@ -9,6 +9,7 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
     awake,
     codes,
     group,
@@ -36,6 +37,10 @@ KEPT: tuple[Address, ...] = (standard.HEARTBEAT_TIME, standard.EMCY_INHIBIT_TIME
 REFUSED = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE, AbortCode.NO_DATA)
 """Aborts for a wrong signature (CiA 301, 7.5.2.13: 0x0800002x)."""
 
+
+STANDARD_GROUPS = (1, 2, 3)
+"""Sub-indices for all parameters, those of the communication and those of the application. What a maker has behind them
+may be the calibration or the factory default: no suite that is made by itself writes there."""
 
 OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
 """Aborts of a device that looks at limits first, whatever they mean for a command."""
@@ -76,7 +81,7 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
     """Make the steps that try other signatures: nothing is stored or restored."""
 
     def steps(subject: Subject) -> Iterator[Data]:
-        commands = (each for each in subject.objects if each.index == index and each.subindex)
+        commands = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
         writable = [each for each in commands if each.writable and data_type(each) is UNSIGNED32]
         if not writable:
             yield skip("the signature", f"the file has no 0x{index:04X}")
@@ -92,9 +97,7 @@ def _stored(subject: Subject) -> Iterator[Data]:
     """Store another value, see that it survives a reset, and restore the file's."""
     each = _shown_by(subject)
     store, restore = (subject.find((index, standard.ALL_PARAMETERS)) for index in (standard.STORE, standard.RESTORE))
-    if not subject.destructive:
-        yield skip("store and restore", "only with --destructive")
-    elif each is None or store is None or restore is None:
+    if each is None or store is None or restore is None:
         yield skip("store and restore", "the file has not both 0x1010 and 0x1011, and a parameter to be stored")
     else:
         yield group(
@@ -126,9 +129,9 @@ CHAPTER = Chapter(
     "storage",
     "store and restore",
     (
-        Clause("7.3.2.2.3", "Values", _power_on_values),
-        Clause("7.5.2.13", "Store", _signatures(standard.STORE)),
-        Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE)),
-        Clause("7.5.2.13", "Store", _stored),
+        Clause("7.3.2.2.3", "Values", _power_on_values, Tier.REVERSIBLE, "9.1"),
+        Clause("7.5.2.13", "Store", _signatures(standard.STORE), Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7"),
+        Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE), Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8"),
+        Clause("7.5.2.13", "Store", _stored, Tier.DESTRUCTIVE, "8.1, 8.2"),
     ),
 )
