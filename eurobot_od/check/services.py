@@ -13,14 +13,14 @@ import yaml
 from eurobot_od.check import shapes
 from eurobot_od.check.patterns import ANY, EmergencyPattern, HeartbeatPattern, Pattern
 from eurobot_od.check.shapes import NAME, NUMBER, SCALAR, TEXT, Key, Shape, taken
-from eurobot_od.check.suite import AbortCodes, Action, Nmt, NodeServices, SdoRead, SdoWrite
+from eurobot_od.check.suite import AbortCodes, Action, Dump, Nmt, NodeServices, SdoRead, SdoWrite
 from eurobot_od.check.values import ObjectValues, expectation
 from eurobot_od.check.vocabulary import Vocabulary
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.errors import LocalError
 from eurobot_od.od import objects
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import EMCY
+from eurobot_od.od.standard import COMMANDS, EMCY
 from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, ERROR_CONTROL_BASE, NOT_VALID
 from eurobot_od.support.yaml_places import Problems
 
@@ -59,6 +59,8 @@ class ServiceShapes:
         self.heartbeat: Shape[Pattern] = self._service("state", state, self._heartbeat)
         self.emcy: Shape[Pattern] = self._service("code", code, self._emergency)
         self.nmt: Shape[Action] = self._service("command", command, self._nmt)
+        when = Key(shapes.named({"before": False, "equal": True}, "dump"), "kept, or compared with it", needed=True)
+        self.dump: Shape[Action] = self._service("when", when, self._dump)
         sdo = {
             "read": Key(SCALAR, "object to read: 0x1017, 0x1018:1, or its name in any letter case"),
             "write": Key(SCALAR, "object to write"),
@@ -110,6 +112,11 @@ class ServiceShapes:
         to_all = given is None and len(self._words.nodes) != 1
         return Nmt(command, ALL_NODES if to_all else self._dictionary(given).node_id)
 
+    def _dump(self, equal: bool, given: Dictionary | None) -> Action:
+        node = self._dictionary(given)
+        chosen = (each for each in objects.all_objects(node.objects) if _is_kept(each))
+        return Dump(NodeServices.of(node), tuple(chosen), equal)
+
     # SDO
 
     def _read_sdo(self, node: yaml.Node, problems: Problems) -> Action:
@@ -129,6 +136,12 @@ class ServiceShapes:
             return SdoRead(service, variable, expected, **refusals, blocks=blocks, save=given.get("save"))
         operand = taken(where, problems, scale.operand)
         return SdoWrite(service, variable, operand, **refusals, blocks=blocks)
+
+
+def _is_kept(variable: ODVariable) -> bool:
+    """Whether an object keeps its value while nobody writes it: it is no measurement, no history and no file."""
+    steady = variable.access_type in ("rw", "const") and variable.index not in COMMANDS
+    return steady and objects.data_type(variable) is not DOMAIN
 
 
 def _looked_at(variable: ODVariable, given: Mapping[str, Any], dictionary: Dictionary) -> ODVariable:

@@ -74,6 +74,7 @@ class Doer:
         self._variables: dict[str, Any] = {}
         self._used: set[int] = set()
         self._mark, self._edge = 0, len(bench.trace)
+        self._dumped: dict[str, str] = {}
         self._asking = False
         self._answers: dict[int, Sent] = {}
         self._answering: set[asyncio.Task[None]] = set()
@@ -291,6 +292,28 @@ class Doer:
             raise Failed(Reason(f"{action}: the node does not refuse", wanted, "no abort"))
         return data
 
+    async def _dump(self, action: suite.Dump) -> None:
+        self._ask()
+        dump = {objects.label(each): await self._content(each, action.node) for each in action.variables}
+        if not action.equal:
+            self._dumped = dump
+            return
+        before = {each: self._dumped.get(each, "not read") for each in dump}
+        off = [Mismatch(each, before[each], now) for each, now in dump.items() if before[each] != now]
+        if off:
+            raise Failed(Reason(f"{amount(len(off), 'object')} not as before", mismatches=tuple(off)))
+
+    async def _content(self, variable: ODVariable, node: suite.NodeServices) -> str:
+        """Return what an object has, in hexadecimal digits, or the abort if it has nothing; raises NoAnswer."""
+        transfer = upload(objects.address_of(variable), self._timeout)
+        await self._run(transfer, node)
+        try:
+            return transfer.result().hex(" ").upper()
+        except Silence:
+            raise NoAnswer("SDO request", f"answer from {node.name}", 1, transfer.wait) from None
+        except Aborted as error:
+            return code_and_reason(error.code)
+
     async def _run(self, transfer: Transfer, node: suite.NodeServices) -> None:
         """Do a transfer to its end; raises OddAnswer for an answer that has not the length of an SDO frame."""
         requests = transfer.start(self._trace.now)
@@ -330,6 +353,7 @@ class Doer:
         suite.SdoRead: _sdo_read,
         suite.SdoWrite: _sdo_write,
         suite.Nmt: _nmt,
+        suite.Dump: _dump,
         suite.Save: _save,
         suite.Wait: _wait,
         suite.Skip: _skip,

@@ -171,6 +171,17 @@ class SdoWrite(NamedTuple):
         return f"SDO write {objects.label(self.variable)}"
 
 
+class Dump(NamedTuple):
+    """Read many objects, and keep what they have, or see that it is what was kept."""
+
+    node: NodeServices
+    variables: tuple[ODVariable, ...]
+    equal: bool
+
+    def __str__(self) -> str:
+        return f"dump of {amount(len(self.variables), 'object')}"
+
+
 class Nmt(NamedTuple):
     """Send an NMT command to a node, 0 for all."""
 
@@ -234,7 +245,7 @@ class Group(NamedTuple):
 
 
 Action: TypeAlias = (
-    "Send | Answer | Expect | Never | Poll | Period | SdoRead | SdoWrite | Nmt | Save | Wait | Skip | Group"
+    "Send | Answer | Expect | Never | Poll | Period | SdoRead | SdoWrite | Dump | Nmt | Save | Wait | Skip | Group"
 )
 
 

@@ -37,7 +37,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="run the steps whose names contain this, and those before them",
     )
     parser.add_argument("--conformance", action="store_true", help="make the suites from the EDS files, by CiA 301")
-    parser.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
+    tier = parser.add_mutually_exclusive_group()
+    tier.add_argument("--reversible", action="store_true", help="conformance: also reset, write PDOs and own values")
+    tier.add_argument("--destructive", action="store_true", help="conformance: also write other values, and store")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="conformance: write the suites, and exit")
     parser.add_argument("--keep-going", action="store_true", help="go on with the next step after a failed one")
     parser.add_argument(
@@ -114,7 +116,7 @@ def _refuse_what_does_not_go_together(arguments: argparse.Namespace) -> None:
         raise LocalError(f"--conformance makes its suites from the EDS files: leave out {arguments.files[0]}")
     if not arguments.simulate:
         campaign.refuse(arguments, "--simulate --repeat")
-    for option in ("destructive", "output"):
+    for option in ("reversible", "destructive", "output"):
         if getattr(arguments, option) and not arguments.conformance:
             raise LocalError(f"--{option} needs --conformance")
 

@@ -41,6 +41,7 @@ class Checks(NamedTuple):
     simulate: bool
     shared_world: bool
     conformance: bool
+    reversible: bool
     destructive: bool
     keep_going: bool
 
@@ -68,9 +69,10 @@ class Checks(NamedTuple):
     def conformance_texts(self) -> dict[Path, str]:
         """Make the conformance suites of each device, by what reports call their file."""
         from eurobot_od.check.conformance import suite
+        from eurobot_od.check.conformance.subject import Tier
 
-        devices = self.devices.load()
-        return {Path(f"{each.name}.yaml"): suite.text(each, destructive=self.destructive) for each in devices}
+        tier = next((each for each in Tier if each and getattr(self, each.word)), Tier.READING)
+        return {Path(f"{each.name}.yaml"): suite.text(each, tier) for each in self.devices.load()}
 
     def suites(self, reader: SuiteReader) -> list[Suite]:
         """Read the suites that are asked for; raises SuiteError, LocalError."""
@@ -123,7 +125,7 @@ class Checks(NamedTuple):
         folders = {dialects.folder(each.dialect or dialect) for each in suites if each.dialect or not named}
         found = [file for folder in sorted(folders) for file in sorted(folder.glob("*.eds"))]
         options = {"robot": robot_name, "dialect": dialect, "eds": eds, "network": named_network}
-        own = ("fault", "tag", "step", "conformance", "destructive", "keep_going")
+        own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "keep_going")
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
         return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
 

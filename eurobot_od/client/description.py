@@ -36,8 +36,7 @@ class Identity(NamedTuple):
     @classmethod
     def of(cls, dictionary: Dictionary) -> Identity:
         """Return the identity that an EDS or DCF is for."""
-        values = (dictionary.default((IDENTITY, subindex)) for subindex in range(1, len(cls._fields) + 1))
-        return cls(*(value if isinstance(value, int) else 0 for value in values))
+        return cls(*dictionary.identity)
 
     def difference(self, other: Identity) -> str | None:
         """Say in what another device is another kind of device than this one; None if it is one of the same.

@@ -30,6 +30,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Stay
 from eurobot_od.od import standard
 from eurobot_od.od.dictionary import Dictionary
+from eurobot_od.od.objects import data_type
 from eurobot_od.od.values import (
     BASE_IDENTIFIER,
     ERROR_CONTROL_BASE,
@@ -150,13 +151,18 @@ class Device:
         self._beating = False
         self._configure()
 
+    def _has_room_for_eds(self) -> bool:
+        """Whether the object for the EDS may have any length; some files call it a number."""
+        variable = self.dictionary.variable(standard.STORED_EDS)
+        return variable is not None and not data_type(variable).size
+
     def _connect(self, bound: BoundObjects, readers: dict[int, OnRead], writers: dict[int, OnWrite]) -> None:
         """Enter who answers for the objects that are more than a value."""
         readers |= {
             **bound.readers(),
             standard.ERROR_REGISTER[0]: lambda _: self.emergencies.register,
             standard.ERROR_FIELD: self.emergencies.read_field,
-            standard.STORED_EDS[0]: self._read_eds,
+            **({standard.STORED_EDS[0]: self._read_eds} if self._has_room_for_eds() else {}),
         }
         writers |= {
             **bound.writers(),
@@ -176,8 +182,9 @@ class Device:
         """Listen to what is configured now."""
         self._consumer.configure(self._consumed())
         self._guarding.configure(self._life_time())
-        self.sdo_requests = self._sdo_cob_id(standard.SDO_REQUESTS)
-        self.sdo_answers = self._sdo_cob_id(standard.SDO_ANSWERS)
+        self.sdo_requests, self.sdo_answers = (
+            self.dictionary.cob_id(each, BASES[each]) for each in (standard.SDO_REQUESTS, standard.SDO_ANSWERS)
+        )
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
@@ -211,10 +218,27 @@ class Device:
     def _restart_broadcasts(self) -> None:
         """Send SYNC and TIME from now on, if that is configured and the NMT state allows it (CiA 301, Table 36)."""
         self._sync.restart(self._pdos.sync_period if self._reports else 0.0, self._pdos.sync_counter, self._now)
-        if self._reports and self.objects.raw(standard.TIME) & PRODUCER:
+        time = self.objects.raw(standard.TIME)
+        if self._reports and time & PRODUCER and time & BASE_IDENTIFIER:
             self.time_of_day.produce(self._now)
         else:
             self.time_of_day.rest()
+
+    @property
+    def service_identifiers(self) -> list[int]:
+        """The COB-IDs, as they are now, of all services of the device but its PDOs."""
+        said = (self.objects.cob_id(standard.EMCY), self._pdos.sync_cob_id, self.objects.raw(standard.TIME))
+        broadcast = [each & BASE_IDENTIFIER for each in said if each]
+        return [NMT_COB_ID, self.sdo_requests, self.sdo_answers, ERROR_CONTROL_BASE + self.node_id, *broadcast]
+
+    @property
+    def sync_cob_id(self) -> int | None:
+        """The COB-ID of SYNC, None if the device has none."""
+        return self._pdos.sync_cob_id
+
+    def check_mapped(self, index: int, entry: int) -> None:
+        """Raise Abort if an entry of a mapping record stands for nothing that may be mapped there."""
+        self._pdos.mapped(index, entry)
 
     @property
     def protocol(self) -> Protocol:
@@ -246,11 +270,6 @@ class Device:
         Raises DictionaryError.
         """
         return self.objects.number(self.dictionary.address(name))
-
-    def _sdo_cob_id(self, address: Address) -> int:
-        """Return an identifier of the SDO server; the predefined one is there whatever 0x1200 says of its validity."""
-        cob_id = self.objects.cob_id(address)
-        return BASES[address] + self.node_id if cob_id is None else cob_id
 
     # Objects that do more than keep a value
 

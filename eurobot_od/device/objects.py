@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from eurobot_od.errors import Cause, DictionaryError, Refused
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import data_type, limits
+from eurobot_od.od.objects import data_type, initial, limits
 from eurobot_od.od.pdos import Part
-from eurobot_od.od.standard import VERIFY_CONFIGURATION
-from eurobot_od.od.values import BASE_IDENTIFIER, DOMAIN, EXTENDED, NOT_VALID, VISIBLE_STRING, Address, Value
+from eurobot_od.od.standard import COMMANDS, VERIFY_CONFIGURATION
+from eurobot_od.od.values import DOMAIN, MAPPING_RECORDS, VISIBLE_STRING, Address, Value, base_identifier
 from eurobot_od.sdo.wire import LARGEST, Abort, AbortCode
 
 if TYPE_CHECKING:
@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 COMMUNICATION_PROFILE = range(0x1000, 0x2000)
 """Indices of communication objects, which are configuration; a reset of the communication restores them (CiA 301,
 7.3.2.2.3)."""
+
+PARAMETERS = {*COMMUNICATION_PROFILE} - {*COMMANDS, *(index for each in MAPPING_RECORDS.values() for index in each)}
+"""Communication objects that may always be written the value they have, also where the file contradicts itself: only
+of a mapping CiA 301 asks for a procedure whatever is written."""
 
 SETTINGS = ("rw", "wo")
 """Access types of a device's own settings; what PDOs bring (rww) or carry away (rwr, ro) is none."""
@@ -125,8 +129,7 @@ class Objects:
 
     def cob_id(self, address: Address) -> int | None:
         """Return an 11-bit identifier that an object holds, None if it is not valid or there is none."""
-        entry = self.value(address)
-        return entry & BASE_IDENTIFIER if isinstance(entry, int) and not entry & (NOT_VALID | EXTENDED) else None
+        return base_identifier(self.value(address))
 
     def put(self, address: Address, value: Value) -> None:
         """Keep a value, unchecked; a part of a value goes to its place in the whole.
@@ -163,8 +166,9 @@ class Objects:
             value = self.value(address)
             if type_ == VISIBLE_STRING and isinstance(value, str):
                 return value.encode(self.dictionary.encoding)
-            # what a file gives no value has 0; a text or a file may be there or not
-            return bytes(type_.size) if value is None and type_.size else type_.write(value)
+            if value is None and type_.size:  # a text or a file may be there or not; a number always is
+                return initial(variable) or bytes(type_.size)
+            return type_.write(value)
         except (DictionaryError, ValueError, OverflowError) as error:
             # the file's default is no number, or does not fit the type that the file names
             raise Abort(AbortCode.NO_DATA, str(error)) from error
@@ -187,8 +191,11 @@ class Objects:
         self.admit(address, len(data))
         variable, before = self._variable(address), self.kept(address)
         value = data_type(variable).read(data)
-        if wrong := out_of_limits(variable, value):
+        # The limits of a command are those of what is read: 0x1010 says what can be stored, and is written `save`.
+        if address[0] not in COMMANDS and (wrong := out_of_limits(variable, value)):
             raise Abort(wrong)
+        if value == before and address[0] in PARAMETERS:
+            return
         try:
             self._writers.get(address[0], self.put)(address, value)
         except Refused as refused:

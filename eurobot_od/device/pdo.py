@@ -112,8 +112,8 @@ class Pdos:
 
     @property
     def sync_cob_id(self) -> int | None:
-        """The COB-ID of SYNC, None if the device has no object for it."""
-        return self._objects.raw(SYNC) & values.BASE_IDENTIFIER if SYNC[0] in self._objects.dictionary.members else None
+        """The COB-ID of SYNC, None if the device has no object for it, or no identifier in it but that of NMT."""
+        return self._objects.raw(SYNC) & values.BASE_IDENTIFIER or None
 
     def sync_type(self, binding: Binding) -> int | None:
         """Return the transmission type of a PDO that follows SYNC, None for another; what acts always never waits."""
@@ -127,7 +127,7 @@ class Pdos:
     @property
     def sync_period(self) -> float:
         """Seconds from one SYNC of the device to the next, 0.0 if it sends none."""
-        sends = self._objects.raw(SYNC) & SYNC_PRODUCER and SYNC_PERIOD[0] in self._objects.dictionary.members
+        sends = self._objects.raw(SYNC) & SYNC_PRODUCER and self.sync_cob_id is not None
         return self._objects.raw(SYNC_PERIOD) / 1_000_000 if sends else 0.0
 
     @property
@@ -192,7 +192,7 @@ class Pdos:
         return *EVENT_DRIVEN, *self._sync_types, *(asked_for if requestable else ())
 
     def _is_valid(self, index: int) -> bool:
-        return not self._objects.raw((index, COB_ID)) & values.NOT_VALID
+        return self._objects.cob_id((index, COB_ID)) is not None
 
     def _write_cob_id(self, index: int, entry: int) -> None:
         """Change validity and identifier; the identifier of a PDO that is and stays valid is fixed."""
@@ -229,15 +229,15 @@ class Pdos:
             raise Abort(AbortCode.STATE, "the PDO is valid")
         if subindex == 0:
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
-            if sum(self._mapped(index, entry).bits for entry in entries) > MAX_BITS:
+            if sum(self.mapped(index, entry).bits for entry in entries) > MAX_BITS:
                 raise Abort(AbortCode.MAPPING_TOO_LONG)
         elif self._objects.raw((index, 0)):
             raise Abort(AbortCode.STATE, "the mapping is in use: sub-index 0 is not 0")
         elif number:
-            self._mapped(index, number)
+            self.mapped(index, number)
         self._objects.put(address, number)
 
-    def _mapped(self, index: int, entry: int) -> Mapped:
+    def mapped(self, index: int, entry: int) -> Mapped:
         """Return what a mapping entry stands for; raises Abort if that cannot be mapped there."""
         direction = PdoDirection(index - values.MAPPING_OFFSET & ~(values.PDO_COUNT - 1))
         dictionary = self._objects.dictionary

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.standard import EMCY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME
+from eurobot_od.od.standard import EMCY, IDENTITY, SDO_ANSWERS, SDO_REQUESTS, SYNC, TIME
 from eurobot_od.od.values import (
     COB_ID,
     DEFAULT_PDO_BASES,
@@ -33,7 +33,8 @@ BASES: Mapping[Address, int] = {
 
 
 def predefined(dictionary: Dictionary) -> dict[Address, int]:
-    """Return the identifiers of the objects that a file has and gives no value."""
+    """Return the values of the objects that a file has and gives none: identifiers, and who the device is."""
     identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
     silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
-    return {address: identifiers[address] for address in silent if dictionary.default(address) is None}
+    identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
+    return identity | {address: identifiers[address] for address in silent if dictionary.default(address) is None}

@@ -520,7 +520,7 @@ ALSO_FOUND: Mapping[str, str] = {
     "emcy-missing": "7.2.7 EMCY: RPDO",
     "emcy-twice": "7.2.7 EMCY: RPDO",
     "emcy-code-wrong": "7.2.7 EMCY: RPDO",
-    "sdo-not-answered": "7.2.4.3.5 SDO: the device answers after a reset",
+    "sdo-not-answered": "7.2.4.3.5 SDO: the device answers",
     "sdo-value-reversed": "7.2.4.3.17 Unknown object",
     "sdo-write-forgotten": "7.5.2.20 Heartbeat time: a change counts at once",
     "sdo-abort-general": "7.2.4.3.17 Unknown object",

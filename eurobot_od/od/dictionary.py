@@ -22,11 +22,16 @@ from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import parse, read_bytes
 from eurobot_od.od.normal import Change, Normal, normal
 from eurobot_od.od.pdos import Mapped, OnRefused, Part, Pdo, PdoReader, fatal, part_of
+from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Number, Value
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable
     from typing_extensions import Self
+
+
+IDENTITY_KEYS = ("vendornumber", "productnumber", "revisionnumber", "")
+"""Keys of [DeviceInfo] for the sub-indices of 0x1018 from 1 on; the serial number has none."""
 
 
 class Dictionary:
@@ -147,8 +152,22 @@ class Dictionary:
 
         It is `base` plus the node-ID if the file says none, or one that is not valid (CiA 301, 7.3.3).
         """
-        said = self.number(address)
-        return base + self.node_id if said is None or said & values.NOT_VALID else said & values.BASE_IDENTIFIER
+        said = values.base_identifier(self.default(address))
+        return base + self.node_id if said is None else said
+
+    @property
+    def identity(self) -> tuple[int, ...]:
+        """Vendor-ID, product code, revision and serial number (0x1018); 0 for what the file does not say.
+
+        Many files give 0x1018 no default, or 0, and say it in [DeviceInfo] only.
+        """
+        return tuple(self._identity(sub, key) for sub, key in enumerate(IDENTITY_KEYS, start=1))
+
+    def _identity(self, sub: int, key: str) -> int:
+        if self.variable((IDENTITY, sub)) is None:
+            return 0
+        info = values.parse_number(self.device.document.text("deviceinfo", key))
+        return self.number((IDENTITY, sub)) or (info.value & 0xFFFFFFFF if info else 0)
 
     def configured(self, present: Mapping[Address, Value]) -> Self:
         """Return the same device with values that it has at `present` in place of the file's."""

@@ -111,13 +111,17 @@ class Range(NamedTuple):
 
 
 def limits(variable: ODVariable) -> Range | None:
-    """Return the range of a numeric variable: its limits inside of its type's; None for what is no number."""
+    """Return the range of a numeric variable: its limits inside of its type's; None for what is no number.
+
+    Limits that leave no value, such as a HighLimit below the LowLimit, are an editor's accident and count as none.
+    """
     type_ = data_type(variable)
     if not type_.is_integer and type_ not in REALS:
         return None
     lowest, highest = (type_.low, type_.high) if type_.is_integer else (-inf, inf)
-    low, high = variable.min, variable.max
-    return Range(lowest if low is None else max(lowest, low), highest if high is None else min(highest, high))
+    low = lowest if variable.min is None else max(lowest, variable.min)
+    high = highest if variable.max is None else min(highest, variable.max)
+    return Range(low, high) if low <= high else Range(lowest, highest)
 
 
 def in_limits(variable: ODVariable, value: Value) -> bool:
@@ -125,6 +129,12 @@ def in_limits(variable: ODVariable, value: Value) -> bool:
     range_ = limits(variable)
     outside = isinstance(value, (int, float)) and range_ and (value < range_.low or value > range_.high)
     return not outside
+
+
+def initial(variable: ODVariable) -> bytes | None:
+    """Return what a number without a default has to begin with, as an SDO carries it: 0, or the limit next to it."""
+    range_ = limits(variable)
+    return None if range_ is None else data_type(variable).write(min(max(0, range_.low), range_.high))
 
 
 def default_bytes(variable: ODVariable) -> bytes | None:

@@ -98,6 +98,16 @@ class Pdo(NamedTuple):
         return self.index + values.MAPPING_OFFSET
 
     @property
+    def length(self) -> int:
+        """Bytes of its frames."""
+        return -(-sum(each.bits for each in self.mapping) // 8)
+
+    @property
+    def title(self) -> str:
+        """Direction and number: `TPDO 1`."""
+        return f"{self.direction.name} {self.number}"
+
+    @property
     def number(self) -> int:
         """Number of the PDO in its direction, from 1 (CiA 301: TPDO 1 has its records at 0x1800 and 0x1A00)."""
         return self.index - self.direction.value + 1
@@ -185,7 +195,7 @@ class PdoReader:
             index=index,
             name=self._objects.indices[index].name,
             cob_id=entry & values.BASE_IDENTIFIER,
-            valid=not entry & values.NOT_VALID,
+            valid=values.base_identifier(entry) is not None,
             transmission_type=self._setting((index, values.TRANSMISSION_TYPE), values.EVENT_DRIVEN),
             mapping=tuple(
                 self.mapped(record, self._parameter((record, sub)))

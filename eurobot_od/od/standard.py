@@ -50,6 +50,9 @@ ALL_PARAMETERS = 1
 SIGNATURES: Mapping[int, bytes] = {STORE: b"save", RESTORE: b"load"}
 """What each wants to be written (CiA 301, 7.5.2.13 and 7.5.2.14)."""
 
+COMMANDS = (ERROR_FIELD, STORE, RESTORE)
+"""Objects of which a write is a command, and no value that is kept."""
+
 TIME: Address = (0x1012, 0)
 """COB-ID of TIME; a device without this object knows none."""
 

@@ -9,7 +9,7 @@ import re
 import struct
 from enum import Enum
 from functools import lru_cache
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, cast
 
 from eurobot_od.frame import HIGHEST_IDENTIFIER
 
@@ -291,6 +291,13 @@ NOT_VALID, NO_RTR, EXTENDED = 1 << 31, 1 << 30, 1 << 29
 
 BASE_IDENTIFIER = HIGHEST_IDENTIFIER
 """Bits of a COB-ID entry that hold an 11-bit identifier."""
+
+
+def base_identifier(entry: Value) -> int | None:
+    """Return the 11-bit identifier of a COB-ID entry; None if the service is off, or has none but NMT's 0."""
+    usable = isinstance(entry, int) and not entry & (NOT_VALID | EXTENDED)
+    return (cast(int, entry) & BASE_IDENTIFIER or None) if usable else None
+
 
 NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID = 0x000, 0x080, 0x100
 """Broadcast services of the pre-defined connection set (CiA 301, 7.3.3)."""

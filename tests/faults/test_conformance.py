@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.results import Status
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.faults import conformance, device
@@ -19,7 +20,7 @@ FOUND: dict[str, tuple[Fault, str]] = {
 @pytest.mark.parametrize("name", FOUND)
 def test_the_first_red_step_is_the_one_that_the_fault_names(name: str) -> None:
     fault, step = FOUND[name]
-    done = steps(MODULE, fault.given_to(SimulatedDevice), keep_going=False)
+    done = steps(MODULE, fault.given_to(SimulatedDevice), tier=Tier.DESTRUCTIVE, keep_going=False)
     red = (each for each in done if each.status is Status.FAILED)
     first = next(red, None)
     assert first is not None

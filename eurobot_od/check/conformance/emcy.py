@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
+    awake,
     codes,
     group,
     never,
@@ -21,9 +22,10 @@ from eurobot_od.check.conformance.subject import (
 )
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.device.emergency import ErrorCode
+from eurobot_od.od.objects import in_limits
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import EMCY, ERROR_FIELD, ERROR_REGISTER
-from eurobot_od.od.values import EXTENDED, NOT_VALID, Address, PdoDirection
+from eurobot_od.od.values import Address, PdoDirection, base_identifier
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -39,8 +41,8 @@ NO_HISTORY = "the file has no error history (0x1003)"
 
 
 def _has_emcy(subject: Subject) -> bool:
-    entry = subject.dictionary.number(EMCY)
-    return entry is not None and not entry & (NOT_VALID | EXTENDED)
+    """Whether the file gives EMCY an identifier: reports find it only there."""
+    return base_identifier(subject.dictionary.default(EMCY)) is not None
 
 
 def _silence(subject: Subject) -> Iterator[Data]:
@@ -60,11 +62,11 @@ def _history(subject: Subject) -> Iterator[Data]:
         return
     refused = codes(AbortCode.VALUE, AbortCode.TOO_HIGH)
     yield write("only 0 may be written", HISTORY, value=1, abort=refused)
-    yield group("0 clears it", write("0 is written", HISTORY, value=0), _empty())
+    yield group("0 clears it", write("0 is written", HISTORY, data="00"), _empty())
 
 
 def _empty() -> Data:
-    return read("no error is left", HISTORY, expect=0)
+    return read("no error is left", HISTORY, data="00")
 
 
 def _too_short(subject: Subject) -> Iterator[Data]:
@@ -74,7 +76,7 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         yield skip("an RPDO that is too short", "the file has no valid EMCY (0x1014), or no valid RPDO with data")
         return
     code = ErrorCode.PDO_TOO_SHORT
-    frame = f"{rpdo.cob_id:03X}#{'00' * (_length(rpdo) - 1)}"
+    frame = f"{rpdo.cob_id:03X}#{'00' * (rpdo.length - 1)}"
     yield group(
         f"RPDO {rpdo.number}, one byte too short",
         nmt("start"),
@@ -82,21 +84,27 @@ def _too_short(subject: Subject) -> Iterator[Data]:
         {"name": "the frame", "send": {"raw": frame}},
         {"name": f"EMCY 0x{code:04X}", "emcy": f"0x{code:04X}"},
         never("it is told once", {"emcy": f"0x{code:04X}"}, ONCE),
-        read("the error register says so", ERROR_REGISTER, expect=COMMUNICATION_ERROR),
+        *_registered(subject),
         *_remembered(subject, code),
         nmt("reset communication"),
         wait("200 ms"),
         nmt("pre-operational"),
-        read("it is there again", subject.probe),
+        awake(subject, "it is there again"),
     )
+
+
+def _registered(subject: Subject) -> Iterator[Data]:
+    if subject.find(ERROR_REGISTER) is not None:
+        yield read("the error register says so", ERROR_REGISTER, data=f"{COMMUNICATION_ERROR:02X}")
 
 
 def _remembered(subject: Subject, code: ErrorCode) -> Iterator[Data]:
     history = subject.find(HISTORY)
-    if history is not None:
+    if history is not None and history.readable and subject.find((ERROR_FIELD, 1)) is not None:
         digits = code.to_bytes(2, "little").hex().upper()
         asked = {"name": "the history is asked", **subject.request(bytes.fromhex("4003100100000000"))}
-        yield read("the history has it", HISTORY, expect=">= 1")
+        if in_limits(history, 1):
+            yield read("the history has it", HISTORY, expect=">= 1")
         yield asked
         yield {"name": "its newest error is this", "expect": subject.answer(f"43031001{digits}????"), "within": "1 s"}
         yield from _cleared(history)
@@ -104,19 +112,15 @@ def _remembered(subject: Subject, code: ErrorCode) -> Iterator[Data]:
 
 def _cleared(history: ODVariable) -> Iterator[Data]:
     if history.writable:
-        yield write("the history is cleared", HISTORY, value=0)
+        yield write("the history is cleared", HISTORY, data="00")
         yield _empty()
 
 
 def _received(subject: Subject) -> Pdo | None:
     """Return the first valid RPDO with data that takes effect at once, else the first at all."""
-    pdos = subject.dictionary.read_pdos(subject.dictionary.default, lambda _: None)
-    valid = [each for each in pdos if each.direction is PdoDirection.RPDO and each.valid and _length(each)]
-    return min(valid, key=lambda each: each.is_synchronous, default=None)
-
-
-def _length(pdo: Pdo) -> int:
-    return ceil(sum(each.bits for each in pdo.mapping) / 8)
+    rpdos = (each for each in subject.pdos if each.direction is PdoDirection.RPDO)
+    seen = (each for each in rpdos if not subject.why_not_seen(each))
+    return min(seen, key=lambda each: each.is_synchronous, default=None)
 
 
 CHAPTER = Chapter(
@@ -124,7 +128,7 @@ CHAPTER = Chapter(
     "emergencies",
     (
         Clause("7.2.7", "EMCY", _silence),
-        Clause("7.5.2.4", "Error history", _history),
-        Clause("7.2.7", "EMCY", _too_short),
+        Clause("7.5.2.4", "Error history", _history, Tier.DESTRUCTIVE),
+        Clause("7.2.7", "EMCY", _too_short, Tier.DESTRUCTIVE, "5.2 to 5.6"),
     ),
 )

@@ -10,13 +10,13 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
     awake,
     group,
     heartbeat,
     never,
     nmt,
     put_back,
-    read,
     save,
     skip,
     wait,
@@ -50,7 +50,7 @@ PRECISION = "20 ms"
 LONGEST_PERIOD = 5000
 """Longest heartbeat time of a file that is measured, ms."""
 
-NO_HEARTBEAT = "the file has no producer heartbeat time (0x1017) that can be written"
+NO_HEARTBEAT = "the file has no producer heartbeat time (0x1017) that can be read, written and put back"
 
 WALK = (
     ("start", "operational"),
@@ -68,8 +68,8 @@ WAY_TO = {"pre-operational": (), "operational": ("start",), "stopped": ("stop",)
 
 def _beating(subject: Subject, name: str, *steps: Data) -> Data:
     """Do some steps while the device says its state often enough to be watched."""
-    time = subject.find(HEARTBEAT_TIME)
-    if time is None or not time.writable:
+    time = subject.settable(HEARTBEAT_TIME)
+    if time is None:
         return skip(name, NO_HEARTBEAT)
     faster = write(f"a heartbeat every {BEAT} ms", address_of(time), value=_allowed(time, BEAT))
     return group(name, save(time), faster, *steps, put_back(time))
@@ -142,7 +142,7 @@ def _raw(data: bytes) -> Data:
 
 def _services(subject: Subject) -> Iterator[Data]:
     request = subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe))
-    answered = read("an SDO is answered", subject.probe)
+    answered = awake(subject, "an SDO is answered")
     yield group("SDO in PRE-OPERATIONAL", answered)
     yield group("SDO in OPERATIONAL", nmt("start"), answered, nmt("pre-operational"))
     yield group(
@@ -160,8 +160,8 @@ def _services(subject: Subject) -> Iterator[Data]:
 
 
 def _heartbeat_times(subject: Subject) -> Iterator[Data]:
-    time = subject.find(HEARTBEAT_TIME)
-    if time is None or not time.writable:
+    time = subject.settable(HEARTBEAT_TIME)
+    if time is None:
         yield skip("it can be changed", NO_HEARTBEAT)
         return
     beat = _allowed(time, BEAT)
@@ -207,13 +207,13 @@ CHAPTER = Chapter(
     "nmt",
     "NMT states, boot-up and heartbeat",
     (
-        Clause("7.2.8.3.3", "Boot-up", _boot_ups),
-        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times),
-        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file),
-        Clause("7.2.8.3.2", "Guarding", _life_guarding),
-        Clause("7.3.2.2", "NMT state", _first_state),
-        Clause("7.2.8.2.1", "NMT commands", _walk),
-        Clause("7.2.8.2.1", "NMT commands", _other_commands),
-        Clause("7.3.2.2.4", "NMT state", _services),
+        Clause("7.2.8.3.3", "Boot-up", _boot_ups, Tier.REVERSIBLE, "10.1"),
+        Clause("7.5.2.20", "Heartbeat time", _heartbeat_times, ctt="7.101 to 7.103"),
+        Clause("7.2.8.3.2", "Heartbeat", _heartbeat_of_the_file, Tier.REVERSIBLE, "7.102"),
+        Clause("7.2.8.3.2", "Guarding", _life_guarding, ctt="7.1 to 7.6"),
+        Clause("7.3.2.2", "NMT state", _first_state, Tier.REVERSIBLE, "9.1"),
+        Clause("7.2.8.2.1", "NMT commands", _walk, Tier.REVERSIBLE, "10.2 to 10.4"),
+        Clause("7.2.8.2.1", "NMT commands", _other_commands, Tier.DESTRUCTIVE),
+        Clause("7.3.2.2.4", "NMT state", _services, Tier.REVERSIBLE, "9.2 to 9.4"),
     ),
 )

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     BUSY,
     Chapter,
     Clause,
+    StepsOf,
     Subject,
+    Tier,
     codes,
     group,
     put_back,
@@ -21,17 +24,15 @@ from eurobot_od.check.conformance.subject import (
     write,
 )
 from eurobot_od.check.conformance.writing import Data
+from eurobot_od.device.objects import COMMUNICATION_PROFILE
 from eurobot_od.od import values
 from eurobot_od.od.objects import address_of, data_type, default_bytes, default_of, in_limits, limits
-from eurobot_od.od.standard import DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY, RESTORE, STORE, SYNC
+from eurobot_od.od.standard import COMMANDS, DEVICE_NAME, DEVICE_TYPE, ERROR_FIELD, IDENTITY
 from eurobot_od.od.values import MAPPING_RECORDS, MOST_SUBS, Address, label
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
-
-INFO_KEYS = {1: "vendornumber", 2: "productnumber", 3: "revisionnumber"}
-"""Sub-indices of 0x1018 that are the same in all devices of a kind, and the keys of [DeviceInfo] that have them."""
 
 FREE = (0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 """Indices where mostly nothing is, one in each area."""
@@ -39,12 +40,10 @@ FREE = (0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
 FIXED = (DEVICE_TYPE[0], DEVICE_NAME[0])
 """Read-only objects whose value does not depend on what the device does."""
 
-ACTING = {ERROR_FIELD, STORE, RESTORE, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
+ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 """Objects whose writing does something: their own clauses look at them, or nobody should."""
 
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
-
-COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
 
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
@@ -68,20 +67,12 @@ def _writable(subject: Subject) -> Iterator[ODVariable]:
 
 
 def _identity(subject: Subject) -> Iterator[Data]:
-    for subindex, key in INFO_KEYS.items():
+    for subindex, number in enumerate(subject.dictionary.identity[:3], start=1):
         each = subject.find((IDENTITY, subindex))
-        if each is None:
-            continue
-        said = subject.number(address_of(each)) or _device_info(subject, key)
-        if said:
-            yield read(title(each), address_of(each), expect=said)
-        else:
+        if each is not None and number:
+            yield read(title(each), address_of(each), data=data_type(each).write(number).hex(" ").upper())
+        elif each is not None:
             yield skip(title(each), "the file does not say it")
-
-
-def _device_info(subject: Subject, key: str) -> int:
-    number = values.parse_number(subject.dictionary.device.document.text("deviceinfo", key))
-    return number.value if number else 0
 
 
 # Values
@@ -107,6 +98,8 @@ def _default(each: ODVariable) -> Iterator[Data]:
     content = default_bytes(each)
     if content is None or (not content and not data_type(each).size):
         return
+    if each.index == IDENTITY:
+        return  # [DeviceInfo] may say it better
     default = default_of(each)
     if isinstance(default, int) and data_type(each).is_integer and in_limits(each, default):
         yield read(title(each), address_of(each), expect=int(default))
@@ -130,6 +123,16 @@ def _read_only(subject: Subject) -> Iterator[Data]:
             yield write(title(each), address_of(each), data=zeros, abort=codes(AbortCode.READ_ONLY))
 
 
+def _communication(steps: StepsOf) -> StepsOf:
+    """Restrict what has to be refused to the communication objects."""
+    return lambda subject: steps(replace(subject, only=COMMUNICATION_PROFILE))
+
+
+def _makers(steps: StepsOf) -> StepsOf:
+    """Restrict what has to be refused to the maker's and the profile's objects: a device that takes it may move."""
+    return lambda subject: steps(replace(subject, only=range(COMMUNICATION_PROFILE.stop, 0x10000)))
+
+
 def _own_values(subject: Subject) -> Iterator[Data]:
     """Write what is there already, and read it again."""
     for each in _writable(subject):
@@ -138,34 +141,32 @@ def _own_values(subject: Subject) -> Iterator[Data]:
         elif data_type(each) is values.DOMAIN:
             yield skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
-            refused = BUSY if _has_value(subject, each) else (*BUSY, *OUTSIDE)
+            refused = BUSY if _has_value(each) else (*BUSY, *OUTSIDE)
             written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
             yield group(f"{title(each)}: the value it has", save(each), written, unchanged(each))
 
 
-def _has_value(subject: Subject, each: ODVariable) -> bool:
-    """Whether the file gives an object a value that it may have: a PDO cannot be synchronous without SYNC."""
+def _has_value(each: ODVariable) -> bool:
+    """Whether the file gives an object a value that it may have."""
     default = default_of(each)
-    if not isinstance(default, int):
-        return default is not None
-    is_type = each.index in COMMUNICATIONS and each.subindex == values.TRANSMISSION_TYPE
-    cannot_be = is_type and default in values.SYNCHRONOUS and subject.find(SYNC) is None
-    return in_limits(each, default) and not cannot_be
+    return default is not None and in_limits(each, default)
 
 
 # Refusals
 
 
 def _unknown_objects(subject: Subject) -> Iterator[Data]:
-    for index in FREE:
-        if index not in subject.dictionary.members:
-            yield read(f"read {label((index, 0))}", (index, 0), abort=codes(AbortCode.NO_OBJECT))
-            yield write(
-                f"write {label((index, 0))}",
-                (index, 0),
-                data="00",
-                abort=codes(AbortCode.NO_OBJECT),
-            )
+    for address in _free(subject):
+        yield read(f"read {label(address)}", address, abort=codes(AbortCode.NO_OBJECT))
+
+
+def _unknown_written(subject: Subject) -> Iterator[Data]:
+    for address in _free(subject):
+        yield write(f"write {label(address)}", address, data="00", abort=codes(AbortCode.NO_OBJECT))
+
+
+def _free(subject: Subject) -> Iterator[Address]:
+    return ((index, 0) for index in FREE if index not in subject.dictionary.members)
 
 
 def _unknown_subindices(subject: Subject) -> Iterator[Data]:
@@ -217,9 +218,6 @@ def _outside(each: ODVariable) -> Iterator[Data]:
 
 def _other_values(subject: Subject) -> Iterator[Data]:
     """Write another value to each configuration object, and put back the one it had."""
-    if not subject.destructive:
-        yield skip("configuration objects take other values", "only with --destructive")
-        return
     for each in _writable(subject):
         other = _other(each) if _is_setting(subject, each) else None
         if other is not None:
@@ -231,7 +229,7 @@ def _other_values(subject: Subject) -> Iterator[Data]:
 def _is_setting(subject: Subject, each: ODVariable) -> bool:
     """Whether an object is one of the device's own settings, and not its node-ID."""
     own = each.index >= values.MANUFACTURER[0] and address_of(each) != subject.dictionary.node_id_address
-    return own and each.access_type == "rw" and not each.pdo_mappable and _has_value(subject, each)
+    return own and each.access_type == "rw" and not each.pdo_mappable and _has_value(each)
 
 
 def _other(each: ODVariable) -> int | None:
@@ -248,15 +246,19 @@ CHAPTER = Chapter(
     "objects",
     (
         Clause("7.2.4.3.17", "Unknown object", _unknown_objects),
-        Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices),
+        Clause("7.2.4.3.17", "Unknown object", _unknown_written, Tier.REVERSIBLE),
+        Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices, ctt="2.5"),
         Clause("7.5.2.21", "Identity", _identity),
-        Clause("7.4.4", "Length of the type", _readable),
-        Clause("7.3.2.2.3", "Default after a reset", _defaults),
-        Clause("7.4.5", "Write-only", _write_only),
-        Clause("7.4.5", "Read-only", _read_only),
-        Clause("7.4.5", "Writable", _own_values),
-        Clause("7.2.4.3.17", "Wrong length", _wrong_lengths),
-        Clause("7.2.4.3.17", "Limits", _limits),
-        Clause("7.4.5", "Writable", _other_values),
+        Clause("7.4.4", "Length of the type", _readable, ctt="4.1, 4.7"),
+        Clause("7.3.2.2.3", "Default after a reset", _defaults, Tier.REVERSIBLE, "4.2, 4.8"),
+        Clause("7.4.5", "Write-only", _write_only, ctt="2.4, 4.4"),
+        Clause("7.4.5", "Read-only", _communication(_read_only), Tier.REVERSIBLE, "2.3, 4.3"),
+        Clause("7.4.5", "Read-only", _makers(_read_only), Tier.DESTRUCTIVE, "4.3"),
+        Clause("7.4.5", "Writable", _own_values, Tier.REVERSIBLE, "2.2, 4.9"),
+        Clause("7.2.4.3.17", "Wrong length", _communication(_wrong_lengths), Tier.REVERSIBLE, "2.8, 2.9"),
+        Clause("7.2.4.3.17", "Wrong length", _makers(_wrong_lengths), Tier.DESTRUCTIVE, "2.8, 2.9"),
+        Clause("7.2.4.3.17", "Limits", _communication(_limits), Tier.REVERSIBLE, "2.10, 2.11, 4.6"),
+        Clause("7.2.4.3.17", "Limits", _makers(_limits), Tier.DESTRUCTIVE, "2.10, 2.11, 4.6"),
+        Clause("7.4.5", "Writable", _other_values, Tier.DESTRUCTIVE),
     ),
 )

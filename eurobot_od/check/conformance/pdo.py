@@ -5,8 +5,7 @@ Rule of this file: of a PDO that is changed, the file's mapping is put back entr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from math import ceil
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
@@ -14,6 +13,7 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
     codes,
     expect,
     group,
@@ -29,13 +29,12 @@ from eurobot_od.check.conformance.subject import (
     write,
 )
 from eurobot_od.check.conformance.writing import Data, hexadecimal
-from eurobot_od.od import values
-from eurobot_od.od.objects import address_of, data_type
+from eurobot_od.od.objects import address_of, data_type, in_limits
 from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import SYNC, SYNC_COUNTER, SYNC_PRODUCER
 from eurobot_od.od.values import COB_ID, EVENT_TIMER, INHIBIT_TIME, MAPPABLE, NOT_VALID, TRANSMISSION_TYPE, PdoDirection
 from eurobot_od.pdo.layout import MAX_BITS
-from eurobot_od.sdo.wire import AbortCode
+from eurobot_od.sdo.wire import Abort, AbortCode
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
@@ -45,6 +44,8 @@ EVENT_TIME = 100
 """Event timer with which TPDOs are looked at, ms."""
 
 SOON, QUIET = f"{3 * EVENT_TIME} ms", "300 ms"
+
+NOT_SETTABLE = "cannot be read, written and put back"
 
 MISSING = 0x1FFF
 """An index where mostly nothing is."""
@@ -59,62 +60,62 @@ def _of(direction: PdoDirection, steps: ClauseOf) -> Callable[[Subject], Iterato
     """Make steps for all PDOs of a direction that hold."""
 
     def all_of_them(subject: Subject) -> Iterator[Data]:
-        pdos = subject.dictionary.read_pdos(subject.dictionary.default, lambda _: None)
-        chosen = [each for each in pdos if each.direction is direction]
+        chosen = [each for each in subject.pdos if each.direction is direction]
         for each in chosen:
             yield from steps(subject, each)
         if not chosen:
-            yield skip(direction.name, f"the file has no {direction.name}")
+            yield skip(direction.name, f"the file has no {direction.name} whose parameters hold")
 
     return all_of_them
-
-
-def _title(pdo: Pdo) -> str:
-    return f"{pdo.direction.name} {pdo.number}"
-
-
-def _at(subject: Subject, pdo: Pdo, subindex: int) -> ODVariable | None:
-    """Return a communication parameter that can be written, None if it cannot."""
-    found = subject.find((pdo.index, subindex))
-    return found if found is not None and found.writable else None
 
 
 # Communication parameters
 
 
 def _communication(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    title, cob_id = _title(pdo), _at(subject, pdo, COB_ID)
+    cob_id = subject.settable((pdo.index, COB_ID))
     if cob_id is None:
-        yield skip(title, f"the COB-ID of {title} cannot be written")
+        yield skip(pdo.title, f"the COB-ID of {pdo.title} {NOT_SETTABLE}")
     elif not pdo.valid:
-        yield skip(title, f"{title} is not valid by default")
+        yield skip(pdo.title, f"{pdo.title} is not valid by default")
     else:
         changed = hexadecimal(subject.number(address_of(cob_id)) ^ 1, 8)
         moved = write("another identifier while it is valid", address_of(cob_id), value=changed, abort="any")
-        yield group(f"{title} keeps its identifier", save(cob_id), moved, put_back(cob_id))
-        yield from _inhibit_time(subject, pdo)
-
-
-def _inhibit_time(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    time = _at(subject, pdo, INHIBIT_TIME)
-    if time is not None and pdo.direction is PdoDirection.TPDO:
-        other = write("another time while it is valid", address_of(time), value=pdo.inhibit_time + 1, abort="any")
-        yield group(f"{_title(pdo)} keeps its inhibit time", save(time), other, unchanged(time))
+        yield group(f"{pdo.title} keeps its identifier", save(cob_id), moved, put_back(cob_id))
+        time = subject.settable((pdo.index, INHIBIT_TIME)) if pdo.direction is PdoDirection.TPDO else None
+        if time is not None:
+            value = pdo.inhibit_time ^ 1
+            other = write("another time while it is valid", address_of(time), value=value, abort="any")
+            yield group(f"{pdo.title} keeps its inhibit time", save(time), other, unchanged(time))
 
 
 # Mapping
 
 
 def _mapping(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    title, cob_id = _title(pdo), _at(subject, pdo, COB_ID)
-    entries = [subject.find((pdo.mapping_index, sub)) for sub in range(_room(subject, pdo) + 1)]
+    title, cob_id = pdo.title, subject.settable((pdo.index, COB_ID))
+    used = range(max(1, len(pdo.mapping)) + 1)
     if cob_id is None:
-        yield skip(title, f"the COB-ID of {title} cannot be written")
-    elif len(entries) < 2 or any(each is None or not each.writable for each in entries[:2]):
-        yield skip(title, f"the mapping of {title} cannot be written")
+        yield skip(title, f"the COB-ID of {title} {NOT_SETTABLE}")
+    elif not all(subject.settable((pdo.mapping_index, sub)) for sub in used):
+        yield skip(title, f"the mapping of {title} {NOT_SETTABLE}")
+    elif wrong := _unmapped(subject, pdo, used[1:]):
+        yield skip(title, f"the file itself maps in {title} what it does not let be mapped: {wrong}")
     else:
         yield group(f"{title} changed in order, and not otherwise", *_remapped(subject, pdo, cob_id))
         yield _at_most(subject, pdo, cob_id)
+
+
+def _unmapped(subject: Subject, pdo: Pdo, subs: Iterable[int]) -> str:
+    """Return an entry of the file that a device which is its file refuses to be given again; empty if there is none."""
+    for sub in subs:
+        entry = subject.number((pdo.mapping_index, sub))
+        try:
+            if entry:
+                subject.model.check_mapped(pdo.mapping_index, entry)
+        except Abort:
+            return hexadecimal(entry, 8)
+    return ""
 
 
 def _room(subject: Subject, pdo: Pdo) -> int:
@@ -154,11 +155,14 @@ def _mapped_again(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Iterator[Da
 
 def _at_most(subject: Subject, pdo: Pdo, cob_id: ODVariable) -> Data:
     """Map more bits than a PDO has; entry by entry that may be, together it is refused."""
-    record, name = pdo.mapping_index, f"{_title(pdo)} takes {MAX_BITS} bits at most"
+    record, name = pdo.mapping_index, f"{pdo.title} takes {MAX_BITS} bits at most"
     wide = _widest(subject, pdo)
     if wide is None or MAX_BITS // data_type(wide).bits >= _room(subject, pdo):
         return skip(name, "the file has too few entries in it to map more")
     count = MAX_BITS // data_type(wide).bits + 1
+    entries = range(1, count + 1)
+    if _unmapped(subject, pdo, entries) or not all(subject.settable((record, sub)) for sub in entries):
+        return skip(name, "its spare entries could not be put back")
     spare = {sub: subject.number((record, sub)) for sub in range(len(pdo.mapping) + 1, count + 1)}
     too_long = codes(AbortCode.MAPPING_TOO_LONG)
     return group(
@@ -203,21 +207,22 @@ def _widest(subject: Subject, pdo: Pdo) -> ODVariable | None:
 
 def _sent(pdo: Pdo) -> Data:
     """Return the pattern of a TPDO: whatever its data, but of its length."""
-    length = ceil(sum(each.bits for each in pdo.mapping) / 8)
-    return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * length)}"}
+    return {"raw": f"{pdo.cob_id:03X}#{'?' * (2 * pdo.length)}"}
 
 
 def _event_timer(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    title, timer = _title(pdo), _at(subject, pdo, EVENT_TIMER)
-    if not pdo.valid or pdo.transmission_type not in (254, 255):
-        yield skip(title, f"{title} is not valid, or not event-driven, by default")
+    timer, sent = subject.settable((pdo.index, EVENT_TIMER)), _sent(pdo)
+    reasons = {
+        f"{pdo.title} is not event-driven by default": pdo.transmission_type not in (254, 255),
+        f"the event timer of {pdo.title} {NOT_SETTABLE}": timer is None or not in_limits(timer, EVENT_TIME),
+        f"the inhibit time of {pdo.title} is longer than {EVENT_TIME} ms": pdo.inhibit_time >= 10 * EVENT_TIME,
+    }
+    why = subject.why_not_seen(pdo) or next((reason for reason, holds in reasons.items() if holds), "")
+    if why or timer is None:
+        yield skip(pdo.title, why)
         return
-    if timer is None:
-        yield skip(title, f"the event timer of {title} cannot be written")
-        return
-    sent = _sent(pdo)
     yield group(
-        f"{title} by its event timer",
+        f"{pdo.title} by its event timer",
         save(timer),
         write(f"event timer {EVENT_TIME} ms", address_of(timer), value=EVENT_TIME),
         wait("50 ms"),
@@ -233,15 +238,20 @@ def _event_timer(subject: Subject, pdo: Pdo) -> Iterator[Data]:
 
 
 def _by_sync(subject: Subject, pdo: Pdo) -> Iterator[Data]:
-    title, type_ = _title(pdo), _at(subject, pdo, TRANSMISSION_TYPE)
-    why = _why_no_sync(subject, pdo, type_)
+    type_, sent = subject.settable((pdo.index, TRANSMISSION_TYPE)), _sent(pdo)
+    reasons = {
+        "the file has no SYNC (0x1005) with an identifier": subject.model.sync_cob_id is None,
+        "the device sends SYNC itself": bool(subject.number(SYNC) & SYNC_PRODUCER),
+        "the file's SYNC has a counter": bool(subject.number(SYNC_COUNTER)),
+        f"the transmission type of {pdo.title} {NOT_SETTABLE}": type_ is None or not in_limits(type_, 1),
+    }
+    why = subject.why_not_seen(pdo) or next((reason for reason, holds in reasons.items() if holds), "")
     if why or type_ is None:
-        yield skip(title, why)
+        yield skip(pdo.title, why)
         return
-    sent = _sent(pdo)
-    sync = {"name": "SYNC", "send": {"raw": f"{subject.number(SYNC) & values.BASE_IDENTIFIER:03X}#"}}
+    sync = {"name": "SYNC", "send": {"raw": f"{subject.model.sync_cob_id:03X}#"}}
     yield group(
-        f"{title} by SYNC",
+        f"{pdo.title} by SYNC",
         save(type_),
         write("transmission type 1", address_of(type_), value=1, optional=codes(*NO_SUCH_TYPE)),
         sync,
@@ -255,27 +265,15 @@ def _by_sync(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     )
 
 
-def _why_no_sync(subject: Subject, pdo: Pdo, type_: ODVariable | None) -> str:
-    """Say why a TPDO cannot be looked at with SYNC, nothing if it can."""
-    reasons = {
-        "the file has no SYNC (0x1005)": subject.find(SYNC) is None,
-        "the device sends SYNC itself": bool(subject.number(SYNC) & SYNC_PRODUCER),
-        "the file's SYNC has a counter": bool(subject.number(SYNC_COUNTER)),
-        f"{_title(pdo)} is not valid by default": not pdo.valid,
-        f"the transmission type of {_title(pdo)} cannot be written": type_ is None,
-    }
-    return next((reason for reason, holds in reasons.items() if holds), "")
-
-
 CHAPTER = Chapter(
     "pdo",
     "PDOs",
     (
-        Clause("7.5.2.35", "RPDO communication", _of(PdoDirection.RPDO, _communication)),
-        Clause("7.5.2.36", "RPDO mapping", _of(PdoDirection.RPDO, _mapping)),
-        Clause("7.5.2.37", "TPDO communication", _of(PdoDirection.TPDO, _communication)),
-        Clause("7.5.2.38", "TPDO mapping", _of(PdoDirection.TPDO, _mapping)),
-        Clause("7.5.2.37", "TPDO transmission", _of(PdoDirection.TPDO, _event_timer)),
-        Clause("7.2.2.2", "TPDO transmission", _of(PdoDirection.TPDO, _by_sync)),
+        Clause("7.5.2.35", "RPDO communication", _of(PdoDirection.RPDO, _communication), Tier.REVERSIBLE, "3.1"),
+        Clause("7.5.2.36", "RPDO mapping", _of(PdoDirection.RPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.29"),
+        Clause("7.5.2.37", "TPDO communication", _of(PdoDirection.TPDO, _communication), Tier.REVERSIBLE, "3.2"),
+        Clause("7.5.2.38", "TPDO mapping", _of(PdoDirection.TPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.32"),
+        Clause("7.5.2.37", "TPDO transmission", _of(PdoDirection.TPDO, _event_timer), Tier.REVERSIBLE, "3.5"),
+        Clause("7.2.2.2", "TPDO transmission", _of(PdoDirection.TPDO, _by_sync), Tier.REVERSIBLE, "3.6"),
     ),
 )

@@ -1,6 +1,6 @@
 """SDO transfers frame by frame: expedited, by segments, in blocks, toggle bits, aborts, time-outs (CiA 301, 7.2.4.3).
 
-Rule of this file: what is downloaded is what the object has after a reset, and whether it still has it is looked at.
+Rule of this file: what is downloaded is what the object has after a reset, and what it had before is put back.
 """
 
 from __future__ import annotations
@@ -13,15 +13,19 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
+    awake,
     codes,
     expect,
     group,
     never,
+    put_back,
     read,
+    save,
     skip,
     title,
+    unchanged,
     wait,
-    write,
 )
 from eurobot_od.check.conformance.writing import Data
 from eurobot_od.od.objects import address_of, data_type, default_bytes
@@ -64,8 +68,14 @@ def _long(subject: Subject) -> ODVariable | None:
 
 
 def _number(subject: Subject) -> ODVariable | None:
-    """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID."""
-    found = [each for each in subject.objects if _known(each) and each.writable and _harmless(each)]
+    """Return a number that can be written as it is: the heartbeat time, or the first other one without a COB-ID.
+
+    Where nothing is to be written but the heartbeat time there is no other.
+    """
+    settable = [each for each in subject.objects if _known(each) and subject.settable(address_of(each))]
+    found = [each for each in settable if _harmless(each)]
+    if subject.tier is Tier.READING:
+        found = [each for each in found if address_of(each) == HEARTBEAT_TIME]
     return min(found, key=lambda each: address_of(each) != HEARTBEAT_TIME, default=None)
 
 
@@ -93,7 +103,7 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
     if each is None:
         yield skip("by segments", NO_SEGMENTS)
         return
-    yield read(f"{title(each)} by segments", address_of(each), data=_content(each).hex(" "))
+    yield read(f"{title(each)} by segments", address_of(each), data="any")
     yield group(
         "a wrong toggle bit is refused",
         _asked(subject, ClientCommand.UPLOAD << 5, address_of(each)),
@@ -106,8 +116,8 @@ def _segmented_upload(subject: Subject) -> Iterator[Data]:
 def _block_upload(subject: Subject) -> Iterator[Data]:
     each = _long(subject) or subject.find(DEVICE_TYPE)
     if each is not None and default_bytes(each) is not None:
-        name, content = f"{title(each)} in blocks", _content(each).hex(" ")
-        yield read(name, address_of(each), data=content, transfer="block", optional=codes(*NO_BLOCKS))
+        again = unchanged(each, "in blocks it is the same", transfer="block", optional=codes(*NO_BLOCKS))
+        yield group(f"{title(each)} in blocks", save(each), again)
 
 
 # Downloads
@@ -121,18 +131,21 @@ def _segmented_download(subject: Subject) -> Iterator[Data]:
     content = _content(each)
     yield group(
         f"{title(each)} by segments",
+        save(each),
         *_begun(subject, each),
         _sent(subject, "the only segment", wire.segment(ClientCommand.DOWNLOAD_SEGMENT, 0, content, last=True)),
         expect("it is taken", subject.answer(f"20{'?' * 14}"), WITHIN),
-        _as_before(each),
+        read("it has the value", address_of(each), data=content.hex(" ")),
+        put_back(each),
     )
     wrong = wire.segment(ClientCommand.DOWNLOAD_SEGMENT, wire.TOGGLE, content, last=True)
     yield group(
         "a wrong toggle bit is refused",
+        save(each),
         *_begun(subject, each),
         _sent(subject, "the only segment, with the toggle bit set", wrong),
         _aborted(subject, AbortCode.TOGGLE_BIT),
-        _as_before(each),
+        unchanged(each),
     )
 
 
@@ -141,9 +154,8 @@ def _block_download(subject: Subject) -> Iterator[Data]:
     if each is None:
         yield skip("in blocks", NO_NUMBER)
         return
-    content = _content(each).hex(" ")
-    written = write("its own value", address_of(each), data=content, transfer="block", optional=codes(*NO_BLOCKS))
-    yield group(f"{title(each)} in blocks", written, _as_before(each))
+    written = {**put_back(each, transfer="block", optional=codes(*NO_BLOCKS)), "name": "its own value"}
+    yield group(f"{title(each)} in blocks", save(each), written, unchanged(each))
 
 
 # Aborts
@@ -162,7 +174,7 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
         "a client's abort is not answered",
         _sent(subject, "abort", wire.aborted(subject.probe, AbortCode.GENERAL)),
         never("no answer", subject.answer("?" * 16), QUIET),
-        read("the next request is", subject.probe),
+        awake(subject, "the next request is"),
     )
     each = _number(subject)
     if each is None:
@@ -170,15 +182,17 @@ def _unfinished(subject: Subject) -> Iterator[Data]:
         return
     yield group(
         "a transfer that the client aborts changes nothing",
+        save(each),
         *_begun(subject, each),
         _sent(subject, "abort", wire.aborted(address_of(each), AbortCode.GENERAL)),
-        _as_before(each),
+        unchanged(each),
     )
     yield group(
         "a transfer that is left alone does not block the server",
+        save(each),
         *_begun(subject, each),
         wait(LEFT_ALONE),
-        _as_before(each),
+        unchanged(each),
     )
 
 
@@ -218,12 +232,12 @@ CHAPTER = Chapter(
     "sdo",
     "SDO transfers",
     (
-        Clause("7.2.4.3.6", "SDO upload", _expedited_upload),
-        Clause("7.2.4.3.7", "SDO upload", _segmented_upload),
-        Clause("7.2.4.3.12", "SDO block upload", _block_upload),
-        Clause("7.2.4.3.4", "SDO download", _segmented_download),
-        Clause("7.2.4.3.8", "SDO block download", _block_download),
-        Clause("7.2.4.3.17", "SDO abort", _unknown_command),
+        Clause("7.2.4.3.6", "SDO upload", _expedited_upload, ctt="2.1"),
+        Clause("7.2.4.3.7", "SDO upload", _segmented_upload, ctt="2.13, 2.15 to 2.18"),
+        Clause("7.2.4.3.12", "SDO block upload", _block_upload, ctt="2.19, 2.22 to 2.25"),
+        Clause("7.2.4.3.4", "SDO download", _segmented_download, ctt="2.14, 2.17"),
+        Clause("7.2.4.3.8", "SDO block download", _block_download, ctt="2.20, 2.21"),
+        Clause("7.2.4.3.17", "SDO abort", _unknown_command, ctt="2.7"),
         Clause("7.2.4.3.17", "SDO abort", _unfinished),
     ),
 )

@@ -9,6 +9,7 @@ from eurobot_od.check.conformance.subject import (
     Chapter,
     Clause,
     Subject,
+    Tier,
     awake,
     codes,
     group,
@@ -23,8 +24,8 @@ from eurobot_od.check.conformance.subject import (
 )
 from eurobot_od.check.conformance.writing import Data, hexadecimal
 from eurobot_od.od import standard
-from eurobot_od.od.objects import address_of, default_of, in_limits
-from eurobot_od.od.values import Address
+from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
+from eurobot_od.od.values import UNSIGNED32, Address
 from eurobot_od.sdo.wire import AbortCode
 
 if TYPE_CHECKING:
@@ -37,10 +38,18 @@ REFUSED = (AbortCode.NOT_TRANSFERRED, AbortCode.LOCAL_CONTROL, AbortCode.STATE, 
 """Aborts for a wrong signature (CiA 301, 7.5.2.13: 0x0800002x)."""
 
 
+STANDARD_GROUPS = (1, 2, 3)
+"""Sub-indices for all parameters, those of the communication and those of the application. What a maker has behind them
+may be the calibration or the factory default: no suite that is made by itself writes there."""
+
+OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
+"""Aborts of a device that looks at limits first, whatever they mean for a command."""
+
+
 def _shown_by(subject: Subject) -> ODVariable | None:
     """Return the parameter that shows what is stored."""
-    found = (subject.find(address) for address in KEPT)
-    return next((each for each in found if each is not None and each.writable), None)
+    found = (subject.settable(address) for address in KEPT)
+    return next((each for each in found if each is not None and in_limits(each, _other(each))), None)
 
 
 def _other(each: ODVariable) -> int:
@@ -54,7 +63,7 @@ def _power_on_values(subject: Subject) -> Iterator[Data]:
     """See that what was not stored is gone with a reset."""
     each = _shown_by(subject)
     if each is None:
-        yield skip("a reset", "the file has none of 0x1006, 0x1015 and 0x1017 that can be written")
+        yield skip("a reset", "the file has none of 0x1006, 0x1015 and 0x1017 that can be read, written and put back")
         return
     for command in ("reset", "reset communication"):
         yield group(
@@ -72,13 +81,14 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
     """Make the steps that try other signatures: nothing is stored or restored."""
 
     def steps(subject: Subject) -> Iterator[Data]:
-        writable = [each for each in subject.objects if each.index == index and each.writable]
+        commands = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
+        writable = [each for each in commands if each.writable and data_type(each) is UNSIGNED32]
         if not writable:
             yield skip("the signature", f"the file has no 0x{index:04X}")
         for each in writable:
             for wrong in (bytes(4), standard.SIGNATURES[index][::-1]):
                 name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
-                yield write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED))
+                yield write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
 
     return steps
 
@@ -87,9 +97,7 @@ def _stored(subject: Subject) -> Iterator[Data]:
     """Store another value, see that it survives a reset, and restore the file's."""
     each = _shown_by(subject)
     store, restore = (subject.find((index, standard.ALL_PARAMETERS)) for index in (standard.STORE, standard.RESTORE))
-    if not subject.destructive:
-        yield skip("store and restore", "only with --destructive")
-    elif each is None or store is None or restore is None:
+    if each is None or store is None or restore is None:
         yield skip("store and restore", "the file has not both 0x1010 and 0x1011, and a parameter to be stored")
     else:
         yield group(
@@ -121,9 +129,9 @@ CHAPTER = Chapter(
     "storage",
     "store and restore",
     (
-        Clause("7.3.2.2.3", "Values", _power_on_values),
-        Clause("7.5.2.13", "Store", _signatures(standard.STORE)),
-        Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE)),
-        Clause("7.5.2.13", "Store", _stored),
+        Clause("7.3.2.2.3", "Values", _power_on_values, Tier.REVERSIBLE, "9.1"),
+        Clause("7.5.2.13", "Store", _signatures(standard.STORE), Tier.DESTRUCTIVE, "8.1, 8.3, 8.5, 8.7"),
+        Clause("7.5.2.14", "Restore", _signatures(standard.RESTORE), Tier.DESTRUCTIVE, "8.2, 8.4, 8.6, 8.8"),
+        Clause("7.5.2.13", "Store", _stored, Tier.DESTRUCTIVE, "8.1, 8.2"),
     ),
 )

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 from eurobot_od.check.conformance.writing import Data, hexadecimal, object_at, shown
-from eurobot_od.check.suite import NodeServices
+from eurobot_od.device.device import Device
 from eurobot_od.od.dictionary import Dictionary
-from eurobot_od.od.objects import address_of, data_type, members
+from eurobot_od.od.objects import address_of, data_type, in_limits, members
+from eurobot_od.od.pdos import Pdo
 from eurobot_od.od.standard import DEVICE_TYPE
 from eurobot_od.od.values import Address, label
 from eurobot_od.sdo.wire import AbortCode, ClientCommand, initiate
@@ -31,12 +34,29 @@ def title(variable: ODVariable) -> str:
     return label(address_of(variable), shown(variable.name))
 
 
+class Tier(IntEnum):
+    """What a step may cost: each tier allows what the ones before it do."""
+
+    READING = 0
+    """Nothing is written but the heartbeat time, which acts at once and is put back; no other node is addressed."""
+    REVERSIBLE = 1
+    """NMT commands and resets, PDO records, own values written back, refused values of communication objects."""
+    DESTRUCTIVE = 2
+    """All else: other values, refused values of the maker's objects, store and restore, frames to others."""
+
+    @property
+    def word(self) -> str:
+        """Its name in reports, and of its option."""
+        return self.name.lower()
+
+
 @dataclass(frozen=True)
 class Subject:
-    """The device under test; `destructive` allows to store, and to give objects other values."""
+    """The device under test, up to which `tier` it may be asked, and `only` which indices are looked at one by one."""
 
     dictionary: Dictionary
-    destructive: bool = False
+    tier: Tier = Tier.READING
+    only: range = range(0x10000)
 
     @property
     def node_id(self) -> int:
@@ -44,9 +64,33 @@ class Subject:
         return self.dictionary.node_id
 
     @cached_property
+    def model(self) -> Device:
+        """A device that is its file: what it has after power-on is what the suites expect."""
+        return Device(self.dictionary)
+
+    @cached_property
+    def pdos(self) -> list[Pdo]:
+        """The PDOs that the file describes well, valid or not."""
+        return list(self.dictionary.read_pdos(self.model.objects.value, lambda _: None))
+
+    def why_not_seen(self, pdo: Pdo) -> str:
+        """Say why a PDO's frames cannot be told from others, or are none; nothing if they can be looked at."""
+        taken = Counter(each.cob_id for each in self.pdos if each.valid) + Counter(self.model.service_identifiers)
+        mapped = {each.pdo.index for each in self.model.protocol.bindings}
+        reasons = {
+            "is not valid by default": not pdo.valid,
+            f"shares its COB-ID 0x{pdo.cob_id:03X}": taken[pdo.cob_id] > 1,
+            "maps nothing": not pdo.length,
+            "has a mapping that does not hold": pdo.index not in mapped,
+        }
+        found = next((reason for reason, holds in reasons.items() if holds), "")
+        return found and f"{pdo.title} {found}"
+
+    @cached_property
     def objects(self) -> list[ODVariable]:
-        """All variables of the file, by address."""
-        return [each for index in sorted(self.dictionary.members) for each in members(self.dictionary.objects, index)]
+        """The variables of the file, by address."""
+        chosen = (index for index in sorted(self.dictionary.members) if index in self.only)
+        return [each for index in chosen for each in members(self.dictionary.objects, index)]
 
     @property
     def probe(self) -> Address:
@@ -58,25 +102,30 @@ class Subject:
         """Return a variable, None if the file does not have it."""
         return self.dictionary.variable(address)
 
-    def writable(self, address: Address) -> bool:
-        """Whether the file has a variable, and lets it be written."""
+    def settable(self, address: Address) -> ODVariable | None:
+        """Return a variable that can be read, written, and given its default again; None if there is none."""
         found = self.find(address)
-        return found is not None and found.writable
+        usable = (
+            found is not None
+            and found.readable
+            and found.writable
+            and in_limits(found, self.model.objects.kept(address))
+        )
+        return found if usable else None
 
     def number(self, address: Address) -> int:
-        """Return the number that the file gives a variable, 0 without one."""
-        return self.dictionary.number(address) or 0
+        """Return the number that a variable has after power-on, 0 without one."""
+        return self.model.objects.raw(address)
 
     # Frames of its SDO server
 
     def request(self, data: bytes) -> Data:
         """Return the step that sends an SDO request as it is."""
-        frame = f"{NodeServices.of(self.dictionary).sdo_request:03X}#{data.hex().upper()}"
-        return {"send": {"raw": frame}}
+        return {"send": {"raw": f"{self.model.sdo_requests:03X}#{data.hex().upper()}"}}
 
     def answer(self, digits: str) -> Data:
         """Return the pattern of an answer of the SDO server, `?` for any digit."""
-        return {"raw": f"{NodeServices.of(self.dictionary).sdo_answer:03X}#{digits}"}
+        return {"raw": f"{self.model.sdo_answers:03X}#{digits}"}
 
 
 StepsOf: TypeAlias = "Callable[[Subject], Iterable[Data]]"
@@ -84,16 +133,23 @@ StepsOf: TypeAlias = "Callable[[Subject], Iterable[Data]]"
 
 
 class Clause(NamedTuple):
-    """A clause of CiA 301, its topic, and what makes its steps from what a file says."""
+    """A clause of CiA 301, its topic, and what makes its steps from what a file says.
+
+    `ctt` are the numbers that the same tests have in CiA's conformance test tool.
+    """
 
     number: str
     topic: str
     steps: StepsOf
+    tier: Tier = Tier.READING
+    ctt: str = ""
 
     def named(self, subject: Subject) -> Iterator[Data]:
-        """Give the steps, each with a name that begins with the clause."""
-        for step in self.steps(subject):
-            yield {**step, "name": f"{self.number} {self.topic}: {step['name']}"}
+        """Give the steps, each with a name that begins with the clause and ends with tier and CTT number."""
+        note = f"[{self.tier.word}, CTT {self.ctt}]" if self.ctt else f"[{self.tier.word}]"
+        allowed = self.tier <= subject.tier
+        for step in self.steps(subject) if allowed else [skip("not done", f"only with --{self.tier.word}")]:
+            yield {**step, "name": f"{self.number} {self.topic}: {step['name']} {note}"}
 
 
 class Chapter(NamedTuple):
@@ -149,10 +205,10 @@ def put_back(variable: ODVariable, **more: object) -> Data:
     return write("put back", address_of(variable), **{key: PRESENT}, **more)
 
 
-def unchanged(variable: ODVariable, name: str = "nothing has changed") -> Data:
+def unchanged(variable: ODVariable, name: str = "nothing has changed", **more: object) -> Data:
     """See that an object has the value kept."""
     key = "expect" if data_type(variable).is_integer else "data"
-    return read(name, address_of(variable), **{key: PRESENT})
+    return read(name, address_of(variable), **{key: PRESENT}, **more)
 
 
 def nmt(command: str) -> Data:
@@ -184,10 +240,10 @@ def never(name: str, pattern: object, span: str) -> Data:
     return {"name": name, "never": pattern, "for": span}
 
 
-def awake(subject: Subject) -> Data:
-    """Ask for an object until it is answered: the device is up after a reset."""
+def awake(subject: Subject, name: str = "answers an SDO request") -> Data:
+    """Ask for an object until it is answered, if only by an abort: the device is up after a reset."""
     return {
-        "name": "answers an SDO request",
+        "name": name,
         "poll": {**subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe)), "every": "100 ms"},
         "until": subject.answer("?" * 16),
         "within": BOOT_TIME,

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from eurobot_od.check.conformance import emcy, nmt, objects, pdo, sdo, storage
-from eurobot_od.check.conformance.subject import Chapter, Subject, awake
+from eurobot_od.check.conformance.subject import Chapter, Subject, Tier, awake
 from eurobot_od.check.conformance.subject import nmt as command
 from eurobot_od.check.conformance.writing import Data, documents
 from eurobot_od.check.format import VERSION
@@ -17,29 +15,26 @@ CHAPTERS = (nmt.CHAPTER, objects.CHAPTER, sdo.CHAPTER, pdo.CHAPTER, emcy.CHAPTER
 TAG = "conformance"
 
 
-def text(dictionary: Dictionary, *, destructive: bool = False) -> str:
-    """Return the conformance suites of a device, one for each chapter.
-
-    With `destructive` they write other values to configuration objects, store, and restore the defaults.
-    """
-    subject = Subject(dictionary, destructive)
+def text(dictionary: Dictionary, tier: Tier = Tier.READING) -> str:
+    """Return the conformance suites of a device, one for each chapter, with the steps up to a tier."""
+    subject = Subject(dictionary, tier)
     return documents(_suite(subject, chapter) for chapter in CHAPTERS)
 
 
 def _suite(subject: Subject, chapter: Chapter) -> Data:
+    resets = subject.tier >= Tier.REVERSIBLE
+    proves = subject.tier < Tier.DESTRUCTIVE
+    reset = {**command("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on [reversible]"}
+    pause = {**command("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL [reversible]"}
+    alive = {**awake(subject), "name": "7.2.4.3.5 SDO: the device answers [reading]"}
+    before = {"name": "7.4 Values: they are read, to be compared in the end [reading]", "dump": "before"}
+    after = {"name": "7.4 Values: they are as they were [reading]", "dump": "equal"}
     return {
         "spec": VERSION,
         "name": f"CiA 301, {chapter.about}",
         "node": subject.dictionary.name,
         "tags": [TAG, chapter.word],
-        "setup": list(_power_on(subject)),
+        "setup": [*([reset] * resets), alive, *([pause] * resets), *([before] * proves)],
         "steps": [step for clause in chapter.clauses for step in clause.named(subject)],
-        "teardown": [{**command("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on"}],
+        "teardown": [*([reset] * resets), *([alive] * (resets and proves)), *([after] * proves)],
     }
-
-
-def _power_on(subject: Subject) -> Iterator[Data]:
-    """Begin each suite alike: just switched on, and in PRE-OPERATIONAL."""
-    yield {**command("reset"), "name": "7.3.2.2.3 NMT: reset, for the values of power-on"}
-    yield {**awake(subject), "name": "7.2.4.3.5 SDO: the device answers after a reset"}
-    yield {**command("pre-operational"), "name": "7.2.8.2.1 NMT: to PRE-OPERATIONAL"}

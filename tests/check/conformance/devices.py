@@ -7,6 +7,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from eurobot_od.check.conformance import suite
+from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import StepResult
 from eurobot_od.check.runner import RunOptions
@@ -25,11 +26,16 @@ NODE_ID = 5
 
 
 @cache
-def suites(file: Path, *, destructive: bool = False) -> list[Suite]:
+def suites(file: Path, *, tier: Tier = Tier.REVERSIBLE) -> list[Suite]:
     """Return the conformance suites of a file, read as any others are."""
-    dictionary = Dictionary.load(file, NODE_ID)
+    return suites_of(Dictionary.load(file, NODE_ID), tier=tier)
+
+
+def suites_of(dictionary: Dictionary, *, tier: Tier = Tier.REVERSIBLE) -> list[Suite]:
+    """Return the conformance suites of a dictionary."""
+    file = dictionary.file
     networks = Networks(lambda _: file, load=lambda _: (dictionary,), refused=lambda _: None)
-    return SuiteReader(networks).read_texts({file: suite.text(dictionary, destructive=destructive)})
+    return SuiteReader(networks).read_texts({file: suite.text(dictionary, tier)})
 
 
 def of_kind(kind: type[Node]) -> MakeNodes:
@@ -38,9 +44,15 @@ def of_kind(kind: type[Node]) -> MakeNodes:
 
 
 def steps(
-    file: Path, kind: type[Node] = SimulatedDevice, *, destructive: bool = False, keep_going: bool = True
+    file: Path, kind: type[Node] = SimulatedDevice, *, tier: Tier = Tier.REVERSIBLE, keep_going: bool = True
 ) -> Iterator[StepResult]:
     """Run all suites of a file, and give the results of their steps."""
     run = partial(run_simulated, options=RunOptions(keep_going), make_nodes=of_kind(kind))
-    for each in suites(file, destructive=destructive):
+    for each in suites(file, tier=tier):
         yield from run(each).steps
+
+
+def run_all(dictionary: Dictionary, *, tier: Tier = Tier.REVERSIBLE) -> list[StepResult]:
+    """Run all suites of a dictionary against the device simulated from it."""
+    run = partial(run_simulated, options=RunOptions(keep_going=True), make_nodes=of_kind(SimulatedDevice))
+    return [step for each in suites_of(dictionary, tier=tier) for step in run(each).steps]

@@ -11,10 +11,11 @@ import pytest
 
 from eurobot_od.check.conformance import suite
 from eurobot_od.check.conformance.sdo import NO_NUMBER
+from eurobot_od.check.conformance.subject import Tier
 from eurobot_od.check.results import Status, SuitePart
 from eurobot_od.check.runner import RunOptions
 from eurobot_od.check.simulated import NodeUnderTest, run_simulated
-from eurobot_od.check.suite import Nmt, SdoWrite, Step
+from eurobot_od.check.suite import Nmt, SdoWrite, Step, Suite
 from eurobot_od.device.nmt import NmtCommand
 from eurobot_od.device.simulated import SimulatedDevice
 from eurobot_od.frame import Frame
@@ -46,34 +47,31 @@ def test_each_step_begins_with_its_clause_and_says_why_it_is_skipped() -> None:
 
 
 ASKED = [
-    "7.4.5 Writable: 0x2001:1 Output: the value it has: it is written",
-    "7.2.4.3.8 SDO block download: 0x1017:0 Producer heartbeat time in blocks: its own value",
-    "7.5.2.4 Error history: 0 clears it: 0 is written",
-    "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset: what was not stored is gone",
-    "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset communication: what was not stored is gone",
-    "7.5.2.4 Error history: 0 clears it: no error is left",
-    "7.3.2.2 NMT state: after a reset: pre-operational by itself after a reset: heartbeat says pre-operational",
-    "7.5.2.37 TPDO transmission: TPDO 1 by its event timer: none in PRE-OPERATIONAL",
-    "7.5.2.21 Identity: 0x1018:1 Vendor-ID",
-    "7.5.2.35 RPDO communication: RPDO 2 keeps its identifier: another identifier while it is valid",
-    "7.5.2.37 TPDO communication: TPDO 1 keeps its inhibit time: nothing has changed",
+    "7.4.5 Writable: 0x2001:1 Output: the value it has [reversible, CTT 2.2, 4.9]: it is written",
+    "7.2.4.3.8 SDO block download: 0x1017:0 Producer heartbeat time in blocks [reading, CTT 2.20, 2.21]: its own value",
+    "7.5.2.4 Error history: 0 clears it [destructive]: 0 is written",
+    "7.3.2.2.3 Values: 0x1017:0 Producer heartbeat time after reset [reversible, CTT 9.1]: what was not stored is gone",
+    "7.5.2.4 Error history: 0 clears it [destructive]: no error is left",
+    "7.5.2.37 TPDO transmission: TPDO 1 by its event timer [reversible, CTT 3.5]: none in PRE-OPERATIONAL",
+    "7.5.2.21 Identity: 0x1018:1 Vendor-ID [reading]",
+    "7.5.2.35 RPDO communication: RPDO 2 keeps its identifier [reversible, CTT 3.1]: "
+    "another identifier while it is valid",
+    "7.5.2.37 TPDO communication: TPDO 1 keeps its inhibit time [reversible, CTT 3.2]: nothing has changed",
 ]
 
 
 def test_a_device_with_everything_is_asked_for_everything() -> None:
-    passed = [each.name for each in steps(MODULE) if each.status is Status.PASSED]
+    passed = [each.name for each in steps(MODULE, tier=Tier.DESTRUCTIVE) if each.status is Status.PASSED]
     assert [each for each in ASKED if each not in passed] == []
-    assert sum("changed in order, and not otherwise" in each for each in passed) >= 4
+    assert sum("changed in order, and not otherwise [" in each for each in passed) >= 4
 
 
 LACKING = [
     # a file, a chapter's clause, and why its steps are skipped
-    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be written"),
+    ("old.eds", "7.5.2.20", "the file has no producer heartbeat time (0x1017) that can be read, written and put back"),
     ("old.eds", "7.2.4.3.7", "the file has no object of more than 4 bytes whose value is known"),
     ("old.eds", "7.5.2.36", "the file has no RPDO"),
     ("old.eds", "7.2.7", "the file has no valid EMCY (0x1014)"),
-    ("old.eds", "7.5.2.4", "the file has no error history (0x1003)"),
-    ("old.eds", "7.5.2.13", "the file has no 0x1010"),
     ("sloppy_sensor.eds", "7.2.2.2", "the file has no SYNC (0x1005)"),
     ("clean.eds", "7.5.2.13", "only with --destructive"),
 ]
@@ -94,7 +92,7 @@ def made(*records: str) -> str:
 
 def test_an_identity_without_a_default_is_that_of_the_device_info() -> None:
     identity = record(0x1018, "Identity", (0, "UNSIGNED8", "1"), (1, "UNSIGNED32", None))
-    step = 'Identity: 0x1018:1 Entry 1", sdo: {read: "0x1018:1", expect: 66}'
+    step = 'Identity: 0x1018:1 Entry 1 [reading]", sdo: {read: "0x1018:1", data: "42 00 00 00"}'
     assert step in made(identity, "[DeviceInfo]\nVendorNumber=0x42\n")
     assert "the file does not say it" in made(identity)
 
@@ -138,22 +136,64 @@ def written(several: tuple[Step, ...]) -> Iterator[Address]:
 
 
 def test_nothing_is_stored_unless_it_is_asked_for() -> None:
-    plain = {address for each in suites(MODULE) for address in written(each.steps)}
-    assert plain & {(0x1010, 1), (0x1011, 1)} == set()
-    asked_for = {address for each in suites(MODULE, destructive=True) for address in written(each.steps)}
-    assert asked_for >= {(0x1010, 1), (0x1011, 1)}
+    commands = {(0x1010, 1), (0x1011, 1)}
+    for tier in Tier:
+        found = {address for each in suites(MODULE, tier=tier) for address in written(each.steps)}
+        assert found & commands == (commands if tier is Tier.DESTRUCTIVE else set())
+
+
+def test_reading_writes_nothing_but_the_heartbeat_time_and_commands_nobody() -> None:
+    device = SimulatedDevice.load(MODULE, NODE_ID)
+    asked = []
+    device.device.objects.write = lambda *written: asked.append(written)  # type: ignore[method-assign]
+    for each in suites(MODULE, tier=Tier.READING):
+        before = {*device.device.objects.values}
+        run_simulated(each, RunOptions(keep_going=True), lambda *_: [NodeUnderTest(device)])
+        assert {*device.device.objects.values} == before
+        assert not [step for step in all_steps(each) if isinstance(step.action, Nmt)]
+    assert {address for address, _ in asked} == {(0x1017, 0)}
+
+
+def all_steps(each: Suite) -> Iterator[Step]:
+    left = [*each.setup, *each.steps, *each.teardown]
+    while left:
+        step = left.pop()
+        left += getattr(step.action, "steps", ())
+        yield step
+
+
+@pytest.mark.parametrize("tier", [Tier.READING, Tier.REVERSIBLE])
+def test_a_run_proves_itself_that_all_is_as_it_was(tier: Tier) -> None:
+    """The device sets another object whenever its heartbeat time is written, and keeps that over resets."""
+
+    kept: dict[Address, Value] = {}
+
+    class Stubborn(SimulatedDevice):
+        def receive(self, frame: Frame, now: float) -> list[Frame]:
+            answers = super().receive(frame, now)
+            if frame.cob_id == SDO_REQUEST_BASE + NODE_ID and frame.data[:3] == b"\x2b\x17\x10":
+                kept[0x2006, 0] = 0
+                self.device.objects.values |= kept
+            return answers
+
+        def reset(self) -> None:
+            super().reset()
+            self.device.objects.values |= kept
+
+    proofs = [each for each in steps(MODULE, Stubborn, tier=tier) if "as they were" in each.name]
+    assert Status.FAILED in {each.status for each in proofs}
 
 
 def test_a_destructive_suite_is_green_and_leaves_the_defaults() -> None:
-    done = list(steps(MODULE, destructive=True))
+    done = list(steps(MODULE, tier=Tier.DESTRUCTIVE))
     assert [each.name for each in done if each.status is Status.FAILED] == []
-    assert any(each.name.endswith("stored and restored: the default is back") for each in done)
+    assert any("stored and restored" in each.name and each.name.endswith(": the default is back") for each in done)
     assert any(each.name.startswith("7.4.5 Writable: 0x2006:0 Enabled: another value") for each in done)
 
 
-def test_each_suite_begins_and_ends_with_a_reset() -> None:
+def test_each_suite_that_may_reset_begins_and_ends_with_it() -> None:
     for each in suites(MODULE):
-        first, last = each.setup[0].action, each.teardown[-1].action
+        first, last = each.setup[0].action, each.teardown[0].action
         assert isinstance(first, Nmt)
         assert isinstance(last, Nmt)
         assert first.command is last.command is NmtCommand.RESET_NODE
@@ -173,9 +213,9 @@ def only_says(address: bytes) -> type[SimulatedDevice]:
 
 @pytest.mark.parametrize(("address", "red"), [(b"\x10\x10\1", "it is kept"), (b"\x11\x10\1", "the default is back")])
 def test_a_device_that_only_says_that_it_stores_or_restores_is_red(address: bytes, red: str) -> None:
-    done = steps(MODULE, only_says(address), destructive=True)
+    done = steps(MODULE, only_says(address), tier=Tier.DESTRUCTIVE)
     failed = [each.name for each in done if each.status is Status.FAILED]
-    assert any(each.endswith(f"stored and restored: {red}") for each in failed), failed
+    assert any("stored and restored" in each and each.endswith(f": {red}") for each in failed), failed
 
 
 # Devices that are no help
