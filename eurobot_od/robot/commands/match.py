@@ -262,8 +262,8 @@ def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatu
 
 # Many seeds, several strategies
 
-OF_NO_COMPARISON = ("strategy", "log", "results", "interface", "channel", "bitrate", "seed")
-"""Options that mean nothing when strategies are compared."""
+OF_NO_COMPARISON = {"speed": "fast"} | dict.fromkeys(("seed", "strategy", "log", "results", *OF_A_BUS))
+"""Options that mean nothing when strategies are compared, and what they are when they are left out."""
 
 
 def _compare(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
@@ -272,12 +272,17 @@ def _compare(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     from eurobot_od.robot.match.comparison import picture, report
     from eurobot_od.robot.match.seeds import play_many
     from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.support.files import check_writable
 
-    for name in OF_NO_COMPARISON:
-        if (value := getattr(arguments, name)) is not None:
+    for name, left_out in OF_NO_COMPARISON.items():
+        if (value := getattr(arguments, name)) != left_out:
             raise LocalError(f"--{name} {value} does not go with --compare")
     if arguments.seeds is None or len({file.stem for file in arguments.compare}) < max(len(arguments.compare), 2):
         raise LocalError("--compare needs two strategies or more, with different names, and --seeds")
+    if arguments.field is not None:
+        if arguments.field.suffix.lower() != ".svg":
+            raise LocalError(f"--field {arguments.field}: with --compare it is an .svg")
+        check_writable(arguments.field)
     played = {}
     for file in arguments.compare:
         with campaign.workers(arguments, len(arguments.seeds)) as workers:
