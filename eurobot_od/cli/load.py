@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     """Print the table, and write the chart."""
     from eurobot_od.cli.output import write
     from eurobot_od.load.chart import chart
-    from eurobot_od.load.report import as_data, load_report, table
+    from eurobot_od.load.report import as_data, load_report, table, too_slow
     from eurobot_od.load.sweep import sentences
 
     messages = _read(arguments.path, arguments.dialect, options.robot(arguments))
@@ -85,7 +85,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     if arguments.json:
         print(json.dumps(as_data(report) | ({"limits": found._asdict()} if found else {}), indent=2))
     else:
-        print(*table(report), *(sentences(found) if found else ()), sep="\n")
+        slower = () if bit_rate in messages.offered and not report.holds else too_slow(messages)
+        print(*table(report), *slower, *(sentences(found) if found else ()), sep="\n")
     if arguments.svg:
         write(arguments.svg, chart(report, f"Response times at {bit_rate / 1000:g} kbit/s") + "\n")
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND

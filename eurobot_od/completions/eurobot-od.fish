@@ -51,7 +51,7 @@ function _shtab_eurobot_od_using
 end
 
 set -g _shtab_eurobot_od_commands show node send check faults decode archive query compare replay monitor serve load lint diff export 'export c' 'export dbc' 'export docs' 'export wireshark' 'export mcap' 'export xdd' 'export cdcf' make-eds scan read write dump configure export-dcf store restore lss program emcy nmt watch sync time doctor completion match world new-robot field
-set -g _shtab_eurobot_od_opts_with_value --activate --against --bit-rate --bitrate --channel --cob-id --confederates --count --counter --dialect --duration --eds --emergency-at --enemies --errors --except --executor --expect --explain --fault --field --file --filter --for --format --guard --identity --ignore --interface --jobs --junit --largest --listen --log --log-failure --mailboxes --message --name --network --node --node-id --on-error --only --output --period --plot --program --repeat --report --results --robot --seed --seeds --select --set --since --sort --speed --step --store --strategy --svg --tag --team --time --timeout --title --tolerance --until --values --where --within --world -b -c -i -o
+set -g _shtab_eurobot_od_opts_with_value --activate --against --bit-rate --bitrate --channel --cob-id --compare --confederates --count --counter --dialect --duration --eds --emergency-at --enemies --errors --except --executor --expect --explain --fault --field --file --filter --for --format --guard --identity --ignore --interface --jobs --junit --largest --listen --log --log-failure --mailboxes --message --name --network --node --node-id --on-error --only --output --period --plot --program --repeat --report --results --robot --seed --seeds --select --set --since --sort --speed --step --store --strategy --svg --tag --team --time --timeout --title --tolerance --until --values --where --within --world -b -c -i -o
 
 complete -c eurobot-od -e
 complete -c eurobot-od -f
@@ -532,10 +532,11 @@ complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l duration -x -d 'mat
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l speed -xka "fast real" -d 'simulated or real time'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l emergency-at -x -d 'hit the mushroom at this match time'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l strategy -xka "(__fish_complete_path (commandline -ct))" -d 'Python file with a coroutine play(core); left out: the robot'"'"'s'
+complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l compare -xka "(__fish_complete_path (commandline -ct))" -d 'play the same --seeds with each of these strategies'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l against -xka "(__fish_complete_path (commandline -ct))" -d 'strategy of a second robot, instead of enemy 1'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l log -xka "(__fish_complete_path (commandline -ct))" -d 'write all frames there, in the format of its suffix; with --seeds {seed} stands for each seed'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l log-failure -xka "go-on end" -d 'what to do when the log cannot be written (default: go-on); the exit status is 3 in any case'
-complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l field -xka "(__fish_complete_path (commandline -ct))" -d 'draw the match: .svg, .html or .png'
+complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l field -xka "(__fish_complete_path (commandline -ct))" -d 'draw the match: .svg, .html or .png; with --compare the points: .svg'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l json -d 'print as JSON: timeline and summary, or a line for each seed'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l jobs -x -d 'processes (default: one per core)'
 complete -c eurobot-od -n '_shtab_eurobot_od_using match' -l executor -x -d 'use the workers of a Dask scheduler instead'

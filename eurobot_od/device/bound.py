@@ -66,6 +66,7 @@ class BoundObjects:
         self._objects, self._dictionary, self._catalogue = objects, objects.dictionary, catalogue
         self._application, self._command = application, command
         self._bindings: dict[type[Message], Binding | None] = {}  # as they are asked for
+        self._before: dict[int, dict[Address, Value]] = {}  # the values of objects of which a part was written
 
     def readers(self) -> dict[int, OnRead]:
         """Return what gives the value of a bound object, by its index."""
@@ -127,15 +128,17 @@ class BoundObjects:
     # A command
 
     def _write(self, index: int, message_type: type[Message], address: Address, value: Value) -> None:
-        """Keep a value; the last one of an object is the command. A refused one leaves all as it was."""
-        before = dict(self._objects.values)
+        """Keep a value; the last one of an object is the command. A refused one leaves the object as it was before."""
+        values, own = self._objects.values, (index, address[0])  # a slice is kept in the whole
+        before = self._before.setdefault(index, {each: values[each] for each in values if each[0] in own})
         self._objects.put(address, value)
         if address[1] == self._last(address[0]):
+            del self._before[index]
             try:
                 binding = self._binding(message_type)
                 self._command(binding, self._message(index, binding))
             except Abort:
-                self._objects.values = before
+                self._objects.values = {each: values[each] for each in values if each[0] not in own} | before
                 raise
 
     def _last(self, index: int) -> int:

@@ -50,13 +50,14 @@ class ErrorRate(NamedTuple):
 class MessageSet(NamedTuple):
     """All that is sent on a bus; `mailboxes` of nodes that have a limited number, `bit_rate` in bit/s if it is said.
 
-    `messages` come in the order of their urgency.
+    `messages` come in the order of their urgency. `offered` are the bit rates that the EDS files of all devices have.
     """
 
     messages: tuple[SentMessage, ...]
     mailboxes: Mapping[str, int] = MappingProxyType({})
     errors: ErrorRate = ErrorRate()
     bit_rate: int | None = None
+    offered: tuple[int, ...] = ()
 
     def faster(self, percent: int) -> MessageSet:
         """Return the set with so many percent of the traffic.

@@ -73,7 +73,9 @@ def network_set(
         raise LocalError(f"no period is known of {', '.join(missing)}; say it in `traffic` of the network file")
     mailboxes = {device.name: count for device in devices if (count := _mailboxes(device))}
     bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
-    return MessageSet(by_urgency([*by_itself, *_named_apart(by_rows)]), mailboxes, bit_rate=bit_rate)
+    rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
+    offered = tuple(sorted(set.intersection(*rates))) if rates else ()
+    return MessageSet(by_urgency([*by_itself, *_named_apart(by_rows)]), mailboxes, bit_rate=bit_rate, offered=offered)
 
 
 def _named_apart(messages: list[SentMessage]) -> Iterator[SentMessage]:

@@ -89,6 +89,13 @@ def summary(report: LoadReport) -> str:
     return f"{report.bit_rate / 1000:g} kbit/s, load {float(report.load):.1%}, busy {busy}: {verdict}"
 
 
+def too_slow(messages: MessageSet) -> Iterator[str]:
+    """Say of each bit rate that the EDS files offer, and at which deadlines can be missed, what is missed."""
+    for report in (load_report(messages, each) for each in messages.offered):
+        if not report.holds:
+            yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
+
+
 def _cells(row: BoundRow) -> tuple[str, ...]:
     message = row.message
     margin = MISSED if row.margin is None else f"{MISSED} {ms(row.margin)}" if row.margin < 0 else ms(row.margin)

@@ -11,6 +11,7 @@ import pytest
 from eurobot_od.cli import main
 from eurobot_od.cli.load import of_robot
 from eurobot_od.load.sweep import most_traffic, slowest_bus
+from eurobot_od.robot.commands.match import too_slow
 from eurobot_od.robot.plugin import ROBOT
 from tests.cli.console import Terminal, run
 
@@ -21,7 +22,14 @@ RATES = [("500000", 0, "all deadlines are met"), ("250000", 0, "all deadlines ar
 def test_the_robot(capsys: pytest.CaptureFixture[str], rate: str, status: int, verdict: str) -> None:
     said = run(capsys, "load", "-b", rate)
     assert (said.status, said.err) == (status, "")
-    assert said.out.rstrip().endswith(verdict)
+    _, told = said.out.split("\n\n")
+    assert verdict in told.splitlines()[0]
+    assert told.count("125 kbit/s, load 14.5%") == 1  # the EDS files offer it
+
+
+def test_a_match_on_a_bus_that_is_too_slow_says_so() -> None:
+    assert "3 of 34 deadlines can be missed" in too_slow(ROBOT, None, 125_000)
+    assert too_slow(ROBOT, None, 250_000) == ""
 
 
 def test_the_documentation_says_what_a_sweep_says() -> None:

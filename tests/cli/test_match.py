@@ -321,6 +321,18 @@ def test_wrong_usage_is_told_in_the_last_line(
             2,
             "--interface socketcan goes with --speed real only: in simulated time there is no such bus",
         ),
+        (["--compare", "a.py", "b.py"], 2, "--compare needs two strategies or more, with different names, and --seeds"),
+        (
+            ["--compare", "a.py", "--seeds", "3"],
+            2,
+            "--compare needs two strategies or more, with different names, and --seeds",
+        ),
+        (["--compare", "a.py", "b.py", "--seeds", "3", "--log", "a.log"], 2, "--log a.log does not go with --compare"),
+        (
+            ["--compare", "a.py", "b.py", "--seeds", "3", "--field", "a.png"],
+            2,
+            "--field a.png: with --compare it is an .svg",
+        ),
         (["-b", "250000"], 2, "--bitrate 250000 goes with --speed real only: in simulated time there is no such bus"),
         (["--field", "nowhere/x.svg"], 3, "nowhere/x.svg: No such file or directory"),
         (["--dialect", "nonsense"], 2, "unknown dialect 'nonsense'; known: canopen, firmware2014"),
@@ -390,6 +402,19 @@ def test_a_broken_eds_is_one_line_that_names_the_file(
 
 ASLEEP = ("drive", "1F80", "DefaultValue", "0x0000000C")
 """A drive that waits for a master to start it (CiA 302-2, NMT startup)."""
+
+
+def test_strategies_are_compared_side_by_side(
+    capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path], tmp_path: Path
+) -> None:
+    quick, picture = mine(ARRIVES).rename(tmp_path / "quick.py"), tmp_path / "compared.svg"
+    slow = mine("async def play(core):\n    pass\n")
+    words = ["--seeds", "2-3", "--jobs", "1", "--duration", "3", "--field", str(picture)]
+    said = run(capsys, "match", "--compare", str(quick), str(slow), *words)
+    assert said.status == 0
+    assert [line.split()[0] for line in said.out.splitlines()[2:5]] == ["2", "3", "mean"]
+    assert "mine against quick: way, m -0." in said.out
+    assert "mine, seed 3: 0" in picture.read_text()
 
 
 def test_many_seeds_are_told_as_one_table(capsys: pytest.CaptureFixture[str], mine: Callable[[str], Path]) -> None:

@@ -60,9 +60,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--strategy", type=Path, metavar="FILE", help="Python file with a coroutine play(core); left out: the robot's"
     )
+    parser.add_argument(
+        "--compare", type=Path, nargs="+", metavar="FILE", help="play the same --seeds with each of these strategies"
+    )
     parser.add_argument("--against", type=Path, metavar="FILE", help="strategy of a second robot, instead of enemy 1")
     shared.add_log(parser)
-    parser.add_argument("--field", type=Path, metavar="FILE", help="draw the match: .svg, .html or .png")
+    parser.add_argument(
+        "--field",
+        type=Path,
+        metavar="FILE",
+        help="draw the match: .svg, .html or .png; with --compare the points: .svg",
+    )
     parser.add_argument(
         "--json", action="store_true", help="print as JSON: timeline and summary, or a line for each seed"
     )
@@ -117,6 +125,8 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
         faults=tuple(arguments.fault),
         settings=tuple(shared.assignments("--set", "NODE.OBJECT=VALUE", arguments.set)),
     )
+    if arguments.compare is not None:
+        return _compare(arguments, options)
     play = _run_one if arguments.seeds is None else _run_many
     return play(arguments, options)
 
@@ -162,6 +172,10 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             else:
                 from eurobot_od.live import open_bus
 
+                if arguments.bitrate and (
+                    slow := too_slow(shared.robot(arguments), options.dialect, arguments.bitrate)
+                ):
+                    complain(slow)
                 open_one = partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
                 summary, world = stage.play_live(options, show, watch, open_one, players.ours, complain)
         if arguments.field is not None:
@@ -174,6 +188,15 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
     sys.stdout.flush()
     print(summary.failure, file=sys.stderr)
     return ExitStatus.FOUND
+
+
+def too_slow(robot: Plugin, dialect: str | None, bit_rate: int) -> str:
+    """Say of a bit rate, bit/s, at which a stop or another message can be late that it is too slow; '' of others."""
+    from eurobot_od.cli.load import of_robot
+    from eurobot_od.load.report import load_report, summary
+
+    report = load_report(of_robot(robot, dialect), bit_rate)
+    return "" if report.holds else f"this bus is too slow: {summary(report)}; see `eurobot-od load -b {bit_rate}`"
 
 
 def _as_json(events: list[MatchEvent], summary: Summary) -> str:
@@ -235,3 +258,40 @@ def _run_many(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatu
     if not arguments.json:
         print(*report(played, histogram.marks(sys.stdout.encoding)), sep="\n")
     return ExitStatus.FOUND if any(match.wrong for match in played) else ExitStatus.FINE
+
+
+# Many seeds, several strategies
+
+OF_NO_COMPARISON = {"speed": "fast"} | dict.fromkeys(("seed", "strategy", "log", "results", *OF_A_BUS))
+"""Options that mean nothing when strategies are compared, and what they are when they are left out."""
+
+
+def _compare(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus:
+    """Play all seeds with each strategy and print them side by side; status 1 if something went wrong in a match."""
+    from eurobot_od.cli.output import write
+    from eurobot_od.robot.match.comparison import picture, report
+    from eurobot_od.robot.match.seeds import play_many
+    from eurobot_od.robot.match.strategies import StrategyFiles
+    from eurobot_od.support.files import check_writable
+
+    for name, left_out in OF_NO_COMPARISON.items():
+        if (value := getattr(arguments, name)) != left_out:
+            raise LocalError(f"--{name} {value} does not go with --compare")
+    if arguments.seeds is None or len({file.stem for file in arguments.compare}) < max(len(arguments.compare), 2):
+        raise LocalError("--compare needs two strategies or more, with different names, and --seeds")
+    if arguments.field is not None:
+        if arguments.field.suffix.lower() != ".svg":
+            raise LocalError(f"--field {arguments.field}: with --compare it is an .svg")
+        check_writable(arguments.field)
+    played = {}
+    for file in arguments.compare:
+        with campaign.workers(arguments, len(arguments.seeds)) as workers:
+            matches = play_many(options, arguments.seeds, workers, StrategyFiles(file, arguments.against))
+            played[file.stem] = list(campaign.counted(matches, len(arguments.seeds), "matches", workers))
+    if arguments.json:
+        print(json.dumps({name: [match.as_data() for match in matches] for name, matches in played.items()}))
+    else:
+        print(*report(played), sep="\n")
+    if arguments.field is not None:
+        write(arguments.field, picture(played) + "\n")
+    return ExitStatus.FOUND if any(match.wrong for matches in played.values() for match in matches) else ExitStatus.FINE

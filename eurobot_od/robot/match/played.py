@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO
 
@@ -63,7 +64,7 @@ class PlayedMatch:
 
     `failure` says why it could not be played to its end; then there is no `summary`, and the rest is what was until
     then. `moved` is how far the robot moved after it had come to rest, mm; `stops` is how often it was stopped for
-    something ahead.
+    something ahead; `way` is how far it drove, m.
     """
 
     seed: int
@@ -75,6 +76,7 @@ class PlayedMatch:
     summary: Summary | None = None
     failure: str | None = None
     warnings: list[str] = field(default_factory=list)
+    way: float = 0.0
 
     @property
     def points(self) -> int:
@@ -133,12 +135,13 @@ def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log
     `logs.recorder.recording`.
     """
     events: list[MatchEvent] = []
-    summary, failure = None, None
+    summary, failure, way = None, None, 0.0
     printed = Prefixed(sys.stderr, f"seed {options.seed}: ")
     tell = partial(print, file=printed)
     with recording(log, tell=tell) as write, redirect_stdout(printed):
         try:
-            summary, _ = play_simulated(options, events.append, write, files, *players, tell)
+            summary, world = play_simulated(options, events.append, write, files, *players, tell)
+            way = sum(after.distance(before.point) for (_, before), (_, after) in pairwise(world.path)) / 1000
         except (RemoteError, ProgramFailed) as error:
             failure = str(error)
     return PlayedMatch(
@@ -151,6 +154,7 @@ def play(options: MatchOptions, files: EdsFiles, players: Players = SHIPPED, log
         summary,
         failure,
         [event.text for event in events if event.kind is EventKind.WARNING],
+        way,
     )
 
 

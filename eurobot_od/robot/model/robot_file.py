@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
 from functools import lru_cache
 from pathlib import Path
@@ -69,6 +69,18 @@ NUMBER = re.compile(r"-?(0|[1-9][0-9]{0,8})(\.[0-9]{1,9})?")
 def is_fact(name: str) -> bool:
     """Tell whether a name is one of a fact, such as `body.radius`, and not of a node's setting."""
     return name.partition(".")[0] in SECTIONS
+
+
+def names() -> list[str]:
+    """Return the names of the facts that the shipped file has: `body.radius` and so on."""
+    source = bounded.read(dialects.eds_folder() / NAME).decode()
+    return [*_names_in(compose(source, []))]
+
+
+def _names_in(node: yaml.Node, before: str = "") -> Iterator[str]:
+    for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
+        yield f"{before}{key.value}"
+        yield from _names_in(value, f"{before}{key.value}.")
 
 
 def file_for(eds: str | Path) -> Path:

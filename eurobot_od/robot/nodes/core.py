@@ -46,7 +46,7 @@ from eurobot_od.device.bound import BoundObject
 from eurobot_od.device.flow import START, Ask, Call, Flow, Pause, Result, Script, shielded
 from eurobot_od.device.storage import Store
 from eurobot_od.device.timers import Timer
-from eurobot_od.errors import StateError
+from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.kinds import OutOfRange
@@ -60,7 +60,7 @@ from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, Dis
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, NO_GOTO, End, GotoReport, drive_position, until_ended
 from eurobot_od.robot.nodes.identity import Channel, DialectMismatch
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
-from eurobot_od.robot.nodes.sightings import Seen, Sighting, Track
+from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
 
 POLLED_POSITIONS: tuple[tuple[Message, str, Source], ...] = (
@@ -81,6 +81,14 @@ AT_START = 50.0
 LOOKS = 3
 """So often the navigation is asked for a drive that has booted, which believes it when two positions agree: one of them
 may be unknown, or wrong."""
+
+SILENCE, QUESTIONS = 2.0, 3
+"""A navigation that has said nothing in a match for so many seconds is asked so often whether it is there: one that
+hangs may still send heartbeats."""
+
+NOBODYS = ("_keeping_on", "_taking_back", "_missing")
+ONE_AT_A_TIME = ("_driving", "_configuring", "_standing", "_acting", *NOBODYS)
+"""Flows of which there is one at a time; those of NOBODYS are the core's own, and no caller waits for them."""
 
 LEAVING = "the core is being switched off"
 MATCH_OVER = "the match is over"
@@ -152,15 +160,18 @@ class Core(RobotNode):
         self._keeping_on: Flow[None] | None = None
         self._acting: Flow[int] | None = None
         self._taking_back: Flow[None] | None = None
+        self._missing: Flow[None] | None = None
         self._looking: Timer | None = None
         self._stopped: messages.StopMessage | None = None
         self.readiness = startup.Readiness()
         self._lost = ""
+        self._twins = Twins()
         self._place: Place | None = None
         self._astray = self._leaving = self._gone = self._forgotten = False
         self._match: Timer | None = None
         self._match_end: float | None = None
         self._polling = 0
+        self._heard = 0.0
 
     def reset(self) -> None:
         """Give up what is going on and forget everything, as after power-on; a goto under way is stopped."""
@@ -186,7 +197,7 @@ class Core(RobotNode):
     @property
     def open_calls(self) -> int:
         """How many calls have not ended; to go on stopping, or asking for a node that is lost, is nobody's call."""
-        return len(self._flows) - (self._keeping_on is not None) - (self._taking_back is not None)
+        return len(self._flows) - sum(getattr(self, name) is not None for name in NOBODYS)
 
     @property
     def without(self) -> tuple[str, ...]:
@@ -380,7 +391,7 @@ class Core(RobotNode):
         """
         seconds = self.setting("Match.Match duration") if duration is None else duration
         with self.guard:
-            self.match_over = False
+            self.match_over, self._heard = False, self.now
             self.soon(lambda now: self._end_match_at(now + seconds))
 
     def leave(self) -> Call[Standstill] | None:
@@ -432,18 +443,9 @@ class Core(RobotNode):
 
     def _ended(self, flow: Flow[Any]) -> None:
         self._flows.remove(flow)
-        if flow is self._driving:
-            self._driving = None
-        if flow is self._configuring:
-            self._configuring = None
-        if flow is self._standing:
-            self._standing = None
-        if flow is self._keeping_on:
-            self._keeping_on = None
-        if flow is self._acting:
-            self._acting = None
-        if flow is self._taking_back:
-            self._taking_back = None
+        for name in ONE_AT_A_TIME:
+            if getattr(self, name) is flow:
+                setattr(self, name, None)
 
     def _end(self, flow: Flow[Any] | None, error: Exception) -> None:
         if flow is not None and flow in self._flows:
@@ -616,6 +618,21 @@ class Core(RobotNode):
         self._place, self._astray = there, True
         return (yield from self._find_place(there))
 
+    def _listen_for_navigation(self) -> None:
+        """Ask a navigation that has been silent for long in a match whether it is there."""
+        if self._missing is None and self._is_in_match and not self.without and self.now - self._heard >= SILENCE:
+            self._missing = self._begin(self._miss_navigation())
+
+    def _miss_navigation(self) -> Script[None]:
+        yield START
+        node, request, answer = startup.NODE_CHECKS[1]
+        try:
+            yield Ask(request, answer, self.seconds("Node check.Check wait"), QUESTIONS)
+            self._heard = self.now
+        except NoAnswer:
+            self.readiness.checked.discard(node)
+            self._do_without_navigation("it does not answer")
+
     def _take_navigation_back(self, configuration: messages.StartConfigurationSet) -> Script[None]:
         try:
             yield from startup.take_back(self, configuration, self.readiness.checked)
@@ -623,6 +640,7 @@ class Core(RobotNode):
             self.alarm(str(error))
             self._lost = str(error)
         else:
+            self._heard = self.now
             self.alarm("the navigation is back")
 
     def _position(self) -> Script[messages.KalmanPositionResponse]:
@@ -697,6 +715,7 @@ class Core(RobotNode):
     def _poll(self, request: Message, series: int, due: float) -> None:
         if series == self._polling:
             self.offer(request)
+            self._listen_for_navigation()
             again = due + self.period("Position polling.Polling period")
             self.at(again, partial(self._poll, request, series))
 
@@ -729,13 +748,20 @@ class Core(RobotNode):
     def _goes_on_without(self, node_id: int, why: str) -> bool:
         """Take back a node's check; tell whether it is the navigation, and the robot goes on without it."""
         self.readiness.checked -= {node for node in self.readiness.checked if self._is(node, node_id)}
-        under_way = self._match_end is not None and not self.match_over and not self.shut_down
-        if self.configuration is None or not under_way or not self._is("navigation", node_id):
+        if not self._is_in_match or not self._is("navigation", node_id):
             return False
-        if self._taking_back is None:
+        self._do_without_navigation(why)
+        return True
+
+    @property
+    def _is_in_match(self) -> bool:
+        under_way = self._match_end is not None and not self.match_over and not self.shut_down
+        return under_way and self.configuration is not None
+
+    def _do_without_navigation(self, why: str) -> None:
+        if self._taking_back is None and self.configuration is not None:
             self.alarm(f"the navigation is lost, and the robot goes on by its wheels: {why}")
             self._taking_back = self._begin(self._take_navigation_back(self.configuration))
-        return True
 
     def _give_up_navigation(self) -> None:
         """Ask no more for a navigation that is still lost when the match ends: the next goto recovers it first."""
@@ -770,7 +796,12 @@ class Core(RobotNode):
     def _confirmed(self, _: messages.GotoConfirm) -> None:
         self._stop_late_goto()
 
+    def _look_for_twins(self, answer: DriveAnswer) -> None:
+        if two := self._twins.heard(answer, self.now):
+            self.alarm(f"two drives answer, and differ; switch one of them off: {two}")
+
     def _told_state(self, state: messages.GotoStateResponse) -> None:
+        self._look_for_twins(state)
         if is_driving(state):
             self._stop_late_goto()
 
@@ -787,8 +818,12 @@ class Core(RobotNode):
     def _saw(self, position: messages.PositionResponse) -> None:
         sighting = self.positions[type(position)] = Sighting(position, self.now)
         self._tracks[position.source].saw(sighting)
-        if isinstance(position, messages.KalmanPositionResponse) and position.x is not None and not self._astray:
-            self._place = position[:3]
+        if isinstance(position, messages.KalmanPositionResponse):
+            self._look_for_twins(position)
+            if position.x is not None and not self._astray:
+                self._place = position[:3]
+        else:
+            self._heard = self.now
 
     FACTS: ClassVar[Mapping[str, Callable[[Facts], int]]] = {"Match.Match duration": lambda facts: facts.duration}
     OBJECTS: ClassVar[Objects] = {

@@ -33,6 +33,15 @@ from eurobot_od.robot.nodes.route import Clearances, find_route
 LATE = 0.1
 """Seconds that a control step may be late and be made up for: as long as a busy computer may take."""
 
+UNSURER = 10.0
+"""A way is found anew when the place has become less sure by this spread, mm: the navigation's pauses add less."""
+
+HELD = 0.1
+"""Wheels that fall short for so many seconds are held by something, and do not only speed up."""
+
+PUSHED_AWAY = 2.0
+"""The remaining time rises by more than this, s, or not at all: the last millimetres driven again take less."""
+
 TUNING = {
     "navigation": ("Navigation deviation", 1.0),
     "navigation_angle": ("Navigation angle deviation", 0.1),
@@ -86,7 +95,8 @@ class Drive(RobotNode):
         self.fault: GotoFault | None = None
         self.stopped_by: messages.StopMessage | None = None
         self.safe = False
-        self._stuck = 0.0
+        self._stuck = self._held = self._planned = 0.0
+        self._told = math.inf
         self._motion: Motion | Braking | None = None
         self._control: Timer | None = None
 
@@ -114,6 +124,12 @@ class Drive(RobotNode):
             raise Refused(Cause.STATE, "the safe state is held until a new start configuration")
         self.goto, self.stopped_by = goto, None
         self._forget_obstruction()
+        self._set_out(goto)
+        return messages.GotoConfirm()
+
+    def _set_out(self, goto: messages.GotoXY) -> None:
+        """Find the way of a goto, and move along it; the wheels may roll already."""
+        self._planned, self._told = self.estimate.spread, math.inf
         way = self._way(goto) if goto.speed else None  # at no speed no place is ever reached
         self.fault = None if way else GotoFault.NOT_POSSIBLE
         if way is None:
@@ -121,7 +137,6 @@ class Drive(RobotNode):
         else:
             backward = goto.direction is Direction.BACKWARD
             self._move(Motion(self._limits(), way, goto.angle, goto.speed, backward, self._rolling))
-        return messages.GotoConfirm()
 
     def _way(self, goto: messages.GotoXY) -> tuple[Point, ...] | None:
         """Return the way points of a goto, None if the place cannot be reached or our own place is unknown."""
@@ -165,8 +180,10 @@ class Drive(RobotNode):
         seconds = self._motion.remaining(self.estimate.pose)
         if not math.isfinite(seconds):
             return None
+        # A small correction lets nobody's time rise; a robot that was pushed away needs much longer.
+        self._told = seconds if seconds > self._told + PUSHED_AWAY else min(seconds, self._told)
         # Not 0, which says arrived, and below the code for unknown.
-        return min(max(round(seconds * 1000), 1), Remaining.UNKNOWN - 1)
+        return min(max(round(self._told * 1000), 1), Remaining.UNKNOWN - 1)
 
     def _state(self) -> messages.GotoStateResponse:
         return messages.GotoStateResponse(self.remaining())
@@ -222,10 +239,15 @@ class Drive(RobotNode):
         command = AT_REST if motion is None else motion.step(pose or Pose(0, 0, 0), dt)
         rolled = self.chassis.advance(command, dt)
         self.estimate.moved(rolled, now)
+        self._held = self._held + dt if rolled.falls_short(command, dt) else 0.0
+        if self._held >= HELD:
+            self.estimate.bumped(now)
         if isinstance(motion, Motion):
             self._watch_wheels(rolled.follows(command, dt), dt)
             if self._is_unsure():
                 self._give_up_unsure()
+            elif self.goto and not motion.arrived and self.estimate.spread > self._planned + UNSURER:
+                self._set_out(self.goto)  # forced barriers keep their distance also when the place is known worse
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
         done = motion.arrived if isinstance(motion, Motion) else command == AT_REST
         # Steps that are late by a moment are made up for; those missed by a node that hung are gone.

@@ -6,7 +6,11 @@ Outliers. A position is refused when it is further off than the gate allows. It 
 it begins a belief of its own, the rival, which the wheels move along as well. The next refused position either agrees
 with the rival, or begins a new one; who is agreed with often enough takes over. Outliers at random do not agree with
 each other, and a position that is not refused ends the rival. As what pushes the robot may go on pushing it, the rival
-may be off by more than its wheels can be.
+may be off by more than its wheels can be. Nor does a robot get anywhere in no time: positions in quick succession, and
+one that came twice, are one. The rival takes over when a robot could have got to it, at the latest after LATEST.
+
+A navigation that goes on saying where it saw the robot once agrees with itself as well. Measured places are never equal
+to the bit while the robot moves, so one that is repeated although the wheels have moved says nothing.
 
 Latency. Of a position that is known to be old the odometer says how the robot has moved since. It follows the wheels
 alone and is never corrected, so that a correction is no movement.
@@ -17,10 +21,11 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from eurobot_od.robot.model.places import Pose
-from eurobot_od.robot.nodes.kalman import Belief, Deviations, Travel, Tuning, chance_up_to
+from eurobot_od.robot.model.places import Pose, turn
+from eurobot_od.robot.nodes.kalman import METRE, Belief, Deviations, Travel, Tuning, chance_up_to
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
+from eurobot_od.robot.nodes.sightings import TOP_SPEED
 
 AGREEING, AGREEING_FIRST = 3, 2
 """So many refused positions in a row that agree with each other are believed in place of a measured pose, and of one
@@ -28,6 +33,19 @@ that is only assumed. It is not two for both: two that take another robot for ou
 
 PUSHED = 60.0
 """How far the robot may have been pushed from one refused position to the next, standard deviation in mm."""
+
+UNSEEN, BUMPS = 2.0, 25.0
+"""A robot that no position has come from for so many seconds may be pushed aside without a trace, by a barrier that it
+touches or by another robot: so much more standard deviation in mm, after a metre. In matches without navigation the
+place was off by up to 200 mm after 40 s, eight times what wheels alone make of it. A drive that never had a position is
+on a bench."""
+
+MOVED, TURNED = 30.0, 5.0
+"""The wheels have moved if the odometer says so many mm or degrees: more than what rounding and slipping make."""
+
+SOONEST, LATEST = 0.05, 1.0
+"""Seconds from the first to the last of agreeing positions: SOONEST is half a pause of the core's fastest asking,
+LATEST is less than two of its usual pauses, so that a robot that was carried away finds back soon."""
 
 LONGEST_LATENCY = 2.0
 """Seconds for which the odometer is remembered; a position that is older is taken for one of then."""
@@ -45,7 +63,10 @@ class Estimate:
         self._belief = None if pose is None else Belief.at(pose, tuning.placement_variances, tuning.scale)
         self._assumed = True
         self._rival: Belief | None = None
-        self._agreeing = 0
+        self._agreeing, self._due = 0, 0.0
+        self._seen_at: float | None = None
+        self._bumped_at = -math.inf
+        self._repeated: tuple[Fix, Pose] | None = None
         self._odometer = deque([(-math.inf, Pose(0.0, 0.0, 0.0))])
 
     @property
@@ -72,7 +93,14 @@ class Estimate:
         """Follow what the wheels report until `now`, s; the pose is unknown before the first one."""
         self._remember(self._odometer[-1][1].moved(*odometry), now)
         self._belief = self._belief and self._belief.moved(odometry, self.tuning)
+        if self._belief and self._seen_at is not None and now - self._seen_at > UNSEEN:
+            self._belief = self._belief.loosened(BUMPS * math.sqrt(abs(odometry.distance) / METRE))
         self._rival = self._rival and self._rival.moved(odometry, self.tuning)
+
+    def bumped(self, now: float) -> None:
+        """Trust the place less: the robot ran into something, which may have turned it aside; once in a while."""
+        if self._belief is not None and now - self._bumped_at > UNSEEN:
+            self._belief, self._bumped_at = self._belief.loosened(PUSHED), now
 
     def _remember(self, pose: Pose, now: float) -> None:
         self._odometer.append((now, pose))
@@ -84,13 +112,24 @@ class Estimate:
 
         A first position without a heading is refused: dead reckoning needs both.
         """
+        if self._is_stale(fix):
+            return False
         travel = self._travel_since(now - self.tuning.latency)
-        belief = self._gated(self._belief, fix, travel) or self._overruled(fix, travel)
+        belief = self._gated(self._belief, fix, travel) or self._overruled(fix, travel, now)
         if belief is None:
             return False
-        self._belief, self._rival, self._agreeing = belief, None, 0
+        self._belief, self._rival, self._agreeing, self._seen_at = belief, None, 0, now
         self._assumed = self._assumed and fix.angle is None
         return True
+
+    def _is_stale(self, fix: Fix) -> bool:
+        """Tell whether a position is that of before, and the wheels have moved since it came first."""
+        here = self._odometer[-1][1]
+        if self._repeated is None or self._repeated[0] != fix:
+            self._repeated = fix, here
+        _, then = self._repeated
+        turned = fix.angle is not None and abs(turn(then.angle, here.angle)) > TURNED
+        return turned or here.distance(then.point) > MOVED
 
     def _travel_since(self, time: float) -> Travel:
         then = next((pose for moment, pose in reversed(self._odometer) if moment <= time), self._odometer[0][1])
@@ -104,14 +143,18 @@ class Estimate:
         corrected, distance = belief.corrected(observations)
         return corrected if chance_up_to(distance, len(observations)) <= self.tuning.gate else None
 
-    def _overruled(self, fix: Fix, travel: Travel) -> Belief | None:
+    def _overruled(self, fix: Fix, travel: Travel, now: float) -> Belief | None:
         """Return what is to be believed in place of the estimate when it refuses a position, None to keep it."""
         if self._belief is None:
             return self._begun(fix, travel)
         agreed = self._gated(self._rival and self._rival.loosened(PUSHED), fix, travel)
         self._rival = agreed or self._begun(fix, travel)
-        self._agreeing = self._agreeing + 1 if agreed else 1
-        return self._rival if self._agreeing >= (AGREEING_FIRST if self._assumed else AGREEING) else None
+        self._agreeing += 1
+        if not agreed:
+            away = 0.0 if self._assumed or self._rival is None else self._rival.pose.distance(self._belief.pose.point)
+            self._agreeing, self._due = 1, now + min(max((away - PUSHED) / TOP_SPEED, SOONEST), LATEST)
+        is_believed = self._agreeing >= (AGREEING_FIRST if self._assumed else AGREEING) and now >= self._due
+        return self._rival if is_believed else None
 
     def _begun(self, fix: Fix, travel: Travel) -> Belief | None:
         """Begin at a position; a heading that it does not say is the estimate's, and unknown without that."""

@@ -3,15 +3,17 @@
 The beacons now and then see a robot somewhere else, take it for another one, or do not see it. What they say of the
 others is not filtered on its way. So a place that is further from the last one than a robot can have driven meanwhile
 is believed only when the next one agrees with it, and one that is unknown changes nothing.
+
+Two drives on one bus both answer, and nobody can tell whose answer is whose: see `Twins`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from eurobot_od.robot.model import messages
-from eurobot_od.robot.model.places import Point
+from eurobot_od.robot.model.places import Point, is_near
 
 TOP_SPEED = 800.0
 """No robot drives faster, mm/s."""
@@ -57,3 +59,39 @@ class Track:
             self.last, self._doubted = seen, None
         else:
             self._doubted = seen
+
+
+TOGETHER = 0.002
+"""Answers to one question come within so many seconds; what a drive says of itself hardly changes in that time."""
+
+SURE = 3
+"""So often in a row they have to differ: once, a goto may begin just then, or a correction come."""
+
+SAME_TIME, SAME_DISTANCE, SAME_ANGLE = 100, 50.0, 10.0
+"""Answers that are no further apart are the same, ms, mm and degrees."""
+
+DriveAnswer: TypeAlias = messages.GotoStateResponse | messages.KalmanPositionResponse
+
+
+class Twins:
+    """Notices a second drive: each question gets two answers, one right after the other, and they differ."""
+
+    def __init__(self) -> None:
+        self._last: dict[type[DriveAnswer], tuple[DriveAnswer, float]] = {}
+        self._times = 0
+
+    def heard(self, answer: DriveAnswer, now: float) -> str:
+        """Take in an answer; return the two that differ when it is sure that there are two drives, '' otherwise."""
+        before, then = self._last.get(type(answer), (answer, -math.inf))
+        self._last[type(answer)] = answer, now
+        if now - then >= TOGETHER or self._times == SURE:
+            return ""
+        self._times = self._times + 1 if _differ(before, answer) else 0
+        return f"{before} and {answer}" if self._times == SURE else ""
+
+
+def _differ(before: DriveAnswer, answer: DriveAnswer) -> bool:
+    if isinstance(before, messages.KalmanPositionResponse) and isinstance(answer, messages.KalmanPositionResponse):
+        return not is_near(before[:3], answer[:3], SAME_DISTANCE, SAME_ANGLE)
+    times = before[0], answer[0]
+    return times.count(None) == 1 or abs((times[0] or 0) - (times[1] or 0)) > SAME_TIME

@@ -43,12 +43,11 @@ def test_the_last_of_two_counts() -> None:
     ("name", "text", "error", "complaint"),
     [
         ("rive.Motion.Maximum speed", "1", UnknownName, "unknown node or fact 'rive'; did you mean drive?"),
-        (
-            "Maximum speed",
-            "1",
-            UnknownName,
-            "unknown node or fact 'Maximum speed'; known: core, drive, navigation, body, match",
-        ),
+        ("Motion.maximum speed", "1", LocalError, "did you mean drive.Motion.Maximum speed?"),
+        ("Maximum speed", "1", LocalError, "did you mean drive.Motion.Maximum speed?"),
+        ("radius", "250", LocalError, "did you mean body.radius or"),
+        ("bdy.radius", "250", UnknownName, "unknown node or fact 'bdy'; did you mean body?"),
+        ("velocity", "1", UnknownName, "unknown node or fact 'velocity'; known: core, drive, navigation, body, match"),
         ("drive.Motion.Speed", "1", UnknownName, "unknown object 'Motion.Speed'"),
         ("drive.Motion", "1", LocalError, "'Motion' is not one object but a record"),
         ("drive.Motion.Maximum speed", "fast", FieldError, "Motion.Maximum speed = 'fast' is not allowed"),

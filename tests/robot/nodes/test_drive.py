@@ -34,7 +34,7 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Point, Pose
 from eurobot_od.robot.model.values import Barriers, Direction, GotoFault, Obstacle, Passage, Route, Source, TeamColour
 from eurobot_od.robot.nodes.drive import Drive
-from eurobot_od.robot.nodes.estimate import Estimate
+from eurobot_od.robot.nodes.estimate import PUSHED, Estimate
 from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
 from eurobot_od.robot.protocol import EurobotProtocol
 from tests.robot.nodes.harness import DICTIONARIES, RED, TUNING, Wheels
@@ -264,6 +264,7 @@ def test_the_robot_never_touches_a_forced_barrier(noise: float, beacons: float, 
     chance = random.Random(seed)
     wheels = TrueWheels(chance, noise)
     seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons))
+    seat.write("Estimate.Largest deviation", 0xFFFF)  # without noise it goes without the navigation
     seat.write("Estimate.Navigation latency", 0).say(RED)
     barriers = Barriers.of({7: Passage.FORCED, 8: Passage.FORCED, chance.randint(1, 6): Passage.FORCED})
     for _ in range(8):
@@ -278,7 +279,8 @@ def test_the_robot_never_touches_a_forced_barrier(noise: float, beacons: float, 
 def test_the_way_of_a_rolling_robot_begins_where_it_comes_to_stand() -> None:
     """Straight from where it is, nothing is in the way; from where it stands a second later, the pool is."""
     wheels = TrueWheels(random.Random(0), noise=0.0)
-    seat = Seat(wheels=wheels).write("Motion.Braking", 300).say(RED, GotoXY(2800, 1800, 0, 100)).run(1.6)
+    seat = Seat(wheels=wheels).write("Motion.Braking", 300).write("Estimate.Largest deviation", 0xFFFF)
+    seat.say(RED, GotoXY(2800, 1800, 0, 100)).run(1.6)
     assert 1000 < seat.pose.x < 1300
     seat.say(GotoXY(1600, 300, 0, 100, FORCED_POOLS)).run(15.0)
     assert seat.remaining == 0
@@ -289,6 +291,18 @@ def test_a_goto_that_is_not_possible_stops_the_one_before() -> None:
     seat = configured().say(GOTO).run(1.0).say(GotoXY(900, 900, 0, 50, FORCED_POOLS)).run(1.0)
     assert not seat.drive.moving
     assert seat.remaining is GotoFault.NOT_POSSIBLE
+
+
+class HeldWheels(Wheels):
+    """Wheels that something holds."""
+
+    def advance(self, command: Command, dt: float) -> Odometry:
+        return super().advance(command._replace(speed=command.speed * 0.3), dt)
+
+
+def test_a_robot_that_ran_into_something_knows_its_place_worse() -> None:
+    free, held = (Seat(wheels=wheels).say(RED, GOTO).run(1.0) for wheels in (Wheels(), HeldWheels()))
+    assert held.drive.estimate.spread > PUSHED > free.drive.estimate.spread
 
 
 def test_a_goto_is_not_possible_while_the_place_is_unknown() -> None:
@@ -322,11 +336,12 @@ def test_the_remaining_time_is_told_at_once_and_comes_true() -> None:
     assert set(times[arrival:]) == {0}
 
 
-def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[tuple[float, float]]:
-    """Drive to places at random; yield the remaining times that were told every 100 ms, and the true ones, s."""
+def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[list[tuple[float, float]]]:
+    """Drive to places at random; yield for each the remaining times told every 100 ms, and the true ones, s."""
     chance = random.Random(seed)
     wheels = TrueWheels(chance, noise)
     seat = Seat(wheels=wheels).write("Estimate.Navigation deviation", round(beacons))
+    seat.write("Estimate.Largest deviation", 0xFFFF)  # without noise it goes without the navigation
     seat.write("Estimate.Navigation latency", 0).say(RED)
     for _ in range(4):
         seat.say(GotoXY(chance.randint(150, 2850), chance.randint(150, 1850), chance.randrange(360), 100))
@@ -340,24 +355,25 @@ def told_and_true(seed: int, noise: float, beacons: float) -> Iterator[tuple[flo
             begun = len(seat.wheels.commands)
             seat.run(0.1)
         end = 0.1 * len(told) - 0.1 + DT * (len(seat.wheels.commands) - begun)
-        yield from ((seconds, end - 0.1 * number) for number, seconds in enumerate(told))
+        yield [(seconds, end - 0.1 * number) for number, seconds in enumerate(told)]
 
 
 @pytest.mark.parametrize(
     ("noise", "beacons", "least"),
     [
         (0.0, 0.0, 1.0),
-        (0.02, 5.0, 0.75),  # a correction just before the goal has the robot drive the last millimetres again
-        (0.02, 30.0, 0.5),
+        (0.02, 5.0, 0.95),
+        (0.02, 30.0, 0.65),  # corrections just before the goal have the robot drive the last centimetres again
     ],
 )
 def test_the_remaining_time_is_within_ten_percent_or_a_tenth_of_a_second(
     noise: float, beacons: float, least: float
 ) -> None:
-    """So many of the answers at `least`."""
-    answers = [each for seed in range(10) for each in told_and_true(seed, noise, beacons)]
-    good = sum(told == pytest.approx(true, rel=0.1, abs=0.1) for told, true in answers)
-    assert good / len(answers) >= least
+    """So many of the answers at `least`; none is more than the one before, but for the first of a goto."""
+    gotos = [each for seed in range(10) for each in told_and_true(seed, noise, beacons)]
+    good = [told == pytest.approx(true, rel=0.1, abs=0.1) for goto in gotos for told, true in goto]
+    assert sum(good) / len(good) >= least
+    assert [goto for goto in gotos if goto != sorted(goto, reverse=True)] == []
 
 
 @pytest.mark.parametrize(
@@ -577,7 +593,7 @@ def test_the_first_position_corrects_the_start_place(
 def test_two_first_positions_that_agree_take_the_place_of_the_start_place() -> None:
     seat = configured()  # nothing has measured it: the drive may have rebooted
     for position in ((700, 300, 10), (1500, 1000, 90), (1500, 1000, 90)):
-        seat.say(NaviPositionResponse(*position, Source.INTERNAL))
+        seat.say(NaviPositionResponse(*position, Source.INTERNAL)).run(0.1)
     assert seat.ask(KalmanPositionRequest(), KalmanPositionResponse)[:3] == (1500, 1000, 90)
 
 

@@ -8,13 +8,15 @@ import random
 import pytest
 
 from eurobot_od.robot.model.places import Pose, turn
-from eurobot_od.robot.nodes.estimate import AGREEING, LONGEST_LATENCY, Estimate
+from eurobot_od.robot.nodes.estimate import AGREEING, BUMPS, LONGEST_LATENCY, Estimate
 from eurobot_od.robot.nodes.motion import Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from tests.robot.nodes.harness import TUNING
 
 START = Pose(1000.0, 500.0, 350.0)
 ELSEWHERE = Fix(2000.0, 500.0, 90.0)
+TIMES = (0.0, 0.6, 1.2)
+"""When the core asks for positions, s."""
 
 
 def seen(pose: Pose) -> Fix:
@@ -72,8 +74,8 @@ ASSUMED = [
 @pytest.mark.parametrize(("fixes", "expected", "why"), ASSUMED)
 def test_an_assumed_pose(fixes: list[Fix], expected: Fix | Pose, why: str) -> None:
     estimate = Estimate(TUNING, START)
-    for fix in fixes:
-        estimate.corrected(fix, 0.0)
+    for number, fix in enumerate(fixes):
+        estimate.corrected(fix, 0.1 * number)
     assert estimate.pose == pytest.approx(tuple(expected)), why
 
 
@@ -96,8 +98,9 @@ def test_an_outlier_is_refused() -> None:
 @pytest.mark.parametrize("seed", range(10))
 def test_outliers_at_random_never_move_it(seed: int) -> None:
     chance, estimate = random.Random(seed), settled()
-    for _ in range(1000):
-        estimate.corrected(Fix(chance.uniform(0, 3000), chance.uniform(0, 2000), chance.uniform(0, 360)), 0.0)
+    for number in range(1000):
+        fix = Fix(chance.uniform(0, 3000), chance.uniform(0, 2000), chance.uniform(0, 360))
+        estimate.corrected(fix, 0.6 * number)
     assert estimate.pose is not None
     assert estimate.pose.distance(START.point) < 50.0
 
@@ -113,6 +116,16 @@ def test_a_position_that_is_late_is_refused_at_speed(age: float) -> None:
             assert estimate.corrected(seen(way[-1]), number / 100)
     assert not estimate.corrected(seen(way[-1 - round(100 * age)]), 3.0)
     assert estimate.pose == pytest.approx(way[-1], abs=0.1)
+
+
+def test_a_robot_that_is_not_seen_any_more_knows_its_place_worse_than_its_wheels_say() -> None:
+    def after_a_metre(begin: float) -> float:
+        estimate = settled()
+        for number in range(100):
+            estimate.moved(Odometry(10.0, 0.0), begin + number / 100)
+        return estimate.spread
+
+    assert after_a_metre(10.0) ** 2 - after_a_metre(0.0) ** 2 == pytest.approx(2 * BUMPS**2, rel=0.01)
 
 
 # How it finds back
@@ -134,8 +147,31 @@ def test_it_recovers_from_a_displacement_of_a_metre_within_two_seconds(speed: fl
 
 def test_refused_positions_are_believed_when_enough_agree() -> None:
     estimate = settled()
-    assert [estimate.corrected(ELSEWHERE, 0.0) for _ in range(AGREEING)] == [False] * (AGREEING - 1) + [True]
+    assert [estimate.corrected(ELSEWHERE, time) for time in TIMES] == [False, False, True]
     assert estimate.pose == pytest.approx(tuple(ELSEWHERE))
+
+
+def test_positions_agree_only_when_a_robot_could_have_got_there_meanwhile() -> None:
+    estimate = settled()
+    assert [estimate.corrected(ELSEWHERE, 0.02 * number) for number in range(50)] == [False] * 50
+    assert estimate.pose == pytest.approx(START)
+    assert estimate.corrected(ELSEWHERE, 1.0)
+
+
+def test_a_position_that_came_twice_is_one() -> None:
+    estimate = Estimate(TUNING, START)
+    assert [estimate.corrected(ELSEWHERE, time) for time in (0.0, 0.001, 0.1)] == [False, False, True]
+
+
+def test_a_place_that_is_repeated_while_the_wheels_move_is_not_believed() -> None:
+    estimate, way = settled(), START
+    for number in range(400):
+        odometry = Odometry(8.0 if number < 100 else 0.0, 0.0)
+        way = way.moved(*odometry)
+        estimate.moved(odometry, number / 100)
+        if number % 60 == 59:
+            assert not estimate.corrected(seen(START), number / 100)
+    assert estimate.pose == pytest.approx(way)
 
 
 @pytest.mark.parametrize("speed", [50.0, 100.0])
@@ -155,10 +191,10 @@ INTERRUPTIONS = [(seen(START), True, "a good one"), (Fix(500.0, 1500.0, 0.0), Fa
 @pytest.mark.parametrize(("other", "believed", "what"), INTERRUPTIONS)
 def test_a_position_that_does_not_agree_begins_the_count_anew(other: Fix, believed: bool, what: str) -> None:
     estimate = settled()
-    for _ in range(AGREEING - 1):
-        assert not estimate.corrected(ELSEWHERE, 0.0)
-    assert estimate.corrected(other, 0.0) is believed, what
-    assert [estimate.corrected(ELSEWHERE, 0.0) for _ in range(AGREEING)] == [False] * (AGREEING - 1) + [True]
+    for time in TIMES[:2]:
+        assert not estimate.corrected(ELSEWHERE, time)
+    assert estimate.corrected(other, 1.2) is believed, what
+    assert [estimate.corrected(ELSEWHERE, 1.8 + time) for time in TIMES] == [False, False, True]
 
 
 # Latency

@@ -190,11 +190,11 @@ def test_arrives_although_the_pose_jumps(seed: int) -> None:
     goal = Point(generator.uniform(100.0, 2900.0), generator.uniform(100.0, 1900.0))
     motion = Motion(LIMITS, [Point(1500.0, 200.0), goal], 30.0, 100, backward=seed % 2 == 0)
     pose, _ = list(drive(motion, START, jumps(generator, size=30.0, count=20)))[-1]
-    assert pose.distance(goal) <= LIMITS.position_tolerance
+    assert pose.distance(goal) <= LIMITS.deviation
     assert abs(turn(pose.angle, 30.0)) <= LIMITS.angle_tolerance
 
 
-@pytest.mark.parametrize("aside", [-30.0, -8.0, 8.0, 30.0])
+@pytest.mark.parametrize("aside", [-30.0, -12.0, 12.0, 30.0])
 @pytest.mark.parametrize("left", [20.0, 100.0, 400.0])
 def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, aside: float) -> None:
     goal = Point(2000.0, 1000.0)
@@ -207,7 +207,7 @@ def test_one_jump_aside_shortly_before_the_goal_is_driven_again(left: float, asi
 
     pose, _ = list(drive(Motion(LIMITS, [goal], 0.0, 100), START, once))[-1]
     assert not pending
-    assert pose.distance(goal) <= LIMITS.position_tolerance
+    assert pose.distance(goal) <= LIMITS.deviation
 
 
 @pytest.mark.parametrize("seed", range(5))

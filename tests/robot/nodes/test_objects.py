@@ -302,6 +302,16 @@ def test_a_contradictory_configuration_is_refused_and_told_once(
     assert emergencies(master) == [CLEARED_EMCY]
 
 
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_of_a_configuration_that_is_refused_no_part_is_kept(dialect: str) -> None:
+    master = Master("drive", dialect)
+    master.say(RED)
+    before = master.values_of("Start configuration")
+    with pytest.raises(canopen.SdoAbortedError):
+        master.put("Start configuration", 1, 0, 0, 0, 20)
+    assert master.values_of("Start configuration") == before
+
+
 @pytest.mark.parametrize("role", ["drive", "navigation"])
 @pytest.mark.parametrize(("numbers", "why"), AGREEING)
 def test_a_configuration_that_agrees_is_confirmed(role: str, numbers: tuple[int, int, int, int], why: str) -> None:

@@ -25,6 +25,7 @@ from eurobot_od.od.values import NMT_COB_ID
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot.model.messages import (
     CheckDriveRequest,
+    CheckNaviResponse,
     ConfederatePositionResponse,
     EmergencyShutdown,
     EmergencyStop,
@@ -44,13 +45,14 @@ from eurobot_od.robot.model.messages import (
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Barriers, GotoFault, Obstacle, Outcome, Passage, RobotError, Source
 from eurobot_od.robot.nodes import ROLES, Core, Drive, Navigation
+from eurobot_od.robot.nodes.estimate import Estimate
 from eurobot_od.robot.nodes.goto import GotoReport
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.nodes.node import Handlers
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill
 from tests.client.peers import new_channel, open_bus
-from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, Bench
+from tests.robot.nodes.harness import DICTIONARIES, PROTOCOL, RED, TUNING, Bench, put
 
 FAR = GotoXY(2700, 1700, 0, 50)
 """A goto that takes more than 6 s from the red start place."""
@@ -1233,7 +1235,7 @@ def test_a_navigation_that_boots_in_a_match_is_checked_and_configured_and_the_dr
 
 def test_a_robot_that_knows_its_place_too_badly_stands_until_the_navigation_is_back() -> None:
     bench = match_under_way()
-    bench.drive.device.objects.put(bench.drive.device.dictionary.address("Estimate.Largest deviation"), 20)
+    put(bench.drive, "Estimate.Largest deviation", 20)
     call = bench.core.goto(*FAR)
     bench.network.detach(bench.stations["navigation"])
     bench.run(10.0)
@@ -1248,6 +1250,35 @@ def test_a_robot_that_knows_its_place_too_badly_stands_until_the_navigation_is_b
     assert again.result(0).outcome is Outcome.ARRIVED
 
 
+def test_a_navigation_that_answers_nothing_but_sends_heartbeats_is_told_and_taken_back() -> None:
+    bench = match_under_way()
+    others = (Enemy1PositionResponse, Enemy2PositionResponse, ConfederatePositionResponse)
+    bench.lose(CheckNaviResponse, NaviPositionResponse, *others)
+    call = bench.core.goto(*FAR)
+    bench.run(8.0)
+    assert call.result(0).outcome is Outcome.ARRIVED
+    (told,) = [text for text in map(str, bench.network.reports) if "the navigation is lost" in text]
+    assert "it does not answer" in told
+    assert bench.core.open_calls == 0
+    bench.lose()
+    bench.run(2.0)
+    assert any("the navigation is back" in str(report) for report in bench.network.reports)
+
+
+def test_a_way_keeps_its_distance_as_the_place_becomes_less_sure() -> None:
+    bench = match_under_way()
+    bench.core.goto(*FAR)
+    bench.network.detach(bench.stations["navigation"])
+    bench.run(1.0)
+    planned = bench.drive._planned
+    belief = bench.drive.estimate._belief
+    assert belief is not None
+    bench.drive.estimate._belief = belief.loosened(20.0)
+    bench.run(0.1)
+    assert bench.drive._planned > planned + 15.0
+    assert bench.drive.moving
+
+
 def test_before_the_match_there_is_no_goto_without_the_navigation() -> None:
     bench = Bench()
     bench.run(1.5)
@@ -1258,6 +1289,23 @@ def test_before_the_match_there_is_no_goto_without_the_navigation() -> None:
     bench.run(20.0)
     assert isinstance(call.exception(0), NoAnswer)
     assert bench.sent(GotoXY) == []
+
+
+# A second drive
+
+
+@pytest.mark.parametrize("processing", [0.0, 1e-4])  # they answer at once, which is a bit error, or one by one
+def test_two_drives_that_differ_are_told_once(processing: float) -> None:
+    bench, second = Bench(), Drive(DICTIONARIES["drive"])
+    bench.network.attach(second, bench.now, processing)
+    bench.run(0.1)
+    bench.configure()
+    true_robot(bench)
+    second.estimate = Estimate(TUNING, Pose(1000.0, 1000.0, 0.0))
+    bench.core.goto(*FAR)
+    bench.run(3.0)
+    (told,) = [text for text in map(str, bench.network.reports) if "two drives answer" in text]
+    assert "switch one of them off" in told
 
 
 # After an Emergency Shutdown

@@ -19,6 +19,7 @@ from eurobot_od.robot.nodes.node import RobotNode
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.simulation.network import ON_TIME, Network
 from tests.robot.document import NAMES
+from tests.robot.nodes.harness import put
 
 DIALECT = "firmware2014"
 PROTOCOL = EurobotProtocol.load(DIALECT)
@@ -54,6 +55,7 @@ class Robot2014:
         self.network = Network()
         self.core = Core(dialects.load("core", DIALECT))
         self.drive = OldDrive(dialects.load("drive", DIALECT))
+        put(self.drive, "Estimate.Largest deviation", 0xFFFF)  # its navigation sees nobody
         self.station = self.network.attach(self.core)
         for node in (self.drive, OldNavigation(dialects.load("navigation", DIALECT))):
             self.network.attach(node)

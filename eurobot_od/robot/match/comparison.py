@@ -1,0 +1,119 @@
+"""Strategies side by side: the same seeds played by each, in numbers and as a picture.
+
+The same seed has the same opponents, wheels and beacons, so what counts is the difference at each seed. Its interval is
+much narrower than what the matches of one strategy spread.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from math import sqrt
+from statistics import fmean, stdev
+from typing import NamedTuple
+
+from eurobot_od.robot.match.played import PlayedMatch
+from eurobot_od.support import svg
+
+Played = Mapping[str, Sequence[PlayedMatch]]
+"""The matches of each strategy by its name, the same seeds in the same order."""
+
+NORMAL = 1.96
+"""A mean is within so many of its standard errors of the true one in 95 % of all samples."""
+
+
+class Measure(NamedTuple):
+    """What is compared: its name with the unit, and its value in a match."""
+
+    name: str
+    of: Callable[[PlayedMatch], float]
+
+
+MEASURES = (
+    Measure("points", lambda match: match.points),
+    Measure("touches", lambda match: len(match.touches)),
+    Measure("our fault", lambda match: sum(touch.is_wrong for touch in match.touches)),
+    Measure("way, m", lambda match: match.way),
+)
+POINTS = MEASURES[0]
+
+
+def interval(values: Sequence[float]) -> tuple[float, float]:
+    """Return a mean, and how far from it the true one may be, at 95 %."""
+    return fmean(values), NORMAL * stdev(values) / sqrt(len(values)) if len(values) > 1 else 0.0
+
+
+def report(played: Played) -> Iterator[str]:
+    """Write a line for each seed and the means; then how each strategy differs from the first at the same seeds."""
+    names = list(played)
+    width = max(12, *(len(name) + 2 for name in names))
+    yield f"{'':<6}" + "".join(f"{measure.name:>{width * len(names)}}" for measure in MEASURES)
+    yield f"{'seed':<6}" + "".join(f"{name:>{width}}" for _ in MEASURES for name in names)
+    for row in zip(*played.values()):
+        cells = (measure.of(match) for measure in MEASURES for match in row)
+        yield f"{row[0].seed:<6}" + "".join(f"{cell:>{width}.4g}" for cell in cells)
+    means = (interval([measure.of(each) for each in played[name]]) for measure in MEASURES for name in names)
+    yield f"{'mean':<6}" + "".join(f"{f'{mean:.1f} ± {half:.1f}':>{width}}" for mean, half in means)
+    yield ""
+    first, *others = names
+    for name in others:
+        for measure in MEASURES:
+            yield f"{name} against {first}: {_difference(measure, played[first], played[name])}"
+
+
+def _difference(measure: Measure, first: Sequence[PlayedMatch], other: Sequence[PlayedMatch]) -> str:
+    differences = [measure.of(after) - measure.of(before) for before, after in zip(first, other)]
+    mean, half = interval(differences)
+    verdict = "" if abs(mean) > half else ", which may be chance"
+    more, fewer = sum(each > 0 for each in differences), sum(each < 0 for each in differences)
+    return f"{measure.name} {mean:+.2f} ± {half:.2f}{verdict}; more at {more} seeds, fewer at {fewer}"
+
+
+# The picture
+
+COLOURS = ("#2f8fd0", "#c62828", "#2e8b57", "#8a5fbf", "#c8860a")
+INK, PALE, PAPER = "#22262b", "#6b7178", "#ffffff"
+LEFT, TOP, PLOT, HIGH, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40
+"""Margins, and the width and height of the plot; one unit is a pixel of a screen."""
+
+
+def picture(played: Played) -> str:
+    """Draw the points at each seed, a dot for each strategy, and a line at its mean, as an SVG document."""
+    points = {name: [POINTS.of(match) for match in matches] for name, matches in played.items()}
+    seeds = [match.seed for match in next(iter(played.values()))]
+    top = max(1.0, *(max(each) for each in points.values()))
+    ground, right = TOP + HIGH, LEFT + PLOT
+
+    def x(number: int) -> float:
+        return LEFT + PLOT * (number + 0.5) / len(seeds)
+
+    def y(value: float) -> float:
+        return ground - HIGH * value / top
+
+    drawn = []
+    for place, (name, values) in enumerate(points.items()):
+        colour, (mean, half) = COLOURS[place % len(COLOURS)], interval(values)
+        legend = f"{name}: {mean:.1f} ± {half:.1f} points"
+        band = y(mean - half) - y(mean + half)
+        drawn.append(svg.rectangle((LEFT, y(mean + half)), PLOT, band, fill=colour, opacity=0.15))
+        drawn.append(svg.line((LEFT, y(mean)), (right, y(mean)), stroke=colour))
+        drawn += [
+            svg.group(
+                svg.title(f"{name}, seed {seeds[number]}: {value:g}"), svg.circle((x(number), y(value)), 3, fill=colour)
+            )
+            for number, value in enumerate(values)
+        ]
+        drawn.append(svg.text((LEFT + 290 * place, 44), legend, font_size=13, fill=colour))
+    return svg.element(
+        "svg",
+        svg.rectangle((0, 0), right + RIGHT, ground + BOTTOM, fill=PAPER),
+        svg.text((LEFT, 24), f"Points, seeds {seeds[0]} to {seeds[-1]}", font_size=17, font_weight="bold", fill=INK),
+        svg.line((LEFT, ground), (right, ground), stroke=PALE),
+        svg.line((LEFT, ground), (LEFT, TOP), stroke=PALE),
+        svg.text((LEFT - 8, TOP + 4), f"{top:g}", font_size=13, fill=PALE, text_anchor="end"),
+        svg.text((LEFT - 8, ground), "0", font_size=13, fill=PALE, text_anchor="end"),
+        svg.text((LEFT, ground + 24), "dots: a match each; lines: means, with 95 % intervals", font_size=13, fill=PALE),
+        *drawn,
+        xmlns="http://www.w3.org/2000/svg",
+        viewBox=f"0 0 {right + RIGHT} {ground + BOTTOM}",
+        font_family="Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif",
+    )

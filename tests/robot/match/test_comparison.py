@@ -1,0 +1,43 @@
+"""Strategies side by side: means, intervals, differences at the same seeds, and the picture of it."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import pytest
+
+from eurobot_od.robot.match.comparison import interval, picture, report
+from eurobot_od.robot.match.played import PlayedMatch
+from eurobot_od.robot.match.summary import Summary
+from eurobot_od.robot.world.world import OURS
+
+
+def matches(*points: int) -> list[PlayedMatch]:
+    """Return matches of the seeds from 1 on, with so many points."""
+    summaries = [Summary(90.0, 500_000, {}, {}, 0.0, points={OURS: each}) for each in points]
+    return [PlayedMatch(seed, summary=summary, way=10.0) for seed, summary in enumerate(summaries, 1)]
+
+
+PLAYED = {"slow": matches(5, 10, 15, 20), "quick": matches(8, 13, 18, 24), "same": matches(6, 9, 16, 19)}
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"), [([7], (7.0, 0.0)), ([4, 4], (4.0, 0.0)), ([1, 3], (2.0, 1.96)), ([0, 2, 4], (2.0, 2.263))]
+)
+def test_a_mean_and_its_interval(values: list[float], expected: tuple[float, float]) -> None:
+    assert interval(values) == pytest.approx(expected, abs=0.001)
+
+
+def test_a_line_for_each_seed_and_the_differences_at_the_same_seeds() -> None:
+    lines = [*report(PLAYED)]
+    assert lines[0].split() == ["points", "touches", "our", "fault", "way,", "m"]
+    assert lines[2].split()[:4] == ["1", "5", "8", "6"]
+    assert "quick against slow: points +3.25 ± 0.49; more at 4 seeds, fewer at 0" in lines
+    assert "same against slow: points +0.00 ± 1.13, which may be chance; more at 2 seeds, fewer at 2" in lines
+
+
+def test_the_picture_has_a_dot_for_each_match_and_says_whose() -> None:
+    drawing = ElementTree.fromstring(picture(PLAYED))
+    words = [each.text for each in drawing.iter("{http://www.w3.org/2000/svg}title")]
+    assert len(words) == 12
+    assert "quick, seed 4: 24" in words
