@@ -19,7 +19,7 @@ from eurobot_od.support.escaping import one_line
 if TYPE_CHECKING:
     from eurobot_od.sdo.client import Progress
     from eurobot_od.season.archive import Archived
-    from eurobot_od.season.writing import Network
+    from eurobot_od.season.writing import DecodedNetwork
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,14 +64,14 @@ def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
     return told
 
 
-def _network(arguments: argparse.Namespace) -> Network:
-    from eurobot_od.season.writing import Network
+def _network(arguments: argparse.Namespace) -> DecodedNetwork:
+    from eurobot_od.season.writing import DecodedNetwork
 
     decoder = options.decoder(arguments)
     names = {each.cob_id: each.name for each in decoder.protocol.bindings}
     promised = options.promised(arguments, decoder).messages  # one that several nodes send is there for each of them
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
-    return Network(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))
+    return DecodedNetwork(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))
 
 
 def _line(archived: Archived) -> str:

@@ -21,7 +21,7 @@ from eurobot_od.support.escaping import cell, one_line
 if TYPE_CHECKING:
     import polars as pl
 
-    from eurobot_od.season.reports import Report
+    from eurobot_od.season.reports import SeasonReport
     from eurobot_od.season.season import Season
 
 BIT_RATE = 500_000
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
     sys.stdout.write(written(rows))
 
 
-def reports(robot: Plugin) -> Mapping[str, Report]:
+def reports(robot: Plugin) -> Mapping[str, SeasonReport]:
     """Return all reports by name, a robot's and those for any devices."""
     from eurobot_od.season.reports import REPORTS
 
@@ -89,7 +89,7 @@ def _tables(season: Season) -> pl.DataFrame:
     return pl.DataFrame(rows, ["table", "rows", "columns"], orient="row")
 
 
-def _picture(ask: Callable[[str], pl.DataFrame], report: Report | None, rows: pl.DataFrame, sql: str) -> str:
+def _picture(ask: Callable[[str], pl.DataFrame], report: SeasonReport | None, rows: pl.DataFrame, sql: str) -> str:
     from eurobot_od.season.chart import chart_of, draw
 
     if report is None:

@@ -22,7 +22,7 @@ from eurobot_od.support.escaping import one_line
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
-    from eurobot_od.client.reading import Reading
+    from eurobot_od.client.reading import ObjectReading
 
 
 def add_node(parser: argparse.ArgumentParser) -> None:
@@ -131,7 +131,7 @@ def columns(rows: Iterable[Sequence[str]]) -> str:
     return "\n".join("  ".join(map(str.ljust, line, widths)).rstrip() for line in lines)
 
 
-def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
+def print_readings(readings: Iterable[ObjectReading], as_json: bool) -> None:
     """Print objects and their values, or why there is none."""
     if as_json:
         print(json.dumps([as_data(each) for each in readings], indent=2))
@@ -139,7 +139,7 @@ def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
         print(columns(_row(each) for each in readings))
 
 
-def as_data(reading: Reading) -> dict[str, Any]:
+def as_data(reading: ObjectReading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
     type_name = data_type(thing).name if is_described(thing) else ""
@@ -148,6 +148,6 @@ def as_data(reading: Reading) -> dict[str, Any]:
     return {**data, **result}
 
 
-def _row(reading: Reading) -> tuple[str, str, str]:
+def _row(reading: ObjectReading) -> tuple[str, str, str]:
     thing, value, refusal = reading
     return label(address_of(thing)), thing.qualname, f"({refusal})" if refusal else written(thing, value)

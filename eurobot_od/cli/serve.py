@@ -23,7 +23,7 @@ from eurobot_od.support import extras
 
 if TYPE_CHECKING:
     from eurobot_od.logs.meaning import Decoder
-    from eurobot_od.web.access import Access
+    from eurobot_od.web.access import AccessRules
     from eurobot_od.web.columns import Columns
     from eurobot_od.web.panel import Panel
 
@@ -66,11 +66,11 @@ def run(arguments: argparse.Namespace) -> None:
         asyncio.run(show(arguments, decoder, panels))
 
 
-def _access(arguments: argparse.Namespace) -> Access:
-    from eurobot_od.web.access import Access, is_local
+def _access(arguments: argparse.Namespace) -> AccessRules:
+    from eurobot_od.web.access import AccessRules, is_local
 
     host = arguments.listen.host
-    return Access(host, "" if is_local(host) else secrets.token_urlsafe(24))
+    return AccessRules(host, "" if is_local(host) else secrets.token_urlsafe(24))
 
 
 async def _forever(address: str) -> None:
