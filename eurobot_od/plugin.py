@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol as Messages
-    from eurobot_od.season.reports import Report
+    from eurobot_od.season.reports import SeasonReport
     from eurobot_od.web.panel import Panel
 
     NodeT = TypeVar("NodeT", bound=Node)
@@ -133,7 +133,7 @@ class Plugin(NamedTuple):
     partners: Callable[[Sequence[Node], int, Callable[[], float]], Mapping[str, Program]] = _no_programs
     panels: Callable[[], Sequence[type[Panel]]] = tuple
     drawings: Callable[[Messages], Drawings] = _no_drawings
-    reports: Callable[[], Mapping[str, Report]] = dict
+    reports: Callable[[], Mapping[str, SeasonReport]] = dict
     stage: Callable[[], Stage] | None = None
     commands: Mapping[str, Command] = MappingProxyType({})
     table: Path | None = None

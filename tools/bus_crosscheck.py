@@ -31,7 +31,7 @@ from typing import NamedTuple
 from eurobot_od.cli.load import of_robot
 from eurobot_od.device.node import Node
 from eurobot_od.frame import Frame
-from eurobot_od.load.message_set import MICROSECONDS, ErrorRate, MessageSet, SentMessage, analysed, by_urgency
+from eurobot_od.load.message_set import MICROSECONDS, ErrorRate, MessageSet, PeriodicMessage, analysed, by_urgency
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.robot.plugin import ROBOT
 from eurobot_od.simulation.bit_errors import Attempt, Flip
@@ -268,12 +268,12 @@ def random_set(random: Random) -> tuple[MessageSet, int]:
     return MessageSet(by_urgency(stretched), mailboxes, bit_rate=bit_rate), bit_rate
 
 
-def _random_message(name: str, identifier: int, random: Random, nodes: Sequence[str]) -> SentMessage:
+def _random_message(name: str, identifier: int, random: Random, nodes: Sequence[str]) -> PeriodicMessage:
     period = random.choice(PERIODS)
-    return SentMessage(name, identifier, random.randint(0, 8), period, period, random.choice(nodes))
+    return PeriodicMessage(name, identifier, random.randint(0, 8), period, period, random.choice(nodes))
 
 
-def _stretched(message: SentMessage, stretch: float, random: Random) -> SentMessage:
+def _stretched(message: PeriodicMessage, stretch: float, random: Random) -> PeriodicMessage:
     period = max(math.ceil(message.period * stretch), 200)
     jitter = int(random.choice((0.0, 0.0, 0.2)) * random.random() * period)
     return message._replace(period=period, deadline=period, jitter=jitter)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eurobot_od.campaign.results import Results
 
 ROUNDS = 8
-"""Each worker gets at least this many blocks, where there are enough items: nobody waits long for the last one."""
+"""Blocks for each worker, if there are enough items: so the wait for the last block is short."""
 
 ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")

@@ -52,7 +52,7 @@ class Processes(ProcessPoolExecutor):
     """Processes of this machine; at the end of the `with` block they end at once, whatever they are doing.
 
     They are started anew, not forked: threads of other packages do not survive a fork. The standard library's wait for
-    work for ever when their parent was killed, and finish what they have begun when nobody wants it any more. So each
+    work for ever when their parent was killed, and finish started work even when it is no longer wanted. So each
     of ours has a thread that waits for either, and ends the process.
     """
 
@@ -62,7 +62,7 @@ class Processes(ProcessPoolExecutor):
         super().__init__(number, context, _begin, (self._end,))
 
     def __exit__(self, *_: object) -> bool | None:
-        self._end_here.send_bytes(b"end")  # nobody takes it out, so that all see it
+        self._end_here.send_bytes(b"end")  # it stays in the pipe, so that all processes see it
         self.shutdown(wait=True, cancel_futures=True)
         self._end_here.close()
         self._end.close()

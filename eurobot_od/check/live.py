@@ -1,7 +1,7 @@
 """Suites on a real bus: the tester is one more participant on whatever python-can can reach.
 
-The bus is read in a thread (`live.Watch`). What it reads is handed to the event loop, so that only one thread ever
-touches the trace.
+The bus is read in a thread (`live.FrameReader`). What it reads is handed to the event loop, so that only one
+thread ever touches the trace.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class LiveBench:
         self._loop = asyncio.get_running_loop()
         self._works = asyncio.Event()
         self._works.set()
-        self._watch = runtime.Watch(
+        self._watch = runtime.FrameReader(
             open_bus(), self.seen, time.monotonic, self.failed, opener=open_bus, back=self._came_back
         )
         self.trace = Trace()

@@ -17,7 +17,7 @@ from eurobot_od.support.amounts import amount
 from eurobot_od.support.escaping import one_line
 
 if TYPE_CHECKING:
-    from eurobot_od.season.writing import Network
+    from eurobot_od.season.writing import DecodedNetwork
     from eurobot_od.support.progress import Progress
 
 
@@ -63,11 +63,11 @@ def _adding(draw: Progress, log: Path) -> Callable[[int], None]:
     return add
 
 
-def _network(devices: options.Devices) -> Network:
-    from eurobot_od.season.writing import Network
+def _network(devices: options.Devices) -> DecodedNetwork:
+    from eurobot_od.season.writing import DecodedNetwork
 
     decoder = devices.decoder()
     names = {each.cob_id: each.name for each in decoder.protocol.bindings}
     promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
-    return Network(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))
+    return DecodedNetwork(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))

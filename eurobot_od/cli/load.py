@@ -17,7 +17,7 @@ from eurobot_od.errors import LocalError
 
 if TYPE_CHECKING:
     from eurobot_od.load.message_set import ErrorRate, MessageSet
-    from eurobot_od.load.sweep import Limits
+    from eurobot_od.load.sweep import LoadLimits
     from eurobot_od.od.dictionary import Dictionary
     from eurobot_od.od.network_file import NetworkFile
     from eurobot_od.plugin import Plugin
@@ -92,7 +92,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     return ExitStatus.FINE if report.holds else ExitStatus.FOUND
 
 
-def _limits(messages: MessageSet, bit_rate: int) -> Limits:
+def _limits(messages: MessageSet, bit_rate: int) -> LoadLimits:
     """Search the limits, with a bar: for many messages it takes a while."""
     from eurobot_od.load.sweep import SEARCHES, limits
     from eurobot_od.support import progress

@@ -20,7 +20,7 @@ from eurobot_od.support.tables import columns
 if TYPE_CHECKING:
     import polars as pl
 
-    from eurobot_od.season.reports import Report
+    from eurobot_od.season.reports import SeasonReport
 
 BIT_RATE = 500_000
 
@@ -68,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
     sys.stdout.write(write(rows))
 
 
-def reports(robot: Plugin) -> Mapping[str, Report]:
+def reports(robot: Plugin) -> Mapping[str, SeasonReport]:
     """Return all reports by name, a robot's and those for any devices."""
     from eurobot_od.season.reports import REPORTS
 

@@ -24,7 +24,7 @@ from eurobot_od.support.tables import columns
 if TYPE_CHECKING:
     from eurobot_od.client.description import Description
     from eurobot_od.client.master import Master, RemoteNode
-    from eurobot_od.client.reading import Reading
+    from eurobot_od.client.reading import ObjectReading
     from eurobot_od.live.connection import Opener
 
 
@@ -143,7 +143,7 @@ MASTER = Parameter("master", add_bus, lambda arguments: Target.of(arguments).mas
 # Printing
 
 
-def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
+def print_readings(readings: Iterable[ObjectReading], as_json: bool) -> None:
     """Print objects and their values, or why there is none."""
     if as_json:
         print(json.dumps([as_data(each) for each in readings], indent=2))
@@ -155,7 +155,7 @@ def print_readings(readings: Iterable[Reading], as_json: bool) -> None:
         print(*columns(rows), sep="\n")
 
 
-def as_data(reading: Reading) -> dict[str, Any]:
+def as_data(reading: ObjectReading) -> dict[str, Any]:
     """Return a reading as plain data; bytes are hexadecimal digits."""
     thing, value, refusal = reading
     type_name = data_type(thing).name if is_described(thing) else ""

@@ -120,7 +120,7 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
 
     Raises BusError.
     """
-    from eurobot_od.live import Watch
+    from eurobot_od.live import FrameReader
 
     came: SimpleQueue[tuple[float, Frame] | BusError] = SimpleQueue()
 
@@ -128,7 +128,7 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
         if frame.cob_id == expected.cob_id and frame.data.startswith(expected.data):
             came.put((now, frame))
 
-    with Watch(bus, seen, time.perf_counter, failed=came.put):  # it listens before the question is out
+    with FrameReader(bus, seen, time.perf_counter, failed=came.put):  # it listens before the question is out
         started = time.perf_counter()
         transmit(bus, question)
         try:

@@ -79,11 +79,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 async def _serve(text: str, listen: Address, requests: Requests | None = None) -> None:
     """Serve a page until SIGTERM; Ctrl-C, which a shell may have a program in the background ignore, cancels it."""
-    from eurobot_od.web.access import Access, is_local
+    from eurobot_od.web.access import AccessRules, is_local
     from eurobot_od.web.server import served
 
     ended = asyncio.Event()
-    access = Access(listen.host, "" if is_local(listen.host) else secrets.token_urlsafe(24))
+    access = AccessRules(listen.host, "" if is_local(listen.host) else secrets.token_urlsafe(24))
     async with served(text, access, listen.port, requests) as address:
         with suppress(NotImplementedError):  # on Windows, which has no SIGTERM
             asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, ended.set)

@@ -91,7 +91,7 @@ CHAPTERS: Mapping[Chapter, Container[int]] = {
 class ChangePlan(NamedTuple):
     """What a DCF changes in a node, and the `present` bytes of the PDO parameters that the procedure needs.
 
-    `whole` tells whether that is all of the DCF.
+    `whole` says whether that is all of the DCF.
     """
 
     dictionary: Dictionary
@@ -114,7 +114,7 @@ class ChangePlan(NamedTuple):
 class Configured(NamedTuple):
     """What a configuration did: how many objects it changed, and whether the node has stored them.
 
-    `verified` tells whether the node had them after a reset.
+    `verified` says whether the node still had them after a reset.
     """
 
     changed: int

@@ -20,7 +20,7 @@ PLAIN_TEXT = b"\0"
 
 
 class Identity(NamedTuple):
-    """The identity object 0x1018; 0 for what a node does not tell (CiA 301, 7.5.2.19)."""
+    """The identity object 0x1018; 0 for a number that a node does not have (CiA 301, 7.5.2.19)."""
 
     vendor: int = 0
     product: int = 0
@@ -30,8 +30,8 @@ class Identity(NamedTuple):
     @classmethod
     def read(cls, node: RemoteNode) -> Identity:
         """Ask a node; only the vendor-ID is mandatory."""
-        told = [_told(node, (IDENTITY, subindex), name) for subindex, name in enumerate(cls._fields, start=1)]
-        return cls(*(int.from_bytes(each, "little") for each in told))
+        numbers = [_optional(node, (IDENTITY, subindex), name) for subindex, name in enumerate(cls._fields, start=1)]
+        return cls(*(int.from_bytes(each, "little") for each in numbers))
 
     @classmethod
     def of(cls, dictionary: Dictionary) -> Identity:
@@ -96,10 +96,10 @@ def fitting(node: RemoteNode, known: Iterable[Dictionary]) -> Description | None
 
 def device_name(node: RemoteNode) -> str:
     """Return the name in 0x1008, `` if the node has none."""
-    return _told(node, DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
+    return _optional(node, DEVICE_NAME, "Manufacturer device name").decode(errors="replace").rstrip("\0")
 
 
-def _told(node: RemoteNode, address: Address, name: str) -> bytes:
+def _optional(node: RemoteNode, address: Address, name: str) -> bytes:
     """Read an object that a node need not have: without it there are no bytes."""
     try:
         return node.upload(address, name)

@@ -68,11 +68,11 @@ REFUSALS: Mapping[Lss, Mapping[int, str]] = {
 OWN_ERROR = 255
 
 FIRST_BIT, ANY_BIT = 31, 128
-"""Fastscan begins with the highest bit; `ANY_BIT` asks who is there at all."""
+"""Fastscan starts with the highest bit; `ANY_BIT` asks whether any device is there."""
 
 
 class LssRequest(NamedTuple):
-    """A request: its command, the bytes after it, and the answer's command (None: nobody answers)."""
+    """A request: its command, the bytes after it, and the answer's command (None: no answer)."""
 
     command: Lss | int
     rest: bytes = b""
@@ -92,7 +92,7 @@ LssSteps: TypeAlias = "Generator[LssRequest, bytes | None, Result]"
 
 
 def switch(state: LssState) -> LssSteps[None]:
-    """Put all devices into a state; nobody answers."""
+    """Put all devices into a state; there is no answer."""
     return _sent(LssRequest(Lss.SWITCH_GLOBAL, bytes([state])))
 
 
@@ -118,7 +118,7 @@ def fastscan() -> LssSteps[Identity | None]:
             if not (yield from _scanned(number, bit, part, part)):
                 number |= 1 << bit
         if not (yield from _scanned(number, 0, part, (part + 1) % len(Identity._fields))):
-            raise RemoteError("the device that fastscan was about to find does not answer any more")
+            raise RemoteError("the device that fastscan was about to find no longer answers")
         found.append(number)
     return Identity(*found)
 
@@ -143,7 +143,7 @@ def find_all() -> LssSteps[list[Identity]]:
 
 
 def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity]) -> LssSteps[None]:
-    """Note the devices whose identities begin with `head`, and go on with a number of these bits from `bit` upwards.
+    """Note the devices whose identities start with `head`, and go on with a number of these bits from `bit` upwards.
 
     There is one at least.
     """
@@ -167,7 +167,7 @@ def _explore(head: tuple[int, ...], number: int, bit: int, seen: list[Identity])
 
 
 def _positioned(head: tuple[int, ...]) -> LssSteps[bool]:
-    """Have the devices whose identities begin with `head` expect its next part; return whether any device is there."""
+    """Have the devices whose identities start with `head` expect its next part; return whether any device is there."""
     is_there = yield from _scanned(0, ANY_BIT, 0, 0)
     for part, number in enumerate(head):
         yield from _scanned(number, 0, part, part + 1)
@@ -194,7 +194,7 @@ def configure_bit_rate(kbit: int) -> LssSteps[None]:
 
 
 def activate_bit_rate(delay: float) -> LssSteps[None]:
-    """Have the devices being configured change their bit rate `delay` seconds from now; nobody answers.
+    """Have the devices being configured change their bit rate `delay` seconds from now; there is no answer.
 
     They are silent for as long again (CiA 305: switch delay). Raises LocalError.
     """
@@ -250,7 +250,7 @@ def perform(
 ) -> Result:
     """Do a service; a device has `wait` seconds for each answer, more to store. Raises as it does, and BusError.
 
-    `progress` is told the number of requests so far.
+    `progress` is called with the number of requests so far.
     """
     answers: list[bytes] = []
     master.listeners[ANSWERS] = answers.append

@@ -1,7 +1,7 @@
 """A CANopen master on a python-can bus: SDO transfers with one node after the other, NMT, heartbeats.
 
 Rule of this file: no thread receives. Whoever waits for something takes the frames from the bus meanwhile, and each
-frame goes to the listener of its COB-ID; so whatever comes while nobody waits is read when the next one does.
+frame goes to the listener of its COB-ID; so a frame that comes while nothing waits is read at the next wait.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class RemoteNode:
         return self.last_state
 
     def wait_for(self, state: NmtState, wait: float) -> bool:
-        """Wait until a heartbeat tells a state, INITIALISING being the boot-up; return whether one did."""
+        """Wait for a heartbeat with a state, INITIALISING being the boot-up; return whether one came."""
         return self.master.pump(wait, lambda: self.last_state is state)
 
     @property

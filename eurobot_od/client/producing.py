@@ -1,6 +1,6 @@
 """What a master sends again and again: SYNC, with or without a counter, and TIME (CiA 301, 7.2.5 and 7.2.6).
 
-Rule of this file: a frame that is late is sent late, and the next one at its own time; what was missed is not made up.
+A frame that is late is sent late, and the next one at its own time; missed frames are not sent later.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ COUNTERS = range(2, 241)
 
 
 def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Frame]:
-    """Give SYNC messages without end, counted from 1 to `overflow` and again if there is one; raises LocalError."""
+    """Yield endless SYNC messages, counted from 1 to `overflow` and again if there is one; raises LocalError."""
     if overflow is None:
         return (Frame(cob_id) for _ in count())
     if overflow not in COUNTERS:
@@ -31,12 +31,12 @@ def syncs(overflow: int | None = None, cob_id: int = SYNC_COB_ID) -> Iterator[Fr
 
 
 def times(now: Callable[[], datetime], cob_id: int = TIME_COB_ID) -> Iterator[Frame]:
-    """Give TIME messages without end, each with the time when it is taken."""
+    """Yield endless TIME messages, each with the time at which it is taken."""
     return (Frame(cob_id, TimeOfDay.of(now()).data) for _ in count())
 
 
 def produce(master: Master, frames: Iterable[Frame], period: float, guard: Guard = unguarded) -> None:
-    """Send a frame at once and then one every `period` seconds, until there is no other, under a guard.
+    """Send the first frame at once and then one every `period` seconds until there are no more, under a guard.
 
     Raises BusError.
     """

@@ -32,7 +32,7 @@ NAMES = {
 
 
 class ProgramControl(IntEnum):
-    """What program control is told, and tells."""
+    """Commands and states of program control."""
 
     STOP = 0
     START = 1

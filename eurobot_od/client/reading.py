@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
 
-class Reading(NamedTuple):
+class ObjectReading(NamedTuple):
     """An object's `value` in a node, or why there is none: the text of the refusal."""
 
     thing: ODVariable
@@ -31,13 +31,13 @@ class Reading(NamedTuple):
     refusal: str = ""
 
 
-def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[Reading]:
+def read_all(node: RemoteNode, things: Iterable[ODVariable]) -> Iterator[ObjectReading]:
     """Read objects one after the other. Raises NoAnswer, RemoteError, BusError."""
     for thing in things:
         try:
-            yield Reading(thing, decode(thing, read_object(node, thing)))
+            yield ObjectReading(thing, decode(thing, read_object(node, thing)))
         except NodeRefused as error:
-            yield Reading(thing, refusal=error.reason)
+            yield ObjectReading(thing, refusal=error.reason)
 
 
 def read_bytes(node: RemoteNode, addresses: Iterable[Address]) -> dict[Address, bytes | int]:
@@ -72,11 +72,11 @@ def _readable(dictionary: Dictionary) -> Iterator[ODVariable]:
     return (thing for thing in all_objects(dictionary.objects) if thing.readable)
 
 
-def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[Reading]:
+def decoded(writes: Iterable[tuple[Address, bytes]], dictionary: Dictionary | None) -> Iterator[ObjectReading]:
     """Give objects and their values by their bytes."""
     for address, data in writes:
         thing = at(address, dictionary.objects if dictionary else None)
-        yield Reading(thing, decode(thing, data))
+        yield ObjectReading(thing, decode(thing, data))
 
 
 def dcf_of_writes(
@@ -92,21 +92,23 @@ def dcf_of_node(
     baudrate_kbit: int,
     stem: str,
     things: Iterable[ODVariable] | None = None,
-) -> tuple[Dcf, list[Reading]]:
+) -> tuple[Dcf, list[ObjectReading]]:
     """Return the DCF of a node as it is, and the objects that are not in it, and why.
 
     `things` are the objects that are read, all `parameters` if left out. Not in the DCF are those that the node refused
     to tell, or told with fewer bytes than their type has.
     """
-    contents, left_out = dict[Address, bytes](), list[Reading]()
+    contents, left_out = dict[Address, bytes](), list[ObjectReading]()
     for thing in parameters(dictionary) if things is None else things:
         try:
             data = read_object(node, thing)
         except NodeRefused as error:
-            left_out.append(Reading(thing, refusal=error.reason))
+            left_out.append(ObjectReading(thing, refusal=error.reason))
             continue
         if len(data) < data_type(thing).size:
-            left_out.append(Reading(thing, refusal=f"{amount(len(data), 'byte')}, which is no {data_type(thing).name}"))
+            left_out.append(
+                ObjectReading(thing, refusal=f"{amount(len(data), 'byte')}, which is no {data_type(thing).name}")
+            )
         else:
             contents[address_of(thing)] = data
     return with_contents(dictionary, contents, node.node_id, device_name(node), baudrate_kbit, stem), left_out

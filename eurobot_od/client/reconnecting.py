@@ -1,4 +1,4 @@
-"""Has what a master does again and again go on when its bus is lost and comes back.
+"""Lets a periodic task of a master continue when its bus is lost and comes back.
 
 Rule of this file: a bus that has never worked is raised as an error; only one that has worked is opened again.
 """
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eurobot_od.client.master import Master
 
 Guard: TypeAlias = Callable[[Callable[[], object]], None]
-"""Takes one step; raises BusError if the bus has failed, and nobody is to open it again."""
+"""Takes one step; raises BusError if the bus has failed and is not to be opened again."""
 
 
 def unguarded(step: Callable[[], object]) -> None:

@@ -1,4 +1,4 @@
-"""A log's frames onto a bus at their old times, so that a real node meets yesterday's others.
+"""Sends a log's frames to a bus at their recorded times, so that a real node meets yesterday's other nodes.
 
 Rule of this file: frames keep their order and their distance from the first one; a frame that is late is sent at once,
 and the next one at its own time.
@@ -13,7 +13,7 @@ from eurobot_od.client.master import Master
 from eurobot_od.frame import Frame
 
 LATE = 0.001
-"""A frame that is sent so much after its time is late, s."""
+"""Seconds after its time from which a frame counts as late."""
 
 
 class Replayed(NamedTuple):

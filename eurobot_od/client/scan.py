@@ -26,7 +26,7 @@ LISTEN = 1.5
 
 
 class Found(NamedTuple):
-    """A node: its NMT `state` if a heartbeat told it, its `identity` if it answers SDO, its `name` in 0x1008."""
+    """A node: its NMT `state` if a heartbeat reported it, its `identity` if it answers SDO, its `name` in 0x1008."""
 
     node_id: int
     state: NmtState | None

@@ -1,7 +1,7 @@
 """Notices which nodes boot, fall silent and come back, by their heartbeats or by guarding them (CiA 301, 7.2.8.3).
 
-Rule of this file: no clock and no bus in `Pulse` and `NodeWatch`; frames and the time in seconds go in, events come
-out, and the COB-IDs that are to be asked by remote frames.
+No clock and no bus in `Heartbeats` and `NodeWatch`: frames and the time in seconds go in, events come out, and the
+COB-IDs to be asked by remote frames.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from eurobot_od.client.master import Master
 
 LOST_AFTER = 2.0
-"""A node is lost after so many of its heartbeat periods without a heartbeat."""
+"""Heartbeat periods without a heartbeat after which a node is lost."""
 
 REMEMBERED_INTERVALS = 5
-"""A node's period is the middle one of so many of its last intervals: one long silence does not change it."""
+"""A node's period is the median of this many last intervals, so that one long silence does not change it."""
 
 LONGEST_PAUSE = 0.1
 """Seconds after which `watch_nodes` looks whether it is to end."""
 
 
-class Pulse:
-    """How a node beats: `heard` is when it was heard last, None before that.
+class Heartbeats:
+    """The heartbeats of a node: `heard` is when it was heard last, None before that.
 
-    `period` is what it should have, in seconds; 0 where nobody knows. What is heard of it counts more.
+    `period` is what it should have, in seconds; 0 if unknown. The measured period takes precedence.
     """
 
     def __init__(self, period: float = 0.0) -> None:
@@ -46,13 +46,13 @@ class Pulse:
     heard: float | None
 
     def beat(self, now: float) -> None:
-        """Take note of a heartbeat."""
+        """Note a heartbeat."""
         if self._last_beat is not None:
             self._intervals.append(now - self._last_beat)
         self.heard = self._last_beat = now
 
     def boot(self, now: float) -> None:
-        """Take note of a boot-up message: the first heartbeat after it may come at any time of the period."""
+        """Note a boot-up message: the first heartbeat after it may come at any time of the period."""
         self.heard, self._last_beat = now, None
         self._intervals.clear()
 
@@ -67,7 +67,7 @@ class Pulse:
         return now > self.deadline
 
 
-class Change(Enum):
+class NodeChange(Enum):
     """What happens to a node, in the words for a person."""
 
     FOUND = "is there"
@@ -77,11 +77,11 @@ class Change(Enum):
 
 
 class NodeEvent(NamedTuple):
-    """A `change` of a node at a `time` in seconds; `state` is the last that it told, None if it never did."""
+    """A `change` of a node at a `time` in seconds; `state` is the last one reported, None if none was."""
 
     time: float
     node_id: int
-    change: Change
+    change: NodeChange
     state: NmtState | None
 
 
@@ -89,28 +89,28 @@ class WatchedNode:
     """What is known of one node: its `pulse`, its `state`, whether it is `lost`."""
 
     def __init__(self, period: float = 0.0) -> None:
-        self.pulse, self.lost = Pulse(period), False
+        self.pulse, self.lost = Heartbeats(period), False
         self.state: NmtState | None = None
         self.toggle: int | None = None
 
 
 class NodeWatch:
-    """Watches nodes and calls `told` with each event.
+    """Watches nodes and calls `report` with each event.
 
     `periods` are heartbeat periods in seconds by node-ID, where they are known. `expected` nodes are lost if they are
-    not heard within `patience` seconds from the first tick. `guarded` nodes are asked by a remote frame every so many
-    seconds, by node-ID; a node without heartbeat can be watched only so.
+    not heard within `patience` seconds from the first tick. `guarded` has the periods in seconds, by node-ID, at which
+    nodes are asked by a remote frame: a node without heartbeat can be watched only so.
     """
 
     def __init__(
         self,
-        told: Callable[[NodeEvent], object],
+        report: Callable[[NodeEvent], object],
         periods: Mapping[int, float] = {},
         expected: Iterable[int] = (),
         patience: float = LOST_AFTER,
         guarded: Mapping[int, float] = {},
     ) -> None:
-        self._told = told
+        self._report = report
         self.nodes: dict[int, WatchedNode] = {node_id: WatchedNode(period) for node_id, period in periods.items()}
         self._expected, self._patience = {*expected, *guarded}, patience
         self._guarded = dict(guarded)
@@ -118,7 +118,7 @@ class NodeWatch:
         self._started: float | None = None
 
     def receive(self, node_id: int, data: bytes, now: float) -> None:
-        """Take in an error control frame; one that is none is passed over."""
+        """Take in an error control frame; anything else is ignored."""
         state = data[0] & ~TOGGLE if len(data) == 1 else None
         if state not in set(NmtState):
             return
@@ -129,7 +129,9 @@ class NodeWatch:
         first, was_lost = node.pulse.heard is None, node.lost
         node.state, node.lost = NmtState(state), False
         (node.pulse.beat if state else node.pulse.boot)(now)
-        change = Change.BOOTED if not state else Change.BACK if was_lost else Change.FOUND if first else None
+        change = (
+            NodeChange.BOOTED if not state else NodeChange.BACK if was_lost else NodeChange.FOUND if first else None
+        )
         if change:
             self._tell(now, node_id, change)
 
@@ -141,7 +143,7 @@ class NodeWatch:
             node = self._node(node_id)
             if not node.lost and now > self._deadline(node_id, node):
                 node.lost = True
-                self._tell(now, node_id, Change.LOST)
+                self._tell(now, node_id, NodeChange.LOST)
         asked = [node_id for node_id, due in self._next_guard.items() if now >= due]
         self._next_guard |= {node_id: now + self._guarded[node_id] for node_id in asked}
         return [ERROR_CONTROL_BASE + node_id for node_id in asked]
@@ -160,8 +162,8 @@ class NodeWatch:
             return self._started + self._patience
         return node.pulse.deadline
 
-    def _tell(self, now: float, node_id: int, change: Change) -> None:
-        self._told(NodeEvent(now, node_id, change, self.nodes[node_id].state))
+    def _tell(self, now: float, node_id: int, change: NodeChange) -> None:
+        self._report(NodeEvent(now, node_id, change, self.nodes[node_id].state))
 
 
 def watch_nodes(master: Master, watch: NodeWatch, end: float = inf, guard: Guard = unguarded) -> None:

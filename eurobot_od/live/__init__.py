@@ -22,11 +22,11 @@ Locks
 compute, never while it waits for the bus, a driver, a function or a program. It is reentrant, as the node wakes the
 keeper from within.
 
-*The turn* to send is not a lock: nobody waits for it. Whoever has submitted a frame takes the turn if it is free, and
-hands frames to the driver, the most urgent first, until none is left; the turn is given back, under the lock, in the
-same step that finds none left. If the turn is taken, its owner sends the new frame as well. So a caller of `send` waits
-neither for the bus nor for another caller, and no two threads are in the driver's `send` at once, which few drivers
-allow.
+*The turn* to send is not a lock: no thread waits for it. A thread that has submitted a frame takes the turn if it is
+free, and hands frames to the driver, the most urgent first, until none is left; the turn is given back, under the lock,
+in the same step that finds none left. If the turn is taken, its owner sends the new frame as well. So a caller of
+`send` waits neither for the bus nor for another caller, and no two threads are in the driver's `send` at once, which
+few drivers allow.
 
 Message queues and the line of calls have locks of their own, inside Python's SimpleQueue, held for a moment.
 
@@ -42,7 +42,7 @@ When something fails
 --------------------
 A listener's exception ends in the gatekeeper, a node's in its station, which reports it, stops the node, and ends or
 restarts it. A driver that fails is reported once. If a `Live` knows how to open the bus again, the reader does so after
-growing pauses (connection.py). Until it is back, the mailboxes keep stops and nothing else, and the node is told: a
+growing pauses (connection.py). Until it is back, the mailboxes keep stops and nothing else, and the node is notified: a
 drive brakes, a core gives up its goto. Without an opener reading ends with `Live.failure`. Sending is tried again
 either way, so that a stop leaves when the driver is back. Ctrl-C may hit the thread that has the turn anywhere; it
 gives the turn back, its frame stays loaded.
@@ -56,4 +56,4 @@ from eurobot_od.live.connection import Opener as Opener
 from eurobot_od.live.interfaces import here as here
 from eurobot_od.live.links import BITRATE as BITRATE
 from eurobot_od.live.live import Live as Live
-from eurobot_od.live.reader import Watch as Watch
+from eurobot_od.live.reader import FrameReader as FrameReader

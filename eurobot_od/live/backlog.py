@@ -1,7 +1,7 @@
 """Frames that came while the process stood still (SIGSTOP, a suspended computer): too old to be acted on.
 
-Rule of this file: no clock and no bus. Only after a standstill a frame can be old, until one is fresh or none waits: so
-a computer whose clock is set makes nobody deaf.
+Only after a standstill can a frame be old, until one is fresh or none is waiting. So setting the computer's clock makes
+no node deaf.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ OLD = 1.0
 
 
 class Backlog:
-    """Tells which frames are old, by the driver's time stamps; `ended` gets how many were, after each standstill.
+    """Finds old frames by the driver's time stamps; `ended` gets their number after each standstill.
 
-    `longest` is how many seconds a reader that is alive takes at most from one call to the next.
+    `longest` is the longest time in seconds that a running reader takes from one call to the next.
     """
 
     def __init__(self, longest: float, ended: Callable[[int], object]) -> None:
@@ -25,7 +25,7 @@ class Backlog:
         self._waits, self._count = False, 0
 
     def is_old(self, now: float, stamp: float) -> bool:
-        """Tell whether a frame that is read `now` has waited too long; `stamp` 0.0 if the driver gives none."""
+        """Return whether a frame read `now` has waited too long; `stamp` is 0.0 if the driver gives none."""
         self._waits = self._waits or now - self._last > self._longest
         self._last = now
         if self._waits and stamp:
@@ -37,7 +37,7 @@ class Backlog:
         return False
 
     def is_empty(self, now: float) -> None:
-        """Note that no frame waits."""
+        """Note that no frame is waiting."""
         stood_still = now - self._last > self._longest
         self._last = now
         if stood_still:

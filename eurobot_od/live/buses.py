@@ -35,7 +35,7 @@ FILTERING = (SOCKETCAN, "etas")
 """Interfaces with a driver that takes as many receive filters as there are identifiers."""
 
 PROMPT = (SOCKETCAN, "virtual")
-"""Interfaces with a `send` that does not wait when told so."""
+"""Interfaces whose `send` really does not wait when its timeout is 0."""
 
 SERIAL = ("slcan",)
 """Interfaces that write to a serial port: it has room for hundreds of frames, but a write that took longer than it may
@@ -102,7 +102,7 @@ def is_named(interface: str | None) -> bool:
 
 
 def silence_logs() -> None:
-    """Have drivers' log lines go where a program has asked for them, and else nowhere: their errors are raised, too."""
+    """Keep drivers' log lines off the terminal unless the program has set up logging: errors are raised anyway."""
     import logging
 
     for name in ("can", "can_remote", "seeedbus"):
@@ -121,7 +121,7 @@ def _configured(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _named(given: dict[str, Any]) -> set[str]:
-    """Return which keys somebody gives a value: the caller, python-can's variables or its files."""
+    """Return the keys that have a value from the caller, python-can's variables or its files."""
     from can import rc, util
 
     sources = (given, rc, util.load_environment_config(), util.load_file_config())
@@ -173,7 +173,7 @@ class Driver:
     def send(self, frame: Frame, timeout: float | None = None) -> bool:
         """Hand over a frame; False if the driver does not take it in `timeout` seconds. Raises BusError if it failed.
 
-        Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer than told.
+        Without a timeout it is as short as the driver allows. A driver that is not `prompt` may wait longer.
         """
         # by their places: by their names the arguments take half as long again
         message = self._message(0.0, frame.cob_id, False, False, False, None, None, frame.data)
@@ -203,7 +203,7 @@ class Driver:
         return int.from_bytes(counters[DROPS], sys.byteorder)
 
     def stuck(self, seconds: float) -> BusError:
-        """Return the error that it has taken no frame for so many seconds."""
+        """Return the error for a driver that has taken no frame for some seconds."""
         return BusError(f"the bus {self.bus.channel_info} has taken no frame for {seconds:.1f} s: {self.refusal}")
 
 

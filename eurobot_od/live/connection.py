@@ -4,7 +4,7 @@ Theory of operation. Whoever uses the bus calls `fail` when its driver has faile
 first of them is heard; the others see only what follows from it. From then on the connection is not `up`, which ends
 the reader's loop. The reader, who has nothing else to do now, calls `reopen`, which shuts the bus down and opens it
 anew after pauses that grow. That a bus can be opened does not mean that it works: SocketCAN opens an interface that is
-down, and tells so when it is read. So the gap ends with `works`, which the reader calls when it has read without an
+down, and reports that only on reading. So the gap ends with `works`, which the reader calls when it has read without an
 error.
 """
 
@@ -35,8 +35,8 @@ class Gaps(NamedTuple):
 class Connection:
     """The bus of a `driver`, opened again by `opener` when it fails; without one, reading ends with its failure.
 
-    `lost` is told the error when the bus fails, and whether it will be opened again, in the thread that noticed. The
-    reader calls `opened` when it is open again, which may raise BusError like opening it, and `back` when it works,
+    `lost` is called with the error when the bus fails, and whether it will be opened again, in the thread that noticed.
+    The reader calls `opened` when it is open again, which may raise BusError like opening it, and `back` when it works,
     with the length of the gap in seconds of `clock`. `failure` is why it is lost, None while all is well. The reader
     reads while it is `up`. `overflow` counts frames that have found no room in the driver's receive queue.
     """
@@ -56,7 +56,7 @@ class Connection:
         self.gaps = Gaps()
         self.overflow = self._of_this_bus = 0
         self._opener, self._clock = opener, clock
-        self._told_lost, self._opened, self._told_back = lost, opened, back
+        self._lost, self._opened, self._back = lost, opened, back
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._since = clock()
@@ -73,7 +73,7 @@ class Connection:
             if first:
                 self._since = self._clock()
         if first:
-            self._told_lost(why, self._opener is not None)
+            self._lost(why, self._opener is not None)
 
     def reopen(self) -> bool:
         """Open the bus again, and wait until that succeeds; False if the connection is to end instead."""
@@ -83,7 +83,7 @@ class Connection:
             try:
                 self.count_overflow()
                 self.driver.replace(self._opener)
-                self._of_this_bus = 0
+                self._of_this_bus = 0  # a new socket counts from 0
                 self._opened()
             except BusError:
                 continue
@@ -96,19 +96,19 @@ class Connection:
         if self.failure is None:
             return
         with self._lock:
-            if not self.up or self._opener is None:
+            if not self.up or self._opener is None:  # a sender has seen the next failure meanwhile
                 return
             now = self._clock()
             gap, self._since, self.failure = now - self._since, now, None
             self.gaps = Gaps(self.gaps.number + 1, self.gaps.seconds + gap)
-        self._told_back(gap)
+        self._back(gap)
 
     def count_overflow(self) -> bool:
-        """Ask the driver how many frames it has lost; return whether so many more that it is to be told."""
+        """Ask the driver how many frames it has lost; return whether the number has doubled since the last report."""
         now, before = self.driver.overflow, self.overflow
         self.overflow += max(now - self._of_this_bus, 0)
         self._of_this_bus = now
-        return self.overflow.bit_length() > before.bit_length()
+        return self.overflow.bit_length() > before.bit_length()  # at 1, 2, 4, ...: a flood makes no flood of reports
 
     def close(self) -> None:
         """End reading, and any attempt to open the bus again."""

@@ -1,4 +1,4 @@
-"""Runs coroutines that somebody else wrote to their end, whatever they do, and what is left of them as well."""
+"""Runs coroutines of users to their end, whatever they do, and then the tasks that they leave behind."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 
 from eurobot_od.errors import ProgramFailed
-from eurobot_od.live.signals import ToldToEnd
+from eurobot_od.live.signals import Terminated
 from eurobot_od.live.watchdog import Hang, Watchdog, give_up, raise_in
 
 Result = TypeVar("Result")
@@ -80,7 +80,7 @@ def run_in(loop: asyncio.AbstractEventLoop, main: Coroutine[Any, Any, Result]) -
         return loop.run_until_complete(main)
     except Hang as hang:
         raise ProgramFailed(str(hang)) from None
-    except ToldToEnd:
+    except Terminated:
         raise
     except SystemExit as end:
         raise ProgramFailed(exited(end)) from None
@@ -103,7 +103,7 @@ def _wind_up(loop: asyncio.AbstractEventLoop) -> None:
             task.cancel()
         done, _ = loop.run_until_complete(asyncio.wait(tasks, timeout=GRACE))
         for task in done:
-            _ = task.cancelled() or task.exception()  # asked for, so that nobody complains that it was not
+            _ = task.cancelled() or task.exception()  # retrieved, as asyncio complains about an exception that never is
     loop.set_exception_handler(lambda *_: None)  # of tasks that are given up
     loop.run_until_complete(loop.shutdown_asyncgens())
     for task in asyncio.all_tasks(loop):

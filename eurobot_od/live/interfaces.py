@@ -11,7 +11,7 @@ from eurobot_od.live.buses import SOCKETCAN, silence_logs
 from eurobot_od.live.links import links
 
 NOT_ASKED = ("virtual", "udp_multicast", "socketcand", SOCKETCAN)
-"""What python-can finds anywhere, what it listens for in the network for seconds, and what `links` tells better."""
+"""What python-can finds anywhere, what it listens for in the network for seconds, and what `links` describes better."""
 
 
 class Attached(NamedTuple):

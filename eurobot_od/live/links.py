@@ -35,10 +35,10 @@ ERRORS = ("ERROR-WARNING", "ERROR-PASSIVE")
 """States of a controller that has seen many errors and is still on the bus."""
 
 
-class Link(NamedTuple):
-    """An interface: `virtual` if no wire hangs on it; `state` and `bit_rate` (bit/s) of the controller, as far as told.
+class CanLink(NamedTuple):
+    """An interface: `virtual` without a wire; `state` and `bit_rate` (bit/s) of the controller, as far as known.
 
-    `restart` tells whether the kernel restarts a controller that is bus-off, None where it is not told.
+    `restart` says whether the kernel restarts a controller that is bus-off, None if unknown.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Trouble(NamedTuple):
 # How they are
 
 
-def links() -> list[Link]:
+def links() -> list[CanLink]:
     """Return the CAN interfaces of this machine, by `ip` if it is there, else by `/sys`; none on other systems."""
     if not NETWORK.is_dir():
         return []
@@ -72,15 +72,15 @@ def links() -> list[Link]:
     return of_sys(NETWORK)
 
 
-def of_ip(text: str) -> list[Link]:
+def of_ip(text: str) -> list[CanLink]:
     """Read the output of `ip -details -json link`; raises ValueError if it is none."""
     return [_of_ip(each) for each in json.loads(text) if each.get("link_type") == "can"]
 
 
-def _of_ip(said: dict[str, Any]) -> Link:
+def _of_ip(said: dict[str, Any]) -> CanLink:
     info = said.get("linkinfo", {})
     data = info.get("info_data", {})
-    return Link(
+    return CanLink(
         said["ifname"],
         up="UP" in said.get("flags", ()),
         virtual=info.get("info_kind") in ("vcan", "vxcan"),
@@ -90,10 +90,10 @@ def _of_ip(said: dict[str, Any]) -> Link:
     )
 
 
-def of_sys(folder: Path) -> list[Link]:
-    """Read a folder like `/sys/class/net`, which tells neither bit rate nor state."""
+def of_sys(folder: Path) -> list[CanLink]:
+    """Read a folder like `/sys/class/net`, which has neither bit rate nor state."""
     return [
-        Link(each.name, up=bool(int(_said(each / "flags"), 16) & IFF_UP), virtual=not (each / "device").exists())
+        CanLink(each.name, up=bool(int(_said(each / "flags"), 16) & IFF_UP), virtual=not (each / "device").exists())
         for each in sorted(folder.iterdir())
         if _said(each / "type") == ARPHRD_CAN
     ]
@@ -108,7 +108,7 @@ def _said(file: Path) -> str:
 # What mends them
 
 
-def troubles(link: Link) -> Iterator[Trouble]:
+def troubles(link: CanLink) -> Iterator[Trouble]:
     """Yield what is wrong with an interface."""
     rate = link.bit_rate or BITRATE
     if not link.up:
@@ -121,7 +121,7 @@ def troubles(link: Link) -> Iterator[Trouble]:
         )
     elif link.state in ERRORS:
         yield Trouble(
-            f"{link.name} sees errors: nobody confirms its frames, or bit rate, wires or resistors are wrong",
+            f"{link.name} sees errors: no node acknowledges its frames, or bit rate, wires or resistors are wrong",
             f"ip -details -statistics link show {link.name}",
         )
 
@@ -132,13 +132,13 @@ def set_up(name: str, bit_rate: int = BITRATE, virtual: bool = False) -> str:
 
 
 def remedy(number: int | None, name: str) -> str:
-    """Return what helps against an error of the operating system with a SocketCAN interface; empty if nobody knows."""
+    """Return what helps against an error of the operating system with a SocketCAN interface; empty if unknown."""
     virtual = "vcan" in name
     makes = f"`sudo ip link add dev {name} type vcan; {set_up(name, virtual=True)}` makes it"
     remedies = {
         errno.ENETDOWN: f"`{set_up(name, virtual=virtual)}` sets it up",
         errno.ENODEV: makes if virtual else "plug it in; `eurobot-od doctor` lists what is here",
         errno.EAFNOSUPPORT: "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is to be had",
-        errno.ENOBUFS: "nobody confirms its frames: is another node on the bus, at the same bit rate?",
+        errno.ENOBUFS: "no node acknowledges its frames: is another node on the bus, at the same bit rate?",
     }
     return remedies.get(number or 0, "")

@@ -57,7 +57,7 @@ BUS_OFF_HINT = (
 
 
 class _NoThreads:
-    """Takes the place of the lock in a forked child, which has none of the threads that would do what it is told."""
+    """Takes the place of the lock in a forked child, which has none of the threads that would do the work."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -81,7 +81,7 @@ class Live:
 
     `clock` gives the time in seconds that nodes and listeners see. `foreign` counts what came from the bus and is not a
     classic base data frame, `missed` what came while the process stood still and is not acted on. A bus that fails is
-    opened again by `opener`, if there is one; `gaps` tells how often that was, and for how long. `failure` is why it
+    opened again by `opener`, if there is one; `gaps` says how often and for how long. `failure` is why it
     cannot go on, None while it can. All this is reported, too. The bus is shut down at the end.
     """
 
@@ -148,7 +148,7 @@ class Live:
 
     @property
     def failure(self) -> BusError | NodeFailed | None:
-        """Why it cannot go on: the bus has failed, and nobody opens it again, or the node has ended."""
+        """Why it cannot go on: the bus has failed and is not opened again, or the node has ended."""
         return self._failure or (None if self.station is None else self.station.failure)
 
     # Life
@@ -186,7 +186,7 @@ class Live:
             self._connection.fail(error)
 
     def stop(self) -> None:
-        """Let the node take its leave, end the threads and shut the bus down.
+        """Let the node say goodbye, end the threads and shut the bus down.
 
         Frames still waiting are sent first if the bus takes them. Waits for a function that does not return no longer
         than `PATIENCE`. Raises what the node could not bring to its end, else BusError if the bus fails only now.
@@ -246,7 +246,7 @@ class Live:
             self.gatekeeper.report(Report(Event.END_FAILED, self.name, str(error), self.clock(), error))
 
     def refuse(self) -> None:
-        """Refuse to send, and whatever the node is told, by StateError: for a process without its threads."""
+        """Raise StateError for every send and every call of the node: for a process without its threads."""
         refusal: Any = _NoThreads(self.name)
         self._lock, self._forked = refusal, True
         if self.station is not None:
@@ -285,7 +285,7 @@ class Live:
         self._sender.retry()
 
     def _look_for_overflow(self) -> None:
-        """Report frames that were lost before they could be read: when it begins, and when twice as many were."""
+        """Report frames lost before they could be read: the first time, and whenever their number has doubled."""
         if self._connection.count_overflow():
             if self.station is not None:
                 self.station.bus_error(ErrorCode.OVERRUN, self.clock())
@@ -352,9 +352,9 @@ class Live:
         self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
 
     def _note_missed(self, count: int) -> None:
-        """Report frames that had waited while the process stood still: nobody wants a goto of then."""
+        """Report frames that waited while the process stood still: an old goto must not be carried out now."""
         self.missed += count
-        text = f"{count} frames came while the process stood still, and are not acted on"
+        text = f"{count} frames came while the process stood still, and are ignored"
         self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
 
     def _note_error(self, station: Station, message: can.Message) -> None:

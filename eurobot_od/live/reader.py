@@ -75,7 +75,7 @@ class Reader:
                     raise
                 self._foreign(None)
                 continue
-            nonsense = 0
+            nonsense = 0  # garbled frames are no failure unless nothing else comes
             if connection.failure is not None:
                 connection.works()
             now = clock() if clock else 0.0
@@ -91,7 +91,7 @@ class Reader:
                 receive(message.arbitration_id, message.data, now if clock else message.timestamp)
 
 
-class Watch:
+class FrameReader:
     """Calls `seen` with the time and every classic base data frame on a bus; a context manager.
 
     `clock` and `foreign` are those of the Reader, `opener`, `failed` and `back` the Connection's.
@@ -134,7 +134,7 @@ class Watch:
         self._connection.count_overflow()
         return self._connection.overflow
 
-    def __enter__(self) -> Watch:
+    def __enter__(self) -> FrameReader:
         self._thread.start()
         return self
 

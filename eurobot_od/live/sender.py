@@ -28,9 +28,9 @@ STUCK_AFTER = 1.0
 
 
 class Sender:
-    """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is told when the driver fails or is stuck.
+    """Hands loaded frames to a driver. `lock` guards the mailboxes; `failed` is called when that fails or is stuck.
 
-    `blocked` tells that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
+    `blocked` says that the driver has not taken the last frame. `wake` is called then: the thread that keeps the time
     has to call `retry` after `pause` seconds, and until then no other tries.
     """
 
@@ -66,7 +66,7 @@ class Sender:
         Does nothing if another thread has the turn, which sends what is here as well.
         """
         # Ctrl-C may raise between any two lines. A token tells the owner by one assignment, within the `try`: there is
-        # no moment in which the turn is taken and nobody would give it back.
+        # no moment in which the turn is taken and would never be given back.
         token = object()
         try:
             frame = self._begin(token)

@@ -31,10 +31,10 @@ from pathlib import Path
 from types import FrameType
 
 PERIOD = 0.05
-"""How often it is looked whether the loop has moved, s."""
+"""Seconds between two checks whether the loop has moved."""
 
 PATIENCE = 1.0
-"""So long a program may keep the loop from moving, s of the computer's time."""
+"""How long a program may keep the loop from moving, in seconds of real time."""
 
 AGAIN = 0.002
 """Seconds from one try to end a program to the next."""
@@ -47,7 +47,7 @@ SLOWEST = 0.1
 
 PACKAGE = str(Path(__file__).resolve().parents[1]) + os.sep
 OWN_CODE = (PACKAGE, sysconfig.get_path("stdlib") + os.sep, "<frozen ", "<generated ", "<string>")
-"""Beginnings of the names of files that are nobody's program; named tuples and dataclasses are made in `<string>`."""
+"""Prefixes of file names whose code is not the watched program; named tuples and dataclasses are made in `<string>`."""
 
 DEBUGGERS = {"bdb", "pdb"}
 
@@ -107,16 +107,16 @@ def raise_in(thread: threading.Thread, kind: type[BaseException]) -> None:
 
 
 class Watchdog:
-    """A context manager: watches the thread that enters it; `has_moved` tells whether anything went on since its call.
+    """Watches the thread that enters this context; `has_moved` says whether anything happened since the last call.
 
-    `hang` is the line of the program that was ended, and what to write instead; \'\' if there was none. `tell` gets a
-    line about each place that blocks for a shorter time.
+    `hang` is the line at which the program was ended, and what to write instead; empty if it did not hang. `warn` gets
+    a line about each place that blocks for a shorter time.
     """
 
-    def __init__(self, has_moved: Callable[[], bool], tell: Callable[[str], object] = lambda _: None) -> None:
+    def __init__(self, has_moved: Callable[[], bool], warn: Callable[[str], object] = lambda _: None) -> None:
         self.hang = ""
-        self._has_moved, self._tell = has_moved, tell
-        self._told: set[str] = set()
+        self._has_moved, self._report = has_moved, warn
+        self._warned: set[str] = set()
         self._ended = threading.Event()
 
     def __enter__(self) -> Watchdog:
@@ -150,17 +150,17 @@ class Watchdog:
         while not self._ended.wait(PERIOD):
             still = 0 if self._has_moved() else still + 1
             if still * PERIOD >= PATIENCE:
-                self._strike()
+                self._end_program()
             elif still > 1 and (frame := self._program()) is not None:
                 self._warn(*place(frame))
 
     def _warn(self, where: str, line: str) -> None:
-        """Tell once of a place that is known to block."""
-        if hint(line) != IN_GENERAL and where not in self._told:
-            self._told.add(where)
-            self._tell(f"{where}: `{line}` blocks: {hint(line)}")
+        """Report a place that is known to block, once."""
+        if hint(line) != IN_GENERAL and where not in self._warned:
+            self._warned.add(where)
+            self._report(f"{where}: `{line}` blocks: {hint(line)}")
 
-    def _strike(self) -> None:
+    def _end_program(self) -> None:
         while not (self._ended.wait(AGAIN) or self._has_moved()):
             frame = self._program()
             if frame is not None:
@@ -194,7 +194,7 @@ def give_up(program: object) -> None:
 
 
 def passing(clock: Callable[[], float]) -> Callable[[], bool]:
-    """Return what tells whether a simulated clock has gone on."""
+    """Return a function that says whether a simulated clock has advanced."""
     seen = clock()
 
     def has_moved() -> bool:

@@ -50,13 +50,13 @@ from typing import NamedTuple, TypeAlias
 from eurobot_od.load.frames import RECOVERY_BITS
 
 HORIZON = 10**7
-"""Bit times after which a busy period is taken for endless: 10 s at 1 Mbit/s."""
+"""Bit times after which a busy period counts as endless: 10 s at 1 Mbit/s."""
 
 INSTANCES = 1000
 """More instances of a message in one busy period are not looked at, and taken for endless."""
 
 ROUNDS = 256
-"""So many times the jitters are worked out from each other; then they are taken to grow for ever."""
+"""Iterations over all jitters, after which they are assumed to grow for ever."""
 
 FULL = 1
 """From this share of the bus on nothing is bounded; without blocking, jitter and errors that share itself could be."""
@@ -81,8 +81,8 @@ class Message(NamedTuple):
     answers: int | None = None
 
 
-class Errors(NamedTuple):
-    """At most `number` bit errors in any interval of so many bit times."""
+class BitErrors(NamedTuple):
+    """At most `number` bit errors in any interval of that many bit times."""
 
     number: int = 0
     interval: int = 1
@@ -92,7 +92,7 @@ class Errors(NamedTuple):
         return self.number * _ceil(time, self.interval)
 
 
-NO_ERRORS = Errors()
+NO_ERRORS = BitErrors()
 
 
 class Bound(NamedTuple):
@@ -110,7 +110,7 @@ class Bound(NamedTuple):
     inversion: int | None = None
 
 
-class Level(NamedTuple):
+class Interference(NamedTuple):
     """What the messages as urgent as one of them, or more urgent, do to it.
 
     `load` is the share of the bus that they and the errors take, `load_of_others` without the message itself;
@@ -147,7 +147,7 @@ class Analysis:
     def __init__(
         self,
         messages: Sequence[Message],
-        errors: Errors = NO_ERRORS,
+        errors: BitErrors = NO_ERRORS,
         mailboxes: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self.messages, self.errors, self.mailboxes = tuple(messages), errors, mailboxes
@@ -174,11 +174,11 @@ class Analysis:
         return all(bound.response is not None and bound.response <= each.deadline for each, bound in pairs)
 
     @cached_property
-    def levels(self) -> tuple[Level, ...]:
+    def levels(self) -> tuple[Interference, ...]:
         """What each message has to wait for."""
         return tuple(map(self._level, range(len(self.messages))))
 
-    def _level(self, place: int) -> Level:
+    def _level(self, place: int) -> Interference:
         message = self.messages[place]
         others = tuple(
             n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
@@ -190,7 +190,7 @@ class Analysis:
         recovery = RECOVERY_BITS + max(each.bits for each in level)
         own, *shares = (Fraction(each.bits, each.period) for each in level)
         load = sum(shares, Fraction(self.errors.number * recovery, self.errors.interval))
-        return Level(message, others, blocking, blocked, load + own, load, recovery)
+        return Interference(message, others, blocking, blocked, load + own, load, recovery)
 
     def rivals(self, place: int, late: bool) -> list[int]:
         """Return the messages that can be the most urgent in their node's mailboxes while all are less urgent than one.
@@ -271,7 +271,7 @@ class _Solution:
         return _times(level, own, [(each.bits, each.period, jitter) for each, jitter in others], self._errors)
 
 
-def _times(level: Level, jitter: int, others: Sequence[Waits], errors: Errors) -> Times:
+def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: BitErrors) -> Times:
     """Solve the equations of one message."""
     bits, period = level.message.bits, level.message.period
     behind = sum(j * c // t for c, t, j in others)
@@ -297,7 +297,7 @@ def _times(level: Level, jitter: int, others: Sequence[Waits], errors: Errors) -
     return Times(response, waiting, busy)
 
 
-def _queued(level: Level, ahead: int, others: Sequence[Waits], errors: Errors) -> Callable[[int], int]:
+def _queued(level: Interference, ahead: int, others: Sequence[Waits], errors: BitErrors) -> Callable[[int], int]:
     """Return the function whose least solution is how long a message waits until its frame begins for good."""
 
     def until_sent(time: int) -> int:

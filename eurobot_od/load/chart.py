@@ -25,7 +25,7 @@ def decades(report: LoadReport) -> range:
 def chart(report: LoadReport, title: str) -> str:
     """Return the chart as an SVG document."""
     powers, bottom = decades(report), TOP + ROW * len(report.rows)
-    scale = svg.Scale(powers[0], powers[-1], LEFT, LEFT + PLOT)
+    scale = svg.Axis(powers[0], powers[-1], LEFT, LEFT + PLOT)
     return svg.document(
         title,
         svg.heading(title),
@@ -38,7 +38,7 @@ def chart(report: LoadReport, title: str) -> str:
     )
 
 
-def _row(row: BoundRow, scale: svg.Scale, y: int) -> str:
+def _row(row: BoundRow, scale: svg.Axis, y: int) -> str:
     message, colour = row.message, svg.BLUE if row.holds else svg.RED
     end = LEFT + PLOT if row.response is None else scale.at(log10(row.response))
     deadline, foot = scale.at(log10(message.deadline)), y + BAR

@@ -9,14 +9,14 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-from eurobot_od.load.analysis import Analysis, Errors, Message
+from eurobot_od.load.analysis import Analysis, BitErrors, Message
 from eurobot_od.load.frames import longest_frame
 
 MICROSECONDS = 1_000_000
 """Microseconds of a second."""
 
 
-class SentMessage(NamedTuple):
+class PeriodicMessage(NamedTuple):
     """A message that one node sends; `length` in bytes, times in us.
 
     It falls due every `period`, is in a mailbox at most `jitter` later, and has to be through after `deadline`. One
@@ -53,26 +53,26 @@ class MessageSet(NamedTuple):
     `messages` come in the order of their urgency. `offered` are the bit rates that the EDS files of all devices have.
     """
 
-    messages: tuple[SentMessage, ...]
+    messages: tuple[PeriodicMessage, ...]
     mailboxes: Mapping[str, int] = MappingProxyType({})
     errors: ErrorRate = ErrorRate()
     bit_rate: int | None = None
     offered: tuple[int, ...] = ()
 
     def faster(self, percent: int) -> MessageSet:
-        """Return the set with so many percent of the traffic.
+        """Return the set with a percentage of its traffic.
 
         Every period is that much shorter, and so is a deadline that is the period.
         """
 
-        def scaled(each: SentMessage) -> SentMessage:
+        def scaled(each: PeriodicMessage) -> PeriodicMessage:
             period = max(each.period * 100 // percent, 1)
             return each._replace(period=period, deadline=period if each.deadline == each.period else each.deadline)
 
         return self._replace(messages=tuple(map(scaled, self.messages)))
 
 
-def by_urgency(messages: Iterable[SentMessage]) -> tuple[SentMessage, ...]:
+def by_urgency(messages: Iterable[PeriodicMessage]) -> tuple[PeriodicMessage, ...]:
     """Return messages in the order of their urgency, the most urgent first."""
     return tuple(sorted(messages, key=lambda each: each.identifier))
 
@@ -100,6 +100,6 @@ def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
             )
             for each in messages.messages
         ],
-        Errors(messages.errors.number, max(bits(messages.errors.within), 1)),
+        BitErrors(messages.errors.number, max(bits(messages.errors.within), 1)),
         messages.mailboxes,
     )

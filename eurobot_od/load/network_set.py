@@ -3,7 +3,7 @@
 A TPDO with an event timer or a SYNC falls due by itself, no more often than its inhibit time; so do heartbeats
 (0x1017), SYNC (0x1006), and EMCY with an inhibit time (0x1015). All else has a row in the network file's `traffic`.
 
-Rule of this file: a message whose period nobody knows is refused, as no bound holds without it.
+Rule of this file: a message without a known period is refused, as no bound holds without it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from eurobot_od.errors import DictionaryError, LocalError
-from eurobot_od.load.message_set import MessageSet, SentMessage, by_urgency
+from eurobot_od.load.message_set import MessageSet, PeriodicMessage, by_urgency
 from eurobot_od.od import standard, values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, TrafficEntry
@@ -31,7 +31,7 @@ MS, INHIBIT_UNIT = 1000, 100
 SYNC, EMCY, SDO = "SYNC", "EMCY", "SDO"
 
 
-class Sender(NamedTuple):
+class SentFrame(NamedTuple):
     """A frame that a node may send: its name, identifier, length in bytes, who sends it, and what it always answers.
 
     `row` is the name of its row in a network file: its own, or that of the service.
@@ -44,9 +44,9 @@ class Sender(NamedTuple):
     node: str
     answers: str = ""
 
-    def sent(self, period: int, reason: str) -> SentMessage:
+    def sent(self, period: int, reason: str) -> PeriodicMessage:
         """Return what is sent every `period`, us, with that for a deadline."""
-        return SentMessage(
+        return PeriodicMessage(
             self.name, self.identifier, self.length, period, period, self.node, answers=self.answers, reason=reason
         )
 
@@ -78,7 +78,7 @@ def network_set(
     return MessageSet(by_urgency([*by_itself, *_named_apart(by_rows)]), mailboxes, bit_rate=bit_rate, offered=offered)
 
 
-def _named_apart(messages: list[SentMessage]) -> Iterator[SentMessage]:
+def _named_apart(messages: list[PeriodicMessage]) -> Iterator[PeriodicMessage]:
     """Name the node of a message that several of them send, if its name does not."""
     names = [each.name for each in messages]
     for each in messages:
@@ -99,13 +99,15 @@ def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
     return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
 
 
-def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> Sender:
+def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> SentFrame:
     length = -(-sum(each.bits for each in pdo.mapping) // 8)
     name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
-    return Sender(name, name, pdo.cob_id, length, device.name)
+    return SentFrame(name, name, pdo.cob_id, length, device.name)
 
 
-def _timed_pdos(device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]) -> Iterator[SentMessage]:
+def _timed_pdos(
+    device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]
+) -> Iterator[PeriodicMessage]:
     """Give the PDOs that are sent by timer or SYNC, or whenever their inhibit time lets them."""
     cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
@@ -118,31 +120,31 @@ def _timed_pdos(device: Dictionary, devices: Iterable[Dictionary], names: Mappin
             yield sender.sent(pdo.event_timer * MS, "event timer")
 
 
-def _timed_services(device: Dictionary) -> Iterator[SentMessage]:
+def _timed_services(device: Dictionary) -> Iterator[PeriodicMessage]:
     if heartbeat := device.number(standard.HEARTBEAT_TIME):
         name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
-        yield Sender(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
+        yield SentFrame(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
     if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (cycle := device.number(standard.SYNC_PERIOD)):
-        yield Sender(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
+        yield SentFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
     if inhibit := device.number(standard.EMCY_INHIBIT_TIME):
         yield _emcy(device).sent(inhibit * INHIBIT_UNIT, "0x1015")
 
 
-def _emcy(device: Dictionary) -> Sender:
+def _emcy(device: Dictionary) -> SentFrame:
     identifier = device.cob_id(standard.EMCY, values.EMCY_BASE)
-    return Sender(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
+    return SentFrame(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
 
 
-def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[Sender]:
+def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[SentFrame]:
     """Give the services that a row may be about: EMCY without an inhibit time, and SDO if a client is there."""
     if not device.number(standard.EMCY_INHIBIT_TIME):
         yield _emcy(device)
     for client in devices:
         if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
             request = f"{SDO} request {device.name}"
-            yield Sender(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
+            yield SentFrame(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
             answer = f"{SDO} answer {device.name}"
-            yield Sender(SDO, answer, values.SDO_RESPONSE_BASE + device.node_id, 8, device.name, request)
+            yield SentFrame(SDO, answer, values.SDO_RESPONSE_BASE + device.node_id, 8, device.name, request)
 
 
 # What the network file says
@@ -155,12 +157,12 @@ class _Rows:
         self._devices, self._rows, self._file = devices, rows, file
 
     def refuse_unknown(self, known: set[str]) -> None:
-        """Refuse a row of a message that nobody sends."""
+        """Refuse a row of a message that no node sends."""
         for name in self._rows:
             if name not in known:
-                raise self._error(name, f"traffic of {name!r}, which nobody sends")
+                raise self._error(name, f"traffic of {name!r}, which no node sends")
 
-    def sent(self, sender: Sender) -> Iterator[SentMessage]:
+    def sent(self, sender: SentFrame) -> Iterator[PeriodicMessage]:
         """Give what is sent by the row of a message, if it has one."""
         row = self._rows.get(sender.row)
         if row is not None:

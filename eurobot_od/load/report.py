@@ -1,4 +1,4 @@
-"""What the analysis says of each message, in the words and units of people: as a table and as plain data."""
+"""Results of the analysis for each message, in usual units: as a table and as plain data."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from eurobot_od.load.message_set import MICROSECONDS, MessageSet, SentMessage, analysed
+from eurobot_od.load.message_set import MICROSECONDS, MessageSet, PeriodicMessage, analysed
 from eurobot_od.support.tables import columns
 
 NO_BOUND = "no bound"
@@ -20,7 +20,7 @@ class BoundRow(NamedTuple):
     out of the mailboxes; empty if there is none.
     """
 
-    message: SentMessage
+    message: PeriodicMessage
     response: int | None
     blocking: str
     inversion: str

@@ -1,4 +1,4 @@
-"""What was seen on a bus beside what is promised of it: load, gaps, jitter, and response times with their bounds.
+"""What was seen on a bus, compared with what is promised: load, gaps, jitter, and response times with their bounds.
 
 Rule of this file: no clock; frames with their times go in. Memory grows with the identifiers, not with the frames.
 """

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from eurobot_od.frame import MOST_BYTES
-from eurobot_od.load.message_set import MessageSet, SentMessage, analysed
+from eurobot_od.load.message_set import MessageSet, PeriodicMessage, analysed
 from eurobot_od.load.report import LoadReport, load_report
 
 KBIT = 1000
@@ -19,7 +19,7 @@ MOST_TIMES, MOST_MORE = 100_000, 4096
 """Where the search ends: percent of the traffic, and messages or nodes."""
 
 
-class Limits(NamedTuple):
+class LoadLimits(NamedTuple):
     """How far a set can go at `bit_rate` bit/s; None where it does not hold as it is.
 
     `slowest`: kbit/s of the slowest bus on which it holds, None if no classic CAN is fast enough. `percent`: of its
@@ -39,22 +39,22 @@ class Limits(NamedTuple):
 
 
 SEARCHES = 4
-"""How many limits there are to be found."""
+"""Number of limits to be found."""
 
 
-def limits(messages: MessageSet, bit_rate: int, told: Callable[[int], object] = lambda _: None) -> Limits:
-    """Search the limits of a set that has messages; `told` hears how many of the SEARCHES are done."""
+def limits(messages: MessageSet, bit_rate: int, progress: Callable[[int], object] = lambda _: None) -> LoadLimits:
+    """Search the limits of a set that has messages; `progress` is called with the number of SEARCHES done."""
     shortest, busiest = min(each.period for each in messages.messages), _busiest(messages)
     slowest = slowest_bus(messages)
-    told(1)
+    progress(1)
     percent = most_traffic(messages, bit_rate)
     beyond = load_report(messages.faster((percent or 0) + 1), bit_rate)
-    told(2)
+    progress(2)
     more_messages = _most(lambda n: _holds(with_messages(messages, n, shortest), bit_rate), MOST_MORE)
-    told(3)
+    progress(3)
     more_nodes = _most(lambda n: _holds(with_nodes(messages, n, busiest), bit_rate), MOST_MORE)
-    told(4)
-    return Limits(
+    progress(4)
+    return LoadLimits(
         bit_rate=bit_rate,
         slowest=slowest,
         percent=percent,
@@ -113,7 +113,9 @@ def _first(found: Callable[[int], bool], end: int) -> int:
 def with_messages(messages: MessageSet, number: int, period: int) -> MessageSet:
     """Return the set with further messages of 8 bytes, less urgent than all others, each with a node of its own."""
     first = 1 + max(each.identifier for each in messages.messages)  # may be one that no frame can have, as below
-    more = [SentMessage(f"further {n}", first + n, MOST_BYTES, period, period, f"further {n}") for n in range(number)]
+    more = [
+        PeriodicMessage(f"further {n}", first + n, MOST_BYTES, period, period, f"further {n}") for n in range(number)
+    ]
     return messages._replace(messages=(*messages.messages, *more))
 
 
@@ -121,7 +123,7 @@ def with_nodes(messages: MessageSet, number: int, node: str) -> MessageSet:
     """Return the set with further nodes that send what `node` does, each frame just after it in urgency."""
     ranks = {each: n for n, each in enumerate(sorted({each.identifier for each in messages.messages}))}
     mailboxes = dict(messages.mailboxes)
-    more: list[SentMessage] = []
+    more: list[PeriodicMessage] = []
     for each in messages.messages:
         first = ranks[each.identifier] * (number + 1)
         more.append(each._replace(identifier=first))
@@ -143,7 +145,7 @@ def _busiest(messages: MessageSet) -> str:
 # As text
 
 
-def sentences(found: Limits) -> Iterator[str]:
+def sentences(found: LoadLimits) -> Iterator[str]:
     """Say the limits, a line each."""
     slowest = "on no classic CAN" if found.slowest is None else f"down to {found.slowest} kbit/s"
     yield f"all deadlines are met {slowest}"

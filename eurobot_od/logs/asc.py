@@ -1,6 +1,6 @@
 """Vector's ASC format, `   2.501010 1  222  Rx   d 8 0C 00 00 00 00 00 00 00`.
 
-Rule of this file: frames are read, the events around them (statistics, chip state, measurement start) are comments.
+Frames are read; the events between them (statistics, chip state, measurement start) count as comments.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ BASE = re.compile(rb"base\s+(hex|dec)", re.IGNORECASE)
 NUMBER = {b"hex": 16, b"dec": 10}
 HEADER = re.compile(rb"(//|date\s|base\s|(no\s+)?internal\s|begin\s|end\s|previous\s)|$", re.IGNORECASE)
 EVENT = re.compile(rb"\d+\.\d+\s+((?!CANFD|\d)\S+|\d+\s+(Statistic|Status|J1939|TxTrc|Trigger))", re.IGNORECASE)
-"""A time and something else than a frame: a word where the channel would be, or after it."""
+"""A line with a time that is not a frame: a word in place of the channel, or after it."""
 
 DIRECTIONS = (b"Rx", b"Tx", b"TxRq")
 ERROR_FRAME, CANFD, REMOTE, EXTENDED = b"errorframe", b"CANFD", (b"r", b"R"), (b"x", b"X")

@@ -1,6 +1,6 @@
 """Logs that do not consist of lines: python-can's SQLite tables, and MF4, which only python-can knows.
 
-Rule of this file: a log that ends in the middle, or that its reader gives up, ends with an entry that says so.
+A log that is cut off, or that its reader gives up on, ends with an entry that says so.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ CREATE = """CREATE TABLE messages
 
 
 FLAGS = (Damage.ERROR_FRAME, Damage.FD, Damage.REMOTE, Damage.EXTENDED)
-"""What the flags of a frame say; the first that is set counts."""
+"""Damage by the flags of a frame; the first that is set counts."""
 
 
 def of_message(message: can.Message) -> Raw:

@@ -81,12 +81,12 @@ def _start(file: BinaryIO) -> float:
 def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
     """Yield what the containers hold, piece by piece.
 
-    Raises EOFError after the part that is there of one that is cut off.
+    Of a container that is cut off the available part is yielded; then EOFError is raised.
     """
     while head := file.read(OBJECT.size):
         signature, _, _, size, kind = OBJECT.unpack(head)
         if signature != SIGNATURE:
-            raise ValueError("no object where one should begin")
+            raise ValueError("no object where one should start")
         body = file.read(_sane(size, largest) - OBJECT.size)
         if kind == CONTAINER_TYPE:
             yield from _unpacked(body)
@@ -117,7 +117,7 @@ def _unpacked(body: bytes) -> Iterator[bytes]:
 
 
 def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
-    """Yield the objects in the contents of containers; an object may begin in one and end in the next."""
+    """Yield the objects in the contents of containers; an object may start in one container and end in the next."""
     left = b""
     for content in contents:
         data, position = left + content, 0
@@ -131,7 +131,7 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
             position = end
         left = data[position:]
         if len(left) > 8 and SIGNATURE not in left[:8]:
-            raise ValueError("no object where one should begin")
+            raise ValueError("no object where one should start")
     if len(left) >= OBJECT.size:
         raise EOFError
 

@@ -14,7 +14,7 @@ from eurobot_od.logs.entries import LATEST, Damage, Foreign, Raw
 from eurobot_od.logs.lines import LineFormat
 
 OPENING, CLOSING = b"()"
-"""What stands around a time."""
+"""The brackets around a time."""
 
 DIRECTIONS = (b"R", b"T")
 """Received or sent. Any other word belongs to a next entry: the line end between them is lost."""

@@ -1,6 +1,6 @@
 """python-can's CSV format, `1.5,0x8,0,0,0,8,0nQjWSwNlwI=`.
 
-Rule of this file: the seven columns as python-can's CSVWriter writes them, the data in base 64.
+Its seven columns are those of python-can's CSVWriter, the data in base 64.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ FLAGS: dict[tuple[bytes, ...], Damage | None] = {
     **dict.fromkeys([(b"0", b"1", b"0"), (b"1", b"1", b"0")], Damage.REMOTE),
     **dict.fromkeys([(b"0", b"0", b"1"), (b"1", b"0", b"1")], Damage.ERROR_FRAME),
 }
-"""What the columns `extended`, `remote` and `error` say together."""
+"""Damage by the columns `extended`, `remote` and `error`."""
 
 CLASSIC = (None, Damage.EXTENDED)
 """Damage of a classic data frame."""

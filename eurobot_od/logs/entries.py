@@ -1,6 +1,6 @@
 """What a log holds: entries with a classic base data frame, or with something else.
 
-Rule of this file: nothing that stands in a log is dropped; what is not such a frame gets a name, its Damage.
+Rule of this file: nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ from typing import BinaryIO, NamedTuple, TypeAlias, TypeVar
 from eurobot_od.frame import HIGHEST_IDENTIFIER, MOST_BYTES, Frame
 
 REMEMBERED = 256
-"""For how many distinct frames, or values of a field, their meaning is kept."""
+"""Distinct frames, or values of a field, whose meaning is cached."""
 
 
 LARGEST = 1 << 20
-"""Most bytes of a line, or of a record, that a log may have unless somebody says otherwise; 20 times the usual."""
+"""Most bytes of a line, or of a record, that a log may have by default; 20 times the usual."""
 
 LATEST = 1e11
 """A time in s that no log has; it also sorts out `nan` and `inf`."""
 
 
 class Damage(Enum):
-    """What can be wrong with an entry of a log, worst first; the value is how it is reported."""
+    """Defects of a log entry, worst first; the value is the word in reports."""
 
     UNREADABLE = "unreadable"
     CUT_OFF = "cut off"
@@ -38,7 +38,7 @@ class Damage(Enum):
 
 
 class Foreign(NamedTuple):
-    """An entry that is not a classic base data frame: why not, and what stands there, shortened."""
+    """An entry that is not a classic base data frame: the reason, and its text, shortened."""
 
     damage: Damage
     text: str

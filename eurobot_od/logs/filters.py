@@ -69,7 +69,7 @@ class Condition(NamedTuple):
     value: Any
 
     def holds(self, message: Message) -> bool:
-        """Tell whether it holds; "unknown" is neither less nor greater than anything."""
+        """Return whether it holds; "unknown" is neither less nor greater than anything."""
         found = getattr(message, self.field)
         if found is None or self.value is None:
             return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
@@ -77,7 +77,7 @@ class Condition(NamedTuple):
 
 
 def by_value(text: str, protocol: Protocol) -> Wanted:
-    """Want messages with a field whose value is as `text` says: `x>1000`, `Goto XY.speed<=20`, `source=internal`.
+    """Want messages with a field whose value satisfies `text`: `x>1000`, `Goto XY.speed<=20`, `source=internal`.
 
     Raises LocalError for a text that is not a comparison, UnknownName for a message or field, FieldError for a value.
     """

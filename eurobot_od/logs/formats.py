@@ -1,4 +1,4 @@
-"""The log formats, by what a log begins with or else by its suffix; a packed one (gzip) is unpacked on the way.
+"""The log formats, recognised by a log's first bytes or else by its suffix; gzip is unpacked on the way.
 
 Rule of this file: a log is opened once, read forwards, and never held in memory.
 """
@@ -17,7 +17,7 @@ from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Read
 from eurobot_od.logs.lines import read_lines
 
 STANDARD_INPUT = CANDUMP = "log"
-"""Format of standard input, unless it says another or another is asked for."""
+"""Format of standard input, unless its first bytes or an option name another."""
 
 
 FORMATS = {
@@ -42,19 +42,19 @@ CONTENT = re.compile(
     rb"|(?P<pcap>\xd4\xc3\xb2\xa1|\xa1\xb2\xc3\xd4|\x4d\x3c\xb2\xa1|\xa1\xb2\x3c\x4d)"
     rb"|(?P<log>\(\d+\.\d+\) )|(?P<asc>date |base +(?:hex|dec))|(?P<trc>;\$)|(?P<csv>timestamp,)"
 )
-"""What a log begins with that says its format by itself."""
+"""First bytes that identify a format."""
 
 PACKED = b"\x1f\x8b"
-"""What gzip's files begin with (RFC 1952)."""
+"""First bytes of a gzip file (RFC 1952)."""
 
 BEGINNING = 64
-"""So many bytes are looked at."""
+"""Number of first bytes that are looked at."""
 
 
 def read(file: BinaryIO, form: str | None = None, largest: int = LARGEST) -> Entries:
     """Yield the entries of an open log; of a line or record with more than `largest` bytes the rest is not read.
 
-    `form` is the suffix of its format; left out, its beginning says it, or else its name. Raises UnknownName for a
+    `form` is the suffix of its format; left out, the first bytes decide, or else the name. Raises UnknownName for a
     suffix that stands for no format, LocalError for a pipe where only a file will do.
     """
     name, beginning = getattr(file, "name", None), _beginning(file)
@@ -80,7 +80,7 @@ def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
 
 
 def _beginning(file: BinaryIO) -> bytes:
-    """Return the first bytes of a log without taking them away; none if it does not let us."""
+    """Return the first bytes of a log without taking them away; none if it cannot be peeked at."""
     peek: Callable[[int], bytes] | None = getattr(file, "peek", None)
     return peek(BEGINNING) if peek else b""
 
@@ -88,7 +88,7 @@ def _beginning(file: BinaryIO) -> bytes:
 def _said_by(beginning: bytes, name: object) -> str:
     """Return the suffix of a format, or what stands for one in the name of a file.
 
-    Standard input, and what else has no text for a name, is candump's.
+    Standard input and other files without a name are read as candump's.
     """
     found = CONTENT.match(beginning)
     if found is not None and found.lastgroup is not None:

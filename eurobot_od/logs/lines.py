@@ -1,7 +1,7 @@
 """Logs that consist of lines.
 
-Rule of this file: a format makes an entry of a line or says why not. A line that cannot be read is an entry like any
-other and costs no other line.
+A format turns a line into an entry or says why it cannot. A line that cannot be read is an entry like any other and
+costs no other line.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class LineFormat:
     """
 
     def comment(self, line: bytes) -> bool:
-        """Tell whether a line that cannot be split belongs to the format all the same; read a header from it."""
+        """Return whether a line that is no entry belongs to the format all the same; read a header from it."""
         return not line.strip()
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
@@ -30,7 +30,7 @@ class LineFormat:
 def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Entries:
     """Read a log of lines; what cannot be read is Foreign, with the time of the entry before.
 
-    Of a line longer than `largest` bytes the beginning is read, and the rest passed over.
+    Of a line longer than `largest` bytes the start is kept and the rest skipped.
     """
     entry, time, read = form.entry, 0.0, partial(file.readline, largest)
     for number, line in enumerate(iter(read, b""), 1):
@@ -54,7 +54,7 @@ def _is_comment(form: LineFormat, line: bytes) -> bool:
 
 
 def _ends(line: bytes, file: BinaryIO, largest: int) -> bool:
-    """Tell whether a line has an end; that of one that is too long is gone for."""
+    """Return whether a line has an end; a line that is too long is read to its end."""
     while len(line) == largest and not line.endswith(b"\n"):
         line = file.readline(largest)
     return line.endswith(b"\n")

@@ -51,13 +51,13 @@ class Meaning(NamedTuple):
 
 
 def with_defects(meaning: Meaning) -> str:
-    """Write what a damaged frame means, as far as it could be read, and after `!` what is wrong with it."""
+    """Write a damaged frame as far as it could be read, and after `!` what is wrong with it."""
     wrong = "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
     return f"{meaning.text}  ! {wrong}" if meaning.message is not None else f"! {wrong}"
 
 
 class Decoder:
-    """Tells what frames mean, by the EDS files of the nodes on the bus and the catalogue of their messages."""
+    """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages."""
 
     def __init__(
         self, outlines: Iterable[Dictionary], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
@@ -69,13 +69,13 @@ class Decoder:
 
     @cached_property
     def _services(self) -> Mapping[int, CanopenService]:
-        """The services by identifier; many a log has none of them."""
+        """The services by identifier; made late, as many logs have none."""
         from eurobot_od.logs.services import services
 
         return services(self.outlines, self.protocol.catalogue.errors)
 
     def __call__(self, raw: Raw) -> Meaning:
-        """Tell what a frame means."""
+        """Return the meaning of a frame."""
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
         return read(raw) if read else self._first(raw)
 
@@ -101,7 +101,7 @@ class Decoder:
 
 
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
-    """Return the function that tells the meaning of one message's frames."""
+    """Return the function that decodes the frames of one message."""
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
     length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
 

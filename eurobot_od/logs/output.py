@@ -44,7 +44,7 @@ class Output:
 class TextOutput(Output):
     """Aligned columns for a person: time in s, channel, message, fields with units; `!` before what is wrong.
 
-    With `several` logs each line begins with the name of its log, as grep does it.
+    With `several` logs each line starts with the name of its log, as grep does it.
     """
 
     def __init__(self, several: bool = False) -> None:

@@ -1,6 +1,6 @@
 """Captures of a SocketCAN interface, as Wireshark, tshark and tcpdump write them: pcap and pcapng.
 
-Rule of this file: what a capture holds of other interfaces is no frame of the bus, and is passed over. The layouts are
+Packets of other interfaces are no frames of the bus, and are skipped. The layouts are
 those of the IETF's drafts for pcap and pcapng, and of the link type SocketCAN (227) of www.tcpdump.org.
 """
 
@@ -25,13 +25,13 @@ CLASSIC = 16
 
 ORDERS = {b"\xd4\xc3\xb2\xa1": ("<", 1e-6), b"\xa1\xb2\xc3\xd4": (">", 1e-6),
           b"\x4d\x3c\xb2\xa1": ("<", 1e-9), b"\xa1\xb2\x3c\x4d": (">", 1e-9)}  # fmt: skip
-"""What a pcap file begins with: its byte order, and what a fraction of a second is counted in."""
+"""First bytes of a pcap file: its byte order, and the unit of fractions of a second."""
 
 SECTION, INTERFACE, SIMPLE, ENHANCED = 0x0A0D0D0A, 1, 3, 6
-"""Types of pcapng's blocks; all others are passed over."""
+"""Types of pcapng's blocks; all others are skipped."""
 
 BYTE_ORDER_MARK = b"\x4d\x3c\x2b\x1a"
-"""That of a little-endian section."""
+"""The byte order mark of a little-endian section."""
 
 NAME_OPTION, RESOLUTION_OPTION = 2, 9
 DEFAULT_RESOLUTION = 6

@@ -1,9 +1,9 @@
 """Records frames in a log file; the suffix says the format, which is one of python-can's.
 
-Rule of this file: a frame that was given is on the disk a second later, whatever happens then, or somebody is told at
-once. Formats of lines are brought to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they are
-ended: their frames go to a journal beside the log, `match.blf.log` in candump's format, of which the log is made at the
-end. Where that end does not come, or the disk has no room for both, the journal stays.
+Rule of this file: a second after a frame was written it is on the disk, whatever happens then; otherwise that is
+reported at once. Formats of lines go to the disk as they are. The others (BLF, SQLite, MF4) cannot be read before they
+are closed: their frames go to a journal beside the log, `match.blf.log` in candump's format, from which the log is made
+at the end. If that end does not come, or the disk has no room for both, the journal stays.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from eurobot_od.frame import Frame
 
 PERIOD = 0.5
-"""Seconds from one time that what was written is brought to the disk to the next."""
+"""Seconds between two syncs of the file to the disk."""
 
 TABLE = ".db"
 """Suffix of an SQLite file. python-can's writer of it loses its last frames, and its errors come up in a thread."""
 
 GO_ON, END = "go-on", "end"
-"""What happens when a log cannot be written any more: its program goes on without it, or is interrupted."""
+"""When a log can no longer be written, its program goes on without it or is interrupted."""
 
 
 @contextmanager
@@ -56,7 +56,7 @@ def recording(
     finally:
         lines.end(finish)
     if lines.failure is not None:
-        raise OSError(f"{lines.told}: the log is not whole") from lines.failure
+        raise OSError(f"{lines.trouble}: the log is not whole") from lines.failure
 
 
 def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Lines, Callable[[], object]]:
@@ -84,7 +84,7 @@ def _writer(file: Path) -> MessageWriter:
 
 
 def _finish(file: Path, journal: Path) -> None:
-    """Make the log of its journal, which then has done its duty."""
+    """Make the log of its journal, which is then removed."""
     import can
 
     from eurobot_od.logs.binary import write_table
@@ -113,12 +113,12 @@ class Lines:
         self._thread.start()
 
     @property
-    def told(self) -> str:
+    def trouble(self) -> str:
         """What went wrong, and with which file."""
         return f"{self._file}: {self.failure and (self.failure.strerror or self.failure)}"
 
     def write(self, time: float, frame: Frame) -> None:
-        """Write a frame, unless that is over."""
+        """Write a frame, unless writing has failed."""
         from can import Message
 
         message = Message(timestamp=time, arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
@@ -149,6 +149,6 @@ class Lines:
             if self.failure is not None:
                 return
             self.failure = error
-            self._tell(f"{self.told}: nothing more is logged")
+            self._tell(f"{self.trouble}: nothing more is logged")
             if self._ends and not self._over.is_set():
                 interrupt_main()

@@ -1,6 +1,6 @@
-"""Who sends a frame, as far as the devices' files say it: for filters by sender.
+"""The sender of a frame, as far as the devices' files name it: for filters by sender.
 
-Rule of this file: only what an identifier says. NMT commands and SDO requests are a master's, who has no name here.
+Only identifiers count. NMT commands and SDO requests come from a master, which has no name here.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ OWN_SERVICES = (
     (SDO_ANSWERS, values.SDO_RESPONSE_BASE),
     (None, values.ERROR_CONTROL_BASE),
 )
-"""What a device sends besides messages: where its identifier stands, and what that is in the predefined set."""
+"""What a device sends besides messages: the object with its identifier, and the predefined identifier."""
 
 
 def senders(outlines: Iterable[Dictionary], protocol: Protocol) -> dict[int, frozenset[str]]:
-    """Return the names of the devices that send each identifier; one that nobody is known to send is left out."""
+    """Return the names of the devices that send each identifier; an identifier without a known sender is left out."""
     found: dict[int, set[str]] = {}
     for outline in outlines:
         for address, base in OWN_SERVICES:
@@ -37,9 +37,9 @@ def senders(outlines: Iterable[Dictionary], protocol: Protocol) -> dict[int, fro
 def by_sender(
     outlines: Collection[Dictionary], protocol: Protocol, only: Iterable[str], without: Iterable[str]
 ) -> Callable[[Frame], bool]:
-    """Want what devices send: `only` these, or all but what none but those `without` sends; raises UnknownName.
+    """Want what devices send: `only` these, or everything but frames that come from those `without` alone.
 
-    A frame of which the sender is not known is wanted unless `only` some are.
+    Raises UnknownName. A frame without a known sender is wanted unless `only` is given.
     """
     known = {plain_name(each.name): each.name for each in outlines}
     wanted, unwanted = ({_known(name, known) for name in names} for names in (only, without))

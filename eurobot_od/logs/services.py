@@ -1,7 +1,7 @@
 """The CANopen services besides the messages: NMT, EMCY, SDO, boot-up and heartbeat (CiA 301, 7.2 and 7.3.3).
 
 Rule of this file: one frame at a time. What a frame means is said without the frames before it, so that a log may
-begin anywhere; the middle of a segmented or block transfer is therefore only named.
+start anywhere; the middle of a segmented or block transfer is therefore only named.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def _of_node(node: KnownNode, errors: Mapping[int, str]) -> Iterator[CanopenServ
 
 
 def nmt_text(names: Mapping[int, str], data: bytes) -> str:
-    """Say what an NMT command tells whom (CiA 301, 7.2.8.3.1)."""
+    """Say which NMT command goes to which node (CiA 301, 7.2.8.3.1)."""
     command, node_id = data
     name = COMMAND_NAMES.get(command, f"command {command}")
     return f"{name}, {'all nodes' if node_id == ALL_NODES else names.get(node_id, f'node {node_id}')}"

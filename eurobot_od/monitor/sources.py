@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from eurobot_od.errors import BusError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Opener, Watch
+from eurobot_od.live import FrameReader, Opener
 from eurobot_od.logs.binary import of_message
 from eurobot_od.logs.entries import Damage, Foreign, Raw, shortened
 
@@ -48,7 +48,7 @@ class BusSource:
         self._offset, self._reopened = 0.0, False
         self._overflow = 0
         self._leaving = ExitStack()
-        watch = Watch(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+        watch = FrameReader(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
         self._watch = self._leaving.enter_context(watch)
 
     def _fail(self, why: BusError) -> None:

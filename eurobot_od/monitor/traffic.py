@@ -14,7 +14,7 @@ from itertools import pairwise
 from statistics import fmean, pstdev
 from typing import Any, NamedTuple
 
-from eurobot_od.client.watch import Pulse
+from eurobot_od.client.watch import Heartbeats
 from eurobot_od.device.nmt import STATE_NAMES, NmtState
 from eurobot_od.frame import Frame
 from eurobot_od.load.message_set import MessageSet
@@ -72,7 +72,7 @@ class MonitorRow:
 class NodeHealth:
     """A node's last reported state and EMCY; `pulse` knows whether the node is lost."""
 
-    pulse: Pulse = field(default_factory=Pulse)
+    pulse: Heartbeats = field(default_factory=Heartbeats)
     state: str = ""
     emergency: str = ""
 
@@ -89,7 +89,7 @@ class Traffic:
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | Damage, MonitorRow] = {}
         periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.outlines}
-        self.nodes = {name: NodeHealth(Pulse(period)) for name, period in periods.items()}
+        self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
         self.frames = 0
         self.now = 0.0

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from eurobot_od.pdo.catalogue import Catalogue
     from eurobot_od.pdo.protocol import Protocol
     from eurobot_od.plugin import Stage
-    from eurobot_od.season.reports import Report
+    from eurobot_od.season.reports import SeasonReport
     from eurobot_od.web.panel import Panel
 
 HERE = Path(__file__).parent
@@ -69,7 +69,7 @@ def _drawings(protocol: Protocol) -> Drawings:
     return drawings(protocol)
 
 
-def _reports() -> Mapping[str, Report]:
+def _reports() -> Mapping[str, SeasonReport]:
     from eurobot_od.robot.season import REPORTS
 
     return REPORTS

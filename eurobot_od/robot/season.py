@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season.reports import Chart, ChartKind, Report, spread
+from eurobot_od.season.reports import Chart, ChartKind, SeasonReport, spread
 
 LATENCIES = """
 SELECT min(c.t - g.t) AS latency FROM goto_confirm c ASOF JOIN goto_xy g ON c.run = g.run AND c.line >= g.line
@@ -65,18 +65,18 @@ SELECT reason, count(*) FILTER (gap IS NULL OR gap > {APART}) AS stops, count(*)
     count(DISTINCT t.run) AS logs, arg_min(log, log) AS first_log, arg_min(line, (log, line)) AS first_line
 FROM told t JOIN runs r ON t.run = r.run GROUP BY reason ORDER BY stops DESC, reason"""
 
-REPORTS: Mapping[str, Report] = {
-    "latency": Report(
+REPORTS: Mapping[str, SeasonReport] = {
+    "latency": SeasonReport(
         "From a goto to its confirm",
         LATENCY,
         Chart(ChartKind.HISTOGRAM, "from goto to confirm, ms", "gotos", f"SELECT latency * 1000 FROM ({LATENCIES})"),
     ),
-    "arrivals": Report(
+    "arrivals": SeasonReport(
         "Position error at arrival: the place that the drive believes in, and that the beacons give",
         ERRORS,
         Chart(ChartKind.HISTOGRAM, "position error, mm", "arrivals", f"{ARRIVALS} SELECT error FROM arrivals"),
     ),
-    "stops": Report(
+    "stops": SeasonReport(
         "Stops and their reasons",
         STOPS,
         Chart(ChartKind.BARS, "", "stops", f"SELECT reason, stops FROM ({STOPS})"),

@@ -9,7 +9,6 @@ import polars as pl
 import polars.selectors as cs
 
 from eurobot_od.season.chart import chart_of, draw
-from eurobot_od.season.reports import Report
 from eurobot_od.season.season import Season
 from eurobot_od.support.escaping import cell
 from eurobot_od.support.tables import columns
@@ -25,7 +24,7 @@ def tables(season: Season) -> pl.DataFrame:
     return pl.DataFrame(rows, ["table", "rows", "columns"], orient="row")
 
 
-def picture(ask: Callable[[str], pl.DataFrame], report: Report | None, rows: pl.DataFrame, title: str) -> str:
+def picture(ask: Callable[[str], pl.DataFrame], report: SeasonReport | None, rows: pl.DataFrame, title: str) -> str:
     """Draw an answer as SVG, as its report says, or else as its columns suggest and with a title."""
     if report is None:
         return draw(rows, chart_of(rows), title)

@@ -2,7 +2,7 @@
 
 Rule of this file: a log is in the season whole or not at all, and once. Its name there comes from its bytes and from
 those of the EDS files, so that the same file again, under whatever name, is known; its row in `runs` is put in place
-last, after all its other files, so that a run that was broken off is done again. Any number of processes may work on
+last, after all its other files, so that an interrupted run is done again. Any number of processes may work on
 one season at once: each makes its runs in folders of its own; of two with the same bytes the last one is there.
 """
 
@@ -27,7 +27,7 @@ from eurobot_od.campaign.executors import BLOCK, HERE, Workers
 from eurobot_od.logs import formats
 from eurobot_od.season import tables
 from eurobot_od.season.batches import batches
-from eurobot_od.season.writing import Decoding, Network, RunTables
+from eurobot_od.season.writing import DecodedNetwork, NetworkDecoding, RunTables
 
 HASHED = 1 << 20
 BEGUN = ".begun"
@@ -35,7 +35,7 @@ BEGUN = ".begun"
 
 
 class Archived(NamedTuple):
-    """What became of a log: its `run`, whether it was `known` before, how many frames, and how much is damaged."""
+    """The result for a log: its `run`, whether it was `known` before, how many frames, and how much is damaged."""
 
     log: str
     run: str
@@ -45,25 +45,25 @@ class Archived(NamedTuple):
     damage: int = 0
 
 
-Told = Callable[[int], object]
+Progress = Callable[[int], object]
 """Called with how many bytes of a log have been read."""
 
 
 def unwatched(_size: int) -> None:
-    """Hear nothing."""
+    """Ignore progress."""
 
 
 def archive(
     logs: Iterable[Path],
     season: Path,
-    network: Network,
+    network: DecodedNetwork,
     form: str | None = None,
     workers: Workers = HERE,
-    told: Told = unwatched,
+    progress: Progress = unwatched,
 ) -> Iterator[Archived]:
     """Put logs into a season, several at once if there are workers, and yield what became of each, in their order.
 
-    `told` hears how many bytes have been read, if that is done in this process.
+    `progress` is called with the bytes of each part read, if that happens in this process.
 
     Raises UnknownName for a format that is not known, OSError.
     """
@@ -71,17 +71,17 @@ def archive(
     for file in files:
         with file.open("rb") as opened:
             formats.form_of(opened, form)  # complains before anything is done
-    archiver = Archiver(season, network, form, unwatched if workers.executor else told)
+    archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
     with _begun(season / BEGUN):
         yield from blocks.run(archiver, files, workers._replace(block=BLOCK))
 
 
 @contextmanager
 def _begun(folder: Path) -> Iterator[None]:
-    """Have the folder in which runs are made; what is left of one that was broken off goes if nobody else works there.
+    """Provide the folder in which runs are made; leftovers of interrupted runs go if no other program is at work.
 
-    Who works there has locked it, until the operating system ends that with its program; elsewhere than on POSIX, and
-    on a file system without locks, it stays.
+    A program at work holds a lock on it, which the operating system releases with the program. Without POSIX, or on a
+    file system without locks, leftovers stay.
     """
     folder.mkdir(parents=True, exist_ok=True)
     if os.name != "posix":
@@ -104,17 +104,17 @@ def _begun(folder: Path) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class Archiver:
-    """Puts one log after the other into a season; `told` hears how many bytes of them were read."""
+    """Puts one log after the other into a season; `progress` is called with the bytes of each part read."""
 
     season: Path
-    network: Network
+    network: DecodedNetwork
     form: str | None = None
-    told: Told = unwatched
+    progress: Progress = unwatched
 
     @cached_property
-    def _decoding(self) -> Decoding:
+    def _decoding(self) -> NetworkDecoding:
         """What all logs have in common, most of the work for a short one: made once for each block of logs."""
-        return Decoding(self.network)
+        return NetworkDecoding(self.network)
 
     def __call__(self, log: Path) -> Archived:
         """Put a log into the season. Raises OSError, UnknownName."""
@@ -143,7 +143,7 @@ class Archiver:
             with RunTables(begun, run, self._decoding) as written:
                 for batch in batches(file, self.form):
                     written.take(batch)
-                    self.told(batch.size)
+                    self.progress(batch.size)
             row = known | written.row()
             schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {})
             pq.write_table(pa.Table.from_pylist([row], schema), begun / f"{tables.RUNS}{tables.SUFFIX}")
@@ -154,7 +154,7 @@ class Archiver:
 
 
 def _name(file: BinaryIO, known: str) -> str:
-    """Return what tells a log from all others, by its content and by what is known of it."""
+    """Return a name that no other log has, from its content and from what it is decoded with."""
     digest = hashlib.blake2b(f"{known}\n".encode(), digest_size=8)
     while part := file.read(HASHED):
         digest.update(part)

@@ -26,16 +26,16 @@ from eurobot_od.logs.entries import LARGEST, Damage, LogEntry
 from eurobot_od.logs.lines import read_lines
 
 CHUNK = 1 << 20
-"""Bytes of a log that are taken apart at once."""
+"""Bytes of a log that are parsed at once."""
 
 ENTRIES = 1 << 14
-"""Entries that are taken at once where a reader gives them one by one."""
+"""Entries per part where a reader yields them one by one."""
 
 ROWS = 1 << 17
-"""A batch has about so many entries, if the log has."""
+"""A batch has about this many entries, if the log has them."""
 
 AHEAD = 2
-"""Batches that may be made before they are asked for: some take longer to be written than others."""
+"""Batches made ahead: some take longer to be written than others."""
 
 USUAL = (
     r"^\((?<t>[0-9]{1,10}\.[0-9]{1,9})\) (?<channel>[!-~]+) "
@@ -49,9 +49,9 @@ FOREIGN = pl.Schema({**ENTRY, "kind": pl.String(), "text": pl.String()})
 
 
 class Batch(NamedTuple):
-    """Entries of a log that follow each other: the `frames`, and the `foreign` ones that are none; `size` in bytes.
+    """Entries of a log that follow each other: the `frames`, and the `foreign` entries that are none; `size` in bytes.
 
-    `size` is how much of the log was read for it, 0 where nobody can tell.
+    `size` is how much of the log was read for it, 0 if that is unknown.
     """
 
     frames: pl.DataFrame
@@ -60,7 +60,7 @@ class Batch(NamedTuple):
 
 
 def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
-    """Yield the batches of an open log, the next of which are made meanwhile; errors as `logs.formats.read`."""
+    """Yield the batches of an open log, making the next ones meanwhile; errors as `logs.formats.read`."""
     return _ahead(_joined(_parts(file, form)))
 
 
@@ -73,7 +73,7 @@ def _parts(file: BinaryIO, form: str | None) -> Iterator[Batch]:
 
 
 def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:
-    """Put small batches together to such of about ROWS entries."""
+    """Join small batches into batches of about ROWS entries."""
     taken, rows = list[Batch](), 0
     for part in parts:
         taken.append(part)
@@ -91,7 +91,7 @@ def _one(parts: list[Batch]) -> Batch:
 
 
 def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
-    """Pass on batches; a thread makes the next ones while the last one is worked on."""
+    """Yield batches; a thread makes the next ones while the caller works on the last one."""
     with ThreadPoolExecutor(1) as thread:
         coming = deque(thread.submit(next, made, None) for _ in range(AHEAD))
         while (batch := coming.popleft().result()) is not None:
@@ -120,14 +120,14 @@ def _batch(entries: Iterable[LogEntry]) -> Batch:
 
 
 class _Chunk(NamedTuple):
-    """Whole lines of a log; `cut` says why what comes after them cannot be unpacked."""
+    """Whole lines of a log; `cut` says why the rest cannot be unpacked."""
 
     content: bytes
     cut: str = ""
 
 
 def _chunks(file: BinaryIO) -> Iterator[_Chunk]:
-    """Yield a file's whole lines; what comes after the last line end is a line, too."""
+    """Yield a file's whole lines; the rest after the last line end is a line, too."""
     left = b""
     while new := file.read(CHUNK):
         whole, end, left = (left + new).rpartition(b"\n")
@@ -150,7 +150,7 @@ def _unpacked_chunks(file: BinaryIO) -> Iterator[_Chunk]:
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         cut = str(error)
     rest = left + b"".join(parts)
-    if cut:  # a line that is there in part only is not there
+    if cut:  # an incomplete line is dropped
         rest = b"".join(rest.rpartition(b"\n")[:2])
     yield _Chunk(rest, cut)
 
@@ -174,7 +174,7 @@ def _latest(batch: Batch, before: float) -> float:
 
 
 def _of_lines(content: bytes, before: int, time: float) -> Batch:
-    """Take lines apart; `before` them were so many, and `time` is that of the entry before."""
+    """Parse lines; `before` is the number of lines ahead of them, `time` that of the entry ahead of them."""
     text = content.removesuffix(b"\n").decode("ascii", "replace")
     found = (
         pl.DataFrame({"text": [text]})
@@ -198,7 +198,7 @@ def _of_lines(content: bytes, before: int, time: float) -> Batch:
 
 
 def _with_odd(frames: pl.DataFrame, content: bytes, odd: list[int], before: int, time: float) -> Batch:
-    """Add the lines that candump's own reader has to look at; one that cannot be read has the time of that before."""
+    """Add the lines that need candump's own reader; a line that cannot be read gets the time of the line above it."""
     lines = BytesIO(content).readlines()
     batch = _batch(
         (number, time, channel, raw)

@@ -13,7 +13,7 @@ import polars as pl
 from eurobot_od.errors import LocalError
 from eurobot_od.season.reports import Chart, ChartKind
 from eurobot_od.support import svg
-from eurobot_od.support.svg import Scale
+from eurobot_od.support.svg import Axis
 
 LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 70, 60, 720, 320, 30, 60
 """Margins, width and height of the plot; one unit is a pixel of a screen."""
@@ -57,14 +57,14 @@ def _bars(rows: pl.DataFrame, chart: Chart) -> Drawn:
     column = next(name for name in rows.columns[1:] or rows.columns if rows[name].dtype.is_numeric())
     names, values = rows[rows.columns[0]].cast(pl.String).to_list(), rows[column].cast(pl.Float64).to_list()
     bottom = TOP + ROW * len(values)
-    scale = Scale(min(0.0, *values), max(0.0, *values) or 1.0, NAMES, NAMES + PLOT)
+    scale = Axis(min(0.0, *values), max(0.0, *values) or 1.0, NAMES, NAMES + PLOT)
     content = list(_grid_down(scale, bottom, chart.up))
     for number, (name, value) in enumerate(zip(names, values)):
         content.append(_bar(name, value, scale, TOP + ROW * number))
     return content, NAMES + PLOT + RIGHT + 40, bottom + BOTTOM
 
 
-def _bar(name: str, value: float, scale: Scale, y: float) -> str:
+def _bar(name: str, value: float, scale: Axis, y: float) -> str:
     low, high = sorted((scale.at(0), scale.at(value)))
     shown = f"{value:.6g}"
     return svg.group(
@@ -75,7 +75,7 @@ def _bar(name: str, value: float, scale: Scale, y: float) -> str:
     )
 
 
-def _grid_down(scale: Scale, bottom: float, label: str) -> Iterator[str]:
+def _grid_down(scale: Axis, bottom: float, label: str) -> Iterator[str]:
     yield from svg.axis_across(((scale.at(value), f"{value:g}") for value in scale.ticks()), TOP, bottom)
     middle = (scale.start + scale.end) / 2
     yield svg.text((middle, bottom + 42), label, font_size=svg.TEXT, fill=svg.INK, text_anchor="middle")
@@ -84,7 +84,7 @@ def _grid_down(scale: Scale, bottom: float, label: str) -> Iterator[str]:
 # Lines and histograms: both have two scales
 
 
-def _axes(across: Scale, up: Scale, chart: Chart) -> Iterator[str]:
+def _axes(across: Axis, up: Axis, chart: Chart) -> Iterator[str]:
     yield from _grid_down(across, TOP + HEIGHT, chart.along)
     for value in up.ticks():
         y = up.at(value)
@@ -93,12 +93,12 @@ def _axes(across: Scale, up: Scale, chart: Chart) -> Iterator[str]:
     yield svg.text((LEFT, TOP - 12), chart.up, font_size=svg.TEXT, fill=svg.INK)
 
 
-def _scales(across: Sequence[float], up: Sequence[float]) -> tuple[Scale, Scale]:
+def _scales(across: Sequence[float], up: Sequence[float]) -> tuple[Axis, Axis]:
     low, high = min(across), max(across)
     most = max(0.0, *up) or 1.0
     return (
-        Scale(low, high if high > low else low + 1, LEFT, LEFT + PLOT),
-        Scale(min(0.0, *up), most, TOP + HEIGHT, TOP),
+        Axis(low, high if high > low else low + 1, LEFT, LEFT + PLOT),
+        Axis(min(0.0, *up), most, TOP + HEIGHT, TOP),
     )
 
 

@@ -30,7 +30,7 @@ FROM_DATA = (
     (pl.col("data") + bytes(8)).bin.head(8).bin.reinterpret(dtype=pl.UInt64).alias(WORD),
     pl.col("data").bin.size().alias(LENGTH),
 )
-"""How they are made of the column `data`."""
+"""How they are computed from the column `data`."""
 
 UNKNOWN = "unknown"
 OUT_OF_RANGE = "out of range: "
@@ -64,7 +64,7 @@ def message_columns(binding: Binding, taken: Iterable[str]) -> list[FieldColumn]
 
 
 def readable(binding: Binding) -> pl.Expr:
-    """Return whether a frame is long enough to be read as this message; what is too long is."""
+    """Return whether a frame is long enough to be read as this message; longer frames are."""
     return (pl.col(LENGTH) >= binding.layout.length) | pl.col(LENGTH).is_in(binding.lengths)
 
 
@@ -155,7 +155,7 @@ class _Field:
         return self.raw.map_batches(seen_as, return_dtype=type_)
 
     def read(self, type_: type[pl.DataType]) -> pl.Expr:
-        """Return what the kind reads; it is asked once for each raw value that there is."""
+        """Return what the kind reads; it is called once for each raw value that occurs."""
         read = partial(self.kind.read, limits=self.limits)
 
         def values(raws: pl.Series) -> pl.Series:

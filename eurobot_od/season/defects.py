@@ -22,7 +22,7 @@ HEX_DIGITS = {number: f"{number:03X}" for number in range(HIGHEST_IDENTIFIER + 1
 
 
 class Check(NamedTuple):
-    """One thing that may be wrong with a frame: which damage it is, where it is so, and what is said of it."""
+    """A possible defect of a frame: its kind, the condition, and the words for it."""
 
     damage: Damage
     is_so: pl.Expr
@@ -30,14 +30,14 @@ class Check(NamedTuple):
 
 
 class MessageChecks:
-    """All that may be wrong with the frames of one message."""
+    """The possible defects of the frames of one message."""
 
     def __init__(self, binding: Binding) -> None:
         self._checks = [*_of_length(binding), *_of_values(binding)]
         self._any = [each.is_so.any().alias(str(number)) for number, each in enumerate(self._checks)]
 
     def defects(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
-        """Yield the defects of the message's frames; nearly always there is none, which one look tells."""
+        """Yield the defects of the message's frames; nearly always there is none, which one test shows."""
         for check, found in zip(self._checks, frames.select(self._any).row(0)):
             if found:
                 yield _defects(frames.filter(check.is_so), check.damage, check.text)
@@ -66,7 +66,7 @@ def _of_values(binding: Binding) -> Iterator[Check]:
 
 
 def of_others(frames: pl.DataFrame, services: Mapping[int, CanopenService]) -> Iterator[pl.DataFrame]:
-    """Yield the defects of frames that are no message's: services of another length, and identifiers of nothing."""
+    """Yield the defects of frames that are no message's: services of another length, and unknown identifiers."""
     known = pl.DataFrame(
         [(cob_id, each.name, each.length) for cob_id, each in services.items()],
         {"cob_id": pl.UInt16, "service": pl.String, "wanted": pl.Int64},

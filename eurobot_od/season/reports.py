@@ -26,7 +26,7 @@ class ChartKind(Enum):
 
 
 class Chart(NamedTuple):
-    """A picture: its kind, the query for it (None: the report's), and what stands at its axes.
+    """A picture: its kind, the query for it (None: the report's), and the words at its axes.
 
     BARS take a text and a number of each row, LINES a number along and one or more up, a HISTOGRAM one number.
     """
@@ -37,7 +37,7 @@ class Chart(NamedTuple):
     sql: str | None = None
 
 
-class Report(NamedTuple):
+class SeasonReport(NamedTuple):
     """A question: in words, as SQL, and as a picture."""
 
     title: str
@@ -46,7 +46,7 @@ class Report(NamedTuple):
 
 
 def spread(value: str, unit: str = "ms", factor: int = 1000) -> str:
-    """Write the columns of SQL that say how a value spreads, in a unit."""
+    """Return the SQL columns for the distribution of a value, in a unit."""
     shares = {"median": 0.5, "p95": 0.95, "p99": 0.99}
     quantiles = (
         f"round(quantile_cont({value}, {share}) * {factor}, 3) AS {name}_{unit}" for name, share in shares.items()
@@ -96,20 +96,20 @@ DAMAGE = """
 SELECT log, d.kind, count(*) AS number, arg_min(line, line) AS first_line, arg_min(text, line) AS first
 FROM damage d JOIN runs r ON d.run = r.run GROUP BY log, d.kind ORDER BY number DESC, log, d.kind"""
 
-REPORTS: Mapping[str, Report] = {
-    "periods": Report(
+REPORTS: Mapping[str, SeasonReport] = {
+    "periods": SeasonReport(
         "Periods of messages, and their jitter",
         PERIODS,
         Chart(
             ChartKind.BARS, "", "jitter, ms", f"SELECT message, jitter_ms FROM ({PERIODS}) WHERE jitter_ms IS NOT NULL"
         ),
     ),
-    "answers": Report(
+    "answers": SeasonReport(
         "From a request to its answer",
         ANSWERS,
         Chart(ChartKind.BARS, "", "95 % are faster, ms", f"SELECT answer, p95_ms FROM ({ANSWERS})"),
     ),
-    "load": Report(
+    "load": SeasonReport(
         "Bus load without stuff bits, and at most with them",
         LOAD,
         Chart(
@@ -120,7 +120,7 @@ REPORTS: Mapping[str, Report] = {
             "FROM seconds GROUP BY second ORDER BY second",
         ),
     ),
-    "damage": Report(
+    "damage": SeasonReport(
         "What is damaged, by log",
         DAMAGE,
         Chart(ChartKind.BARS, "", "number", f"SELECT log || ': ' || kind, number FROM ({DAMAGE}) LIMIT 40"),

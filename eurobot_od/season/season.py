@@ -34,14 +34,14 @@ KNOWN = ("message", "cob_id", "senders", "receivers", "answers")
 
 
 INTERVAL = 0.1
-"""Seconds between two looks at how far a query is."""
+"""Seconds between two reports of progress."""
 
-Told = Callable[[int], object]
+Progress = Callable[[int], object]
 """Called with how many percent of a query are done."""
 
 
 MOST_ROWS = 10_000_000
-"""Rows that a query may give: they have to be in memory, and as text once more."""
+"""Rows that a query may return: they have to fit in memory, and as text once more."""
 
 
 class SqlError(LocalError):
@@ -110,12 +110,14 @@ class Season:
         number = pl.col("cob_id").str.strip_prefix("0x").str.to_integer(base=16, dtype=pl.UInt16)
         return made.with_columns(number).sort("cob_id", "eds")
 
-    def sql(self, query: str, values: Mapping[str, Any] | None = None, told: Told | None = None) -> pl.DataFrame:
+    def sql(
+        self, query: str, values: Mapping[str, Any] | None = None, progress: Progress | None = None
+    ) -> pl.DataFrame:
         """Return what a query in DuckDB's SQL gives: a view for each table, and `messages`; raises SqlError.
 
         It reads and writes no file outside the season, and loads no extension. `values` are those of `$name` in the
-        query; those that it does not name are left out. `told` is called now and then, in another thread, with how far
-        the query is in percent, and at the end with 100.
+        query; those that it does not name are left out. `progress` is called now and then, in another thread,
+        with how far the query is in percent, and at the end with 100.
         """
         import duckdb
 
@@ -123,7 +125,7 @@ class Season:
         with duckdb.connect() as connection:
             self._add_views(connection, query)
             try:
-                with nullcontext() if told is None else _watched(connection, told):
+                with nullcontext() if progress is None else _watched(connection, progress):
                     self._confine(connection)
                     answer = connection.sql(query, params=named or None)
                     rows = pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
@@ -139,22 +141,22 @@ class Season:
         folder = str(self.folder).replace("'", "''")  # as the views spell it
         connection.execute(f"SET allowed_directories = ['{folder}']")
         connection.execute("SET enable_external_access = false; SET python_enable_replacements = false")
-        connection.execute("SET lock_configuration = true")
+        connection.execute("SET lock_configuration = true")  # or the query could allow itself everything again
 
     def _add_views(self, connection: duckdb.DuckDBPyConnection, query: str) -> None:
-        """Add a view for each table that the query has in it: to look into all files takes its time."""
+        """Add a view for each table that the query names: opening all files takes long."""
         words = set(re.findall(r"\w+", query.lower()))
         for table in words & self.files.keys():
             parts = " UNION ALL BY NAME ".join(_read_files(files) for files in self._alike(table))
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         if MESSAGES in words and MESSAGES not in self.files:
-            # Copied: how far a query is, DuckDB can tell only of tables of its own.
+            # Copied: DuckDB reports progress only for tables of its own.
             connection.register("known", self.messages)
             connection.execute(f"CREATE TABLE {MESSAGES} AS SELECT * FROM known")
 
 
 OF_DUCKDB = ("INTERVAL", "UNION", "BIT")
-"""Types that Polars does not have; what such a column shows is text."""
+"""Types that Polars does not have; such a column is shown as text."""
 
 
 def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
@@ -172,8 +174,8 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
 
 
 @contextmanager
-def _watched(connection: duckdb.DuckDBPyConnection, told: Told) -> Iterator[None]:
-    """Tell how far a connection's queries are while the block lasts."""
+def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress) -> Iterator[None]:
+    """Report the progress of a connection's queries while the block lasts."""
     connection.execute("SET enable_progress_bar = true; SET enable_progress_bar_print = false")
     connection.execute("SET progress_bar_time = 0")
     over = Event()
@@ -181,7 +183,7 @@ def _watched(connection: duckdb.DuckDBPyConnection, told: Told) -> Iterator[None
     def watch() -> None:
         while not over.wait(INTERVAL):
             if (done := connection.query_progress()) >= 0:  # negative where DuckDB cannot tell
-                told(round(done))
+                progress(round(done))
 
     thread = Thread(target=watch, daemon=True)
     thread.start()
@@ -190,7 +192,7 @@ def _watched(connection: duckdb.DuckDBPyConnection, told: Told) -> Iterator[None
     finally:
         over.set()
         thread.join()
-    told(100)
+    progress(100)
 
 
 def _read_files(files: list[Path]) -> str:

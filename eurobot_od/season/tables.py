@@ -1,6 +1,6 @@
 """The tables of a season and where they lie: a folder of Parquet files for each, a file for each log in it.
 
-Rule of this file: names and columns only; nothing is read or computed. All tables begin with `run`, `line`, `t` and
+Rule of this file: names and columns only; nothing is read or computed. All tables start with `run`, `line`, `t` and
 `channel`: which log, which line of it, when in seconds by the log's own clock, on which channel.
 """
 
@@ -19,7 +19,7 @@ RUNS, FRAMES, DAMAGE = "runs", "frames", "damage"
 """The logs; all frames; what was wrong, with log and line. Every other table is of a message."""
 
 TEXT, OCTETS, WORD = pa.large_string(), pa.large_binary(), pa.dictionary(pa.uint32(), pa.large_string())
-"""Types as Polars gives them; WORD is for texts that come again and again."""
+"""Types as Polars gives them; WORD is for texts that repeat."""
 
 PLACE = tuple(
     pa.field(name, type_, nullable=False)

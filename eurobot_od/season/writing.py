@@ -1,6 +1,6 @@
 """The tables of one run, decoded by columns and written as Parquet, batch after batch.
 
-Rule of this file: what depends on the network alone is worked out once (`Decoding`), however many runs there are.
+What depends on the network alone is worked out once (`NetworkDecoding`), however many runs there are.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from eurobot_od.season.batches import FOREIGN, Batch
 from eurobot_od.season.columns import FROM_DATA, LENGTH, WORD, FieldColumn, message_columns, readable
 
 VERSION = b"1"
-"""Changes when the same log would come to other tables."""
+"""To be raised when the same log would give other tables, so that it is archived again."""
 
 
-class Network(NamedTuple):
+class DecodedNetwork(NamedTuple):
     """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
 
     outlines: tuple[Dictionary, ...]
@@ -38,17 +38,17 @@ class Network(NamedTuple):
 
     @property
     def hash(self) -> str:
-        """What tells these EDS files from all others, with their node-IDs."""
+        """A hash of these EDS files with their node-IDs."""
         digest = hashlib.blake2b(VERSION, digest_size=16)
         for each in self.outlines:
             digest.update(f"{each.node_id} {each.name}\n".encode() + Path(each.file).read_bytes())
         return digest.hexdigest()
 
 
-class Decoding:
+class NetworkDecoding:
     """How the frames of a network become the rows of tables."""
 
-    def __init__(self, network: Network) -> None:
+    def __init__(self, network: DecodedNetwork) -> None:
         # A PDO that does not hold is left out: the one who loaded the devices has reported it.
         protocol = Protocol.of_devices(network.outlines, network.catalogue, lambda _: None)
         names, answers = tables.table_names(protocol.names()), dict(network.answers)
@@ -61,7 +61,7 @@ class Decoding:
         }
 
 
-def _others(protocol: Protocol, network: Network) -> dict[int, CanopenService]:
+def _others(protocol: Protocol, network: DecodedNetwork) -> dict[int, CanopenService]:
     """Return the services that have an identifier which no message has."""
     messages = {each.cob_id for each in protocol.bindings}
     found = services(network.outlines, protocol.catalogue.errors)
@@ -108,14 +108,14 @@ ENCODINGS = {"line": "DELTA_BINARY_PACKED", "t": "BYTE_STREAM_SPLIT"}
 """How numbers are written that grow from row to row: a third of the bytes, and less to compress."""
 
 UNREPEATED = (*ENCODINGS, "data")
-"""Columns whose values seldom come again: a dictionary of them would be in vain."""
+"""Columns whose values seldom repeat: a dictionary of them would not pay."""
 
 MANY = 1 << 16
-"""So many frames of a message are decoded and written at once, if there are."""
+"""Frames of a message that are decoded and written at once, if there are as many."""
 
 
 class _Table:
-    """One table of a run, written batch after batch; without a row it is there as well, for who asks for it."""
+    """One table of a run, written batch after batch; written even without a row, so that a query finds it."""
 
     def __init__(self, file: Path, schema: pa.Schema) -> None:
         self._schema = schema
@@ -162,7 +162,7 @@ class _MessageTable:
 class RunTables:
     """All tables of a run, each a file in a folder; they are whole at the end of the `with` block."""
 
-    def __init__(self, folder: Path, run: str, decoding: Decoding) -> None:
+    def __init__(self, folder: Path, run: str, decoding: NetworkDecoding) -> None:
         self._folder, self._run, self._decoding = folder, run, decoding
         folder.mkdir(parents=True)
         self._stack = ExitStack()
@@ -190,7 +190,7 @@ class RunTables:
                 self._write_damage(wrong for each in self._messages.values() for wrong in each.flush())
 
     def row(self) -> dict[str, Any]:
-        """Return whose frames they are, how much was written, and when it began and ended."""
+        """Return the run's row: network, amounts, start and end."""
         return {"network": self._decoding.network, "eds": self._decoding.eds, **self._counts, **self._ends}
 
     def take(self, batch: Batch) -> None:

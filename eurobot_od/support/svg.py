@@ -116,7 +116,7 @@ def heading(words: str) -> str:
 # Axes
 
 
-class Scale(NamedTuple):
+class Axis(NamedTuple):
     """From a value to a place: `low` is at `start`, `high` at `end`."""
 
     low: float

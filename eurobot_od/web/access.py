@@ -1,8 +1,8 @@
 """Who may see the page, judged by the headers of a request before anything else is looked at.
 
-Rule of this file: no socket. A web page of anybody else's that is open in the same browser can send requests here, also
-by a name that its owner has let point to this machine. So the Host has to be an address or a name that was given, and
-the Origin, which no page can forge, the page itself.
+Rule of this file: no socket. Any other web page that is open in the same browser can send requests here, even
+under a host name of its own that it lets resolve to this machine (DNS rebinding). So the Host header must be an
+address or the configured name, and the Origin, which no page can forge, must be this page.
 """
 
 from __future__ import annotations
@@ -19,35 +19,35 @@ TOKEN = "token"
 LOCAL_NAME = "localhost"
 
 
-class Refusal(NamedTuple):
+class Denial(NamedTuple):
     """Why a request is not answered: the status, and one line."""
 
     status: HTTPStatus
     why: str
 
 
-class Access(NamedTuple):
-    """What requests have to have: the `host` that the server was told to listen at, and its `token`, if it has one."""
+class AccessRules(NamedTuple):
+    """What a request must match: the `host` that the server listens at, and its `token`, if it has one."""
 
     host: str = "127.0.0.1"
     token: str = ""
 
-    def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Refusal | None:
+    def refusal(self, headers: Mapping[str, str], shown: str, upgrade: bool = False) -> Denial | None:
         """Say why a request is refused, None if it is not; `shown` is the token that came with it.
 
         A websocket (`upgrade`) needs an Origin: browsers always send it.
         """
         host, origin = headers.get("Host", ""), headers.get("Origin")
         if not self._is_ours(host):
-            return Refusal(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
+            return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
         if origin != f"http://{host}" and (upgrade or origin is not None):
-            return Refusal(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
+            return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
         if self.token and not hmac.compare_digest(shown.encode(errors="replace"), self.token.encode()):
-            return Refusal(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
+            return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
         return None
 
     def _is_ours(self, host: str) -> bool:
-        """Whether a Host header names this server; an address in figures cannot have been made to point here."""
+        """Whether a Host header names this server; a numeric address cannot have been made to resolve to us."""
         name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
         return name.lower() in (LOCAL_NAME, self.host.lower()) or _is_address(name.strip("[]"))
 

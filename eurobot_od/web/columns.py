@@ -14,7 +14,7 @@ from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.monitor.traffic import MonitorRow
 from eurobot_od.simulation.bits import frame_bits
 from eurobot_od.web.content import defects, described, event_data, values
-from eurobot_od.web.panel import Event, Panel, service_events
+from eurobot_od.web.panel import PageEvent, Panel, service_events
 
 MOST_FRAMES = 300_000
 """Frames of a log that a page holds, about 20 minutes of a full bus; more would take a browser minutes to read."""
@@ -74,7 +74,7 @@ class Columns:
         self._taken = 0
         self._rows: dict[int | Damage, _Row] = {}
         self._panels = [panel() for panel in panels]
-        self._events: dict[str, Event] = {}
+        self._events: dict[str, PageEvent] = {}
 
     def take(self, time: float, meaning: Meaning) -> None:
         """Take in an entry of the log."""
@@ -93,7 +93,7 @@ class Columns:
             for panel in self._panels:
                 self.add(panel.take(now, meaning.message))
 
-    def add(self, events: Iterable[Event]) -> None:
+    def add(self, events: Iterable[PageEvent]) -> None:
         """Enter events, with times since the start."""
         for event in events:
             self._events[event.key] = event

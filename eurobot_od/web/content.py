@@ -9,7 +9,7 @@ from eurobot_od.logs.meaning import Decoder, Meaning
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import kinds
-from eurobot_od.web.panel import Event, Panel
+from eurobot_od.web.panel import PageEvent, Panel
 
 
 def described(decoder: Decoder) -> dict[str, Any]:
@@ -74,6 +74,6 @@ def defects(meaning: Meaning) -> str:
     return "; ".join(f"{damage.value}: {text}" for damage, text in meaning.defects)
 
 
-def event_data(event: Event) -> dict[str, Any]:
+def event_data(event: PageEvent) -> dict[str, Any]:
     """Return an event as data."""
     return event._asdict() | {"time": round(event.time, 4), "end": None if event.end is None else round(event.end, 4)}

@@ -12,7 +12,7 @@ from eurobot_od.pdo.message import Message
 from eurobot_od.pdo.protocol import Protocol
 
 
-class Event(NamedTuple):
+class PageEvent(NamedTuple):
     """Something that happened at a `time` in s, until `end` if it lasts; one with the same `key` takes its place.
 
     `kind` is what kind of thing it is, `text` says it, `mark` is a short sign of it, `wrong` whether it is to be seen
@@ -30,7 +30,7 @@ class Event(NamedTuple):
 
 
 class Control(typing.Protocol):
-    """What a panel may do on the bus when somebody wants to send a message from the page."""
+    """What a panel may do on the bus when a message is sent from the page."""
 
     def send_message(self, message: Message) -> None:
         """Send a message; raises BusError."""
@@ -67,7 +67,7 @@ class Panel:
         """Return what the script needs to know."""
         return {}
 
-    def take(self, time: float, message: Message) -> Iterable[Event]:
+    def take(self, time: float, message: Message) -> Iterable[PageEvent]:
         """Take in a message and return the events that are new or have changed."""
         raise NotImplementedError
 
@@ -79,12 +79,12 @@ class Panel:
         return ""
 
 
-def service_events(number: int, time: float, meaning: Meaning) -> Iterator[Event]:
-    """Give the event that a frame of CANopen's own services is, if it is one; `number` tells frames apart."""
+def service_events(number: int, time: float, meaning: Meaning) -> Iterator[PageEvent]:
+    """Yield the event for a frame of CANopen's own services, if it is one; `number` makes keys unique."""
     is_event = meaning.name in ("NMT", "EMCY") or meaning.text.endswith(", boot-up")
     if is_event and meaning.message is None and not meaning.defects:
         kind = meaning.name if meaning.name in ("NMT", "EMCY") else "boot-up"
         cleared = meaning.text.partition(", ")[2].startswith("0x0000")
         node = meaning.nodes[0] if len(meaning.nodes) == 1 else ""
         wrong = kind == "EMCY" and not cleared
-        yield Event(f"{kind} {number}", kind, time, meaning.text, wrong=wrong, data={"node": node})
+        yield PageEvent(f"{kind} {number}", kind, time, meaning.text, wrong=wrong, data={"node": node})

@@ -1,6 +1,6 @@
 """Objects that are read by SDO again and again, for plots.
 
-Rule of this file: a few objects a few times a second; a bus is not there for its watchers.
+Rule of this file: a few objects a few times a second; SDO requests of a page must not load the bus.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ MOST = 16
 
 
 WANTED = 15.0
-"""Seconds for which an object is read after somebody asked for it; a page that still plots it asks again before."""
+"""Seconds for which an object is read after a request; a page that still plots it asks again before that."""
 
 
 @dataclass

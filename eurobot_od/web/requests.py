@@ -83,7 +83,7 @@ class Requests:
             return await asyncio.to_thread(question)
 
     async def poll(self) -> None:
-        """Read the polled objects again and again, as long as somebody wants them."""
+        """Read the polled objects again and again, as long as a page wants them."""
         while True:
             now = self.session.now
             self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
@@ -224,7 +224,7 @@ class Way(Enum):
     ASKS = "after all others that ask: a node has to answer"
 
 
-class Request(NamedTuple):
+class PageRequest(NamedTuple):
     """What is done for a request, how, and whether it acts on the bus, which takes control."""
 
     function: Callable[[Requests, Arguments], Any]
@@ -232,17 +232,17 @@ class Request(NamedTuple):
     acts: bool = False
 
 
-REQUESTS: Mapping[str, Request] = {
-    "record": Request(Requests.record, Way.AT_ONCE),
-    "stop recording": Request(Requests.stop_recording, Way.AT_ONCE),
-    "objects": Request(Requests.list_objects),
-    "read": Request(Requests.read),
-    "history": Request(Requests.history),
-    "watch": Request(Requests.watch),
-    "send": Request(Requests.send, Way.SENDS, acts=True),
-    "nmt": Request(Requests.nmt, Way.SENDS, acts=True),
-    "stop": Request(Requests.stop, Way.SENDS, acts=True),
-    "write": Request(Requests.write, acts=True),
+REQUESTS: Mapping[str, PageRequest] = {
+    "record": PageRequest(Requests.record, Way.AT_ONCE),
+    "stop recording": PageRequest(Requests.stop_recording, Way.AT_ONCE),
+    "objects": PageRequest(Requests.list_objects),
+    "read": PageRequest(Requests.read),
+    "history": PageRequest(Requests.history),
+    "watch": PageRequest(Requests.watch),
+    "send": PageRequest(Requests.send, Way.SENDS, acts=True),
+    "nmt": PageRequest(Requests.nmt, Way.SENDS, acts=True),
+    "stop": PageRequest(Requests.stop, Way.SENDS, acts=True),
+    "write": PageRequest(Requests.write, acts=True),
 }
 
 

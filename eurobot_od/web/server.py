@@ -16,7 +16,7 @@ from typing import Any
 from aiohttp import WSMsgType, web
 
 from eurobot_od.errors import LocalError
-from eurobot_od.web.access import TOKEN, Access
+from eurobot_od.web.access import TOKEN, AccessRules
 from eurobot_od.web.requests import Requests
 from eurobot_od.web.session import Session
 
@@ -32,7 +32,7 @@ MOST_PENDING = 32
 MOST_BROWSERS = 40
 
 LONGEST_REQUEST = 1 << 16
-"""Bytes of the longest request of a page, and of the longest body of an HTTP request, which nobody reads."""
+"""Bytes of the longest request of a page, and of the longest body of an HTTP request, which is not read."""
 
 SILENCE = 20.0
 """Seconds after which a browser that answers no ping is gone."""
@@ -49,13 +49,13 @@ HEADERS = {
 """No other page may show, embed or read this one."""
 
 EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "::1"}
-"""What a server that listens at all addresses is called here."""
+"""The name in the printed address of a server that listens at all addresses."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @asynccontextmanager
-async def served(page: str, access: Access, port: int, requests: Requests | None = None) -> AsyncIterator[str]:
+async def served(page: str, access: AccessRules, port: int, requests: Requests | None = None) -> AsyncIterator[str]:
     """Serve a page, and the bus that it shows if it shows one; gives its address.
 
     `port` 0 is any that is free. Raises LocalError if it cannot be had.
@@ -90,7 +90,7 @@ def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> Non
         server.cancel()
 
 
-def _address(listening: tuple[Any, ...], access: Access) -> str:
+def _address(listening: tuple[Any, ...], access: AccessRules) -> str:
     host, port, *_ = listening  # two more numbers in IPv6
     host = EVERYWHERE.get(host, host)
     named = f"[{host}]" if ":" in host else host
@@ -98,7 +98,7 @@ def _address(listening: tuple[Any, ...], access: Access) -> str:
 
 
 class _Server:
-    def __init__(self, page: str, access: Access, requests: Requests | None) -> None:
+    def __init__(self, page: str, access: AccessRules, requests: Requests | None) -> None:
         self._page, self._access, self._requests = page, access, requests
         self._browsers: set[web.WebSocketResponse] = set()
 
@@ -113,7 +113,7 @@ class _Server:
         return application
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
-        """Return what goes on all the time."""
+        """Return the tasks that run all the time."""
         return [] if self._requests is None else [_watch(self._requests.session), self._requests.poll()]
 
     @web.middleware
@@ -218,7 +218,7 @@ class _Browser:
 
 
 async def _watch(session: Session) -> None:
-    """Take frames off the bus, whoever looks."""
+    """Take frames off the bus, whether or not a browser is connected."""
     while True:
         session.poll()
         await asyncio.sleep(PERIOD)

@@ -20,7 +20,7 @@ from eurobot_od.logs.recorder import recording
 from eurobot_od.monitor.sources import BusSource
 from eurobot_od.monitor.traffic import MonitorRow, NodeHealth, Traffic
 from eurobot_od.web.content import defects, event_data, values
-from eurobot_od.web.panel import Event, Panel, service_events
+from eurobot_od.web.panel import PageEvent, Panel, service_events
 from eurobot_od.web.polled import PolledObject
 from eurobot_od.web.tap import Tap
 
@@ -58,8 +58,8 @@ class Session:
         self._traffic = Traffic(decoder, bitrate)
         self._changed: dict[int | Damage, int] = {}
         self._written: dict[int | Damage, tuple[int, str]] = {}
-        self._events: dict[str, tuple[int, Event]] = {}
-        self._recording = Recording()
+        self._events: dict[str, tuple[int, PageEvent]] = {}
+        self._recording = LogRecording()
         self._load = (0.0, 0.0)
         self._started = clock()
         self._origin: float | None = None
@@ -103,7 +103,7 @@ class Session:
                 for event in panel.take(now, meaning.message):
                     self._enter(event)
 
-    def _enter(self, event: Event) -> None:
+    def _enter(self, event: PageEvent) -> None:
         self._events.pop(event.key, None)  # what has changed is the newest
         self._events[event.key] = self.turn, event
         if len(self._events) > MOST_EVENTS:
@@ -149,7 +149,7 @@ class Session:
     # Recording
 
     def record(self, folder: Path) -> None:
-        """Begin to write every frame to a log in a folder; raises LocalError if that is done already."""
+        """Start to write every frame to a log in a folder; raises LocalError if that is being done already."""
         self._recording.start(folder)
 
     def stop_recording(self) -> None:
@@ -157,8 +157,8 @@ class Session:
         self._recording.stop()
 
 
-class Recording:
-    """Writes frames to a log while somebody wants that; a new one takes the place of the one before."""
+class LogRecording:
+    """Writes frames to a log while it is switched on; a new log replaces the last one."""
 
     def __init__(self) -> None:
         self._frames, self._trouble = 0, ""
@@ -167,7 +167,7 @@ class Recording:
         self._open = ExitStack()
 
     def start(self, folder: Path) -> None:
-        """Begin a new log in a folder."""
+        """Start a new log in a folder."""
         if self._write is not None:
             raise LocalError("a recording is under way")
         if self._file is not None:
@@ -176,7 +176,7 @@ class Recording:
         self._write = self._open.enter_context(recording(self._file))
 
     def write(self, now: float, frame: Frame) -> None:
-        """Write a frame, if anybody wants it."""
+        """Write a frame, if the recording is on."""
         if self._write is None:
             return
         try:

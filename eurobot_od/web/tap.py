@@ -1,4 +1,4 @@
-"""A second bus on one adapter: for a master that asks nodes while somebody else reads every frame.
+"""A second bus on one adapter: for a master that asks nodes while another reader takes every frame.
 
 Rule of this file: one thread at a time sends, as few drivers allow two. What waits for the master is bounded: it takes
 frames only while it asks for something, and other masters may be on the bus all day.
@@ -43,7 +43,7 @@ class Tap(can.BusABC):
         self._sent: SimpleQueue[Frame] = SimpleQueue()
 
     def give(self, frame: Frame) -> None:
-        """Let the master have a frame if it wants it."""
+        """Pass a frame to the master if it listens to it."""
         if frame.cob_id not in WANTED:
             return
         message = can.Message(arbitration_id=frame.cob_id, data=frame.data, is_extended_id=False)
@@ -59,11 +59,11 @@ class Tap(can.BusABC):
             if self.trouble:
                 raise BusError(self.trouble)
             if not self._send_by(frame, PATIENCE):
-                raise BusError("the bus did not take the frame: is anybody there to acknowledge it?")
+                raise BusError("the bus did not take the frame: is another node there to acknowledge it?")
         self._sent.put(frame)
 
     def sent(self) -> list[Frame]:
-        """Return what was sent since the last call: a bus does not tell its own sender."""
+        """Return what was sent since the last call: a bus does not return a frame to its sender."""
         return [self._sent.get() for _ in range(self._sent.qsize())]
 
     # what python-can asks of a bus

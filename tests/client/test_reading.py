@@ -9,7 +9,7 @@ import pytest
 
 from eurobot_od.client.configure import configure, difference
 from eurobot_od.client.description import from_file
-from eurobot_od.client.reading import Reading, dcf_of_node, parameters, read_all, readable
+from eurobot_od.client.reading import ObjectReading, dcf_of_node, parameters, read_all, readable
 from eurobot_od.errors import NoAnswer
 from eurobot_od.od import dcf
 from eurobot_od.od.objects import address_of
@@ -24,7 +24,7 @@ def test_everything_that_can_be_read_is_read() -> None:
         readings = {address_of(each.thing): each for each in read_all(master.node(2), readable(DESCRIPTION.dictionary))}
     assert readings[0x1008, 0].value == "Eurobot 2014 drive"
     assert readings[0x1403, 1].value == 8
-    assert readings[0x1003, 1] == Reading(readings[0x1003, 1].thing, None, "No data available")
+    assert readings[0x1003, 1] == ObjectReading(readings[0x1003, 1].thing, None, "No data available")
     assert (0x1021, 0) not in readings  # the EDS itself is no value to look at
 
 

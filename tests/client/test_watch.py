@@ -6,12 +6,12 @@ from math import inf
 
 import pytest
 
-from eurobot_od.client.watch import Change, NodeEvent, NodeWatch, Pulse, watch_nodes
+from eurobot_od.client.watch import Heartbeats, NodeChange, NodeEvent, NodeWatch, watch_nodes
 from eurobot_od.device.nmt import NmtState
 from eurobot_od.frame import Frame
 from tests.client.wired import wired
 
-FOUND, BOOTED, LOST, BACK = Change.FOUND, Change.BOOTED, Change.LOST, Change.BACK
+FOUND, BOOTED, LOST, BACK = NodeChange.FOUND, NodeChange.BOOTED, NodeChange.LOST, NodeChange.BACK
 
 
 @pytest.mark.parametrize(
@@ -26,14 +26,14 @@ FOUND, BOOTED, LOST, BACK = Change.FOUND, Change.BOOTED, Change.LOST, Change.BAC
     ],
 )
 def test_the_deadline_of_a_pulse(period: float, beats: list[float], deadline: float) -> None:
-    pulse = Pulse(period)
+    pulse = Heartbeats(period)
     for beat in beats:
         pulse.beat(beat)
     assert pulse.deadline == pytest.approx(deadline)
 
 
 def test_the_first_heartbeat_after_a_boot_up_says_nothing_of_the_period() -> None:
-    pulse = Pulse()
+    pulse = Heartbeats()
     pulse.boot(1.0)
     pulse.beat(1.1)
     assert pulse.deadline == inf
@@ -66,7 +66,7 @@ class Beating:
         return [Frame(0x705, data)]
 
 
-def seen(station: Beating, end: float, **options: object) -> list[tuple[float, Change]]:
+def seen(station: Beating, end: float, **options: object) -> list[tuple[float, NodeChange]]:
     """Watch a bus with this station to a time; return when what happened to node 5."""
     events: list[NodeEvent] = []
     with wired(station) as master:
@@ -91,7 +91,7 @@ def beats(*times: float) -> list[tuple[float, bytes]]:
     ],
 )
 def test_what_happens_to_a_node_is_told(
-    frames: list[tuple[float, bytes]], happened: list[tuple[float, Change]]
+    frames: list[tuple[float, bytes]], happened: list[tuple[float, NodeChange]]
 ) -> None:
     assert seen(Beating(frames), 9.0) == happened
 
@@ -109,7 +109,7 @@ def test_a_node_that_has_to_be_there_is_lost_if_it_is_not_heard() -> None:
         (Beating([], range(10), stuck=True), [(0.0, FOUND), (2.0, LOST)]),
     ],
 )
-def test_a_guarded_node_is_asked_and_has_to_toggle(station: Beating, happened: list[tuple[float, Change]]) -> None:
+def test_a_guarded_node_is_asked_and_has_to_toggle(station: Beating, happened: list[tuple[float, NodeChange]]) -> None:
     assert seen(station, 6.5, guarded={5: 1.0}) == happened
 
 

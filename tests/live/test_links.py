@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from eurobot_od.live.links import Link, Trouble, of_ip, of_sys, remedy, troubles
+from eurobot_od.live.links import CanLink, Trouble, of_ip, of_sys, remedy, troubles
 
 
 def said(name: str, flags: list[str], **linkinfo: Any) -> dict[str, Any]:
@@ -29,31 +29,31 @@ def can(name: str, flags: list[str], state: str, restart_ms: int = 0) -> dict[st
 
 
 UP = ["NOARP", "UP", "LOWER_UP", "ECHO"]
-LINKS: list[tuple[dict[str, Any], Link, str]] = [
-    (said("vcan0", ["NOARP", "UP", "LOWER_UP"], info_kind="vcan"), Link("vcan0", True, True), "up"),
-    (said("vcan1", ["NOARP"], info_kind="vcan"), Link("vcan1", False, True), "down"),
+LINKS: list[tuple[dict[str, Any], CanLink, str]] = [
+    (said("vcan0", ["NOARP", "UP", "LOWER_UP"], info_kind="vcan"), CanLink("vcan0", True, True), "up"),
+    (said("vcan1", ["NOARP"], info_kind="vcan"), CanLink("vcan1", False, True), "down"),
     (
         can("can0", UP, "ERROR-ACTIVE"),
-        Link("can0", True, False, "ERROR-ACTIVE", 250000, False),
+        CanLink("can0", True, False, "ERROR-ACTIVE", 250000, False),
         "up, 250000 bit/s, ERROR-ACTIVE",
     ),
     (
         can("can1", UP, "BUS-OFF", 100),
-        Link("can1", True, False, "BUS-OFF", 250000, True),
+        CanLink("can1", True, False, "BUS-OFF", 250000, True),
         "up, 250000 bit/s, BUS-OFF",
     ),
     # an interface that was never set up has no bit rate; slcan tells neither rate nor state
     (
         said("can2", ["NOARP", "ECHO"], info_kind="can", info_data={"state": "STOPPED", "restart_ms": 0}),
-        Link("can2", False, False, "STOPPED", None, False),
+        CanLink("can2", False, False, "STOPPED", None, False),
         "down, STOPPED",
     ),
-    (said("slcan0", UP, info_kind="slcan"), Link("slcan0", True), "up"),
+    (said("slcan0", UP, info_kind="slcan"), CanLink("slcan0", True), "up"),
 ]
 
 
 @pytest.mark.parametrize(("told", "link", "text"), LINKS, ids=[link.name for _, link, _ in LINKS])
-def test_what_ip_says_of_an_interface(told: dict[str, Any], link: Link, text: str) -> None:
+def test_what_ip_says_of_an_interface(told: dict[str, Any], link: CanLink, text: str) -> None:
     others = [{"ifname": "lo", "flags": ["UP"], "link_type": "loopback"}]
     assert of_ip(json.dumps([*others, told])) == [link]
     assert str(link) == text
@@ -77,20 +77,20 @@ def test_without_ip_the_kernel_tells_which_there_are_and_which_are_up(tmp_path: 
         if wired:
             (tmp_path / name / "device").mkdir()
     (tmp_path / "bonding_masters").write_text("\n")
-    assert of_sys(tmp_path) == [Link("can0", False), Link("vcan0", True, True)]
+    assert of_sys(tmp_path) == [CanLink("can0", False), CanLink("vcan0", True, True)]
 
 
 TROUBLES = [
-    (Link("can0", True, False, "ERROR-ACTIVE", 500000), []),
-    (Link("vcan0", True, True), []),
-    (Link("can0", False), [Trouble("can0 is down", "sudo ip link set can0 up type can bitrate 500000")]),
+    (CanLink("can0", True, False, "ERROR-ACTIVE", 500000), []),
+    (CanLink("vcan0", True, True), []),
+    (CanLink("can0", False), [Trouble("can0 is down", "sudo ip link set can0 up type can bitrate 500000")]),
     (
-        Link("can0", False, False, "STOPPED", 250000),
+        CanLink("can0", False, False, "STOPPED", 250000),
         [Trouble("can0 is down", "sudo ip link set can0 up type can bitrate 250000")],
     ),
-    (Link("vcan0", False, True), [Trouble("vcan0 is down", "sudo ip link set vcan0 up")]),
+    (CanLink("vcan0", False, True), [Trouble("vcan0 is down", "sudo ip link set vcan0 up")]),
     (
-        Link("can0", True, False, "BUS-OFF", 500000),
+        CanLink("can0", True, False, "BUS-OFF", 500000),
         [
             Trouble(
                 "can0 has left the bus after too many errors: look at bit rate, wires and the resistors of 120 ohm "
@@ -100,10 +100,10 @@ TROUBLES = [
         ],
     ),
     (
-        Link("can0", True, False, "ERROR-PASSIVE", 500000),
+        CanLink("can0", True, False, "ERROR-PASSIVE", 500000),
         [
             Trouble(
-                "can0 sees errors: nobody confirms its frames, or bit rate, wires or resistors are wrong",
+                "can0 sees errors: no node acknowledges its frames, or bit rate, wires or resistors are wrong",
                 "ip -details -statistics link show can0",
             )
         ],
@@ -112,7 +112,7 @@ TROUBLES = [
 
 
 @pytest.mark.parametrize(("link", "found"), TROUBLES, ids=[f"{link.name} {link}" for link, _ in TROUBLES])
-def test_what_is_wrong_with_an_interface_and_what_mends_it(link: Link, found: list[Trouble]) -> None:
+def test_what_is_wrong_with_an_interface_and_what_mends_it(link: CanLink, found: list[Trouble]) -> None:
     assert list(troubles(link)) == found
 
 
@@ -126,7 +126,7 @@ REMEDIES = [
         "`sudo ip link add dev vcan0 type vcan; sudo ip link set vcan0 up` makes it",
     ),
     (errno.EAFNOSUPPORT, "can0", "this kernel has no SocketCAN; `sudo modprobe can_raw` loads it, if it is to be had"),
-    (errno.ENOBUFS, "can0", "nobody confirms its frames: is another node on the bus, at the same bit rate?"),
+    (errno.ENOBUFS, "can0", "no node acknowledges its frames: is another node on the bus, at the same bit rate?"),
     (errno.EINVAL, "can0", ""),
     (None, "can0", ""),
 ]

@@ -18,7 +18,7 @@ from eurobot_od.frame import Frame
 from eurobot_od.gatekeeper import Event as What
 from eurobot_od.gatekeeper import Gatekeeper
 from eurobot_od.gatekeeper.mailboxes import MAILBOX_WAIT
-from eurobot_od.live import Live, Watch, open_bus
+from eurobot_od.live import FrameReader, Live, open_bus
 from eurobot_od.live.reader import ENDURED, POLL
 from eurobot_od.live.sender import FIRST_PAUSE, LONGEST_PAUSE
 from eurobot_od.pdo.message import Message
@@ -347,7 +347,7 @@ def test_a_watch_sees_every_frame(channel: str) -> None:
         if len(seen) == 2:
             done.set()
 
-    with virtual(channel) as other, Watch(virtual(channel), see, lambda: 7.0):
+    with virtual(channel) as other, FrameReader(virtual(channel), see, lambda: 7.0):
         other.send(can.Message(arbitration_id=0x123, data=b"\x01", is_extended_id=False))
         other.send(can.Message(arbitration_id=0x123, is_extended_id=True))
         other.send(can.Message(arbitration_id=0x7FF, is_extended_id=False))
@@ -573,7 +573,7 @@ def test_a_bus_that_fails_at_the_end_does_not_replace_the_cause(driver: Driver) 
 def test_a_watch_tells_that_the_bus_has_failed(driver: Driver) -> None:
     driver.broken = OSError("adapter was pulled out")
     failures: list[BusError] = []
-    with Watch(driver, lambda *_: None, Clock(), failures.append):
+    with FrameReader(driver, lambda *_: None, Clock(), failures.append):
         assert driver.entered.wait(LONG)
         driver.reader.join(LONG)
     assert list(map(str, failures)) == ["the bus nowhere failed: adapter was pulled out"]

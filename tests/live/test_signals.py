@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from eurobot_od.live.signals import TOLD_TO_END, EndedBySigterm
+from eurobot_od.live.signals import TERMINATED, EndedBySigterm
 
 
 def tell() -> None:
@@ -17,7 +17,7 @@ def tell() -> None:
 def test_sigterm_raises_system_exit_and_the_handler_is_gone_afterwards() -> None:
     with pytest.raises(SystemExit) as ended, EndedBySigterm():
         tell()
-    assert ended.value.code == TOLD_TO_END == 143
+    assert ended.value.code == TERMINATED == 143
     assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
@@ -48,7 +48,7 @@ def test_one_that_comes_at_the_end_waits_for_it() -> None:
 
     with pytest.raises(SystemExit) as ended:
         end()
-    assert (done, ended.value.code) == ([True], TOLD_TO_END)
+    assert (done, ended.value.code) == ([True], TERMINATED)
 
 
 def test_an_error_of_the_end_is_not_hidden_by_it() -> None:

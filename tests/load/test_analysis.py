@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eurobot_od.load.analysis import HORIZON, INSTANCES, Analysis, Errors, Message
+from eurobot_od.load.analysis import HORIZON, INSTANCES, Analysis, BitErrors, Message
 from tests.load.sets import FAR, message, sets
 
 
@@ -99,12 +99,12 @@ def test_an_answer_comes_after_what_it_answers() -> None:
 
 def test_an_error_costs_the_recovery_and_the_longest_frame_again() -> None:
     found = [message(1, 55, 10_000), message(2, 65, 10_000)]
-    assert responses(Analysis(found, Errors(1, 5000))) == [120 + 31 + 55, 120 + 31 + 65]
-    assert responses(Analysis(found, Errors(2, 5000))) == [120 + 2 * (31 + 55), 120 + 2 * (31 + 65)]
+    assert responses(Analysis(found, BitErrors(1, 5000))) == [120 + 31 + 55, 120 + 31 + 65]
+    assert responses(Analysis(found, BitErrors(2, 5000))) == [120 + 2 * (31 + 55), 120 + 2 * (31 + 65)]
 
 
 def test_errors_within_a_time() -> None:
-    assert [Errors(2, 100).within(time) for time in (0, 1, 100, 101, 200)] == [0, 2, 2, 4, 4]
+    assert [BitErrors(2, 100).within(time) for time in (0, 1, 100, 101, 200)] == [0, 2, 2, 4, 4]
 
 
 # No bound
@@ -125,7 +125,7 @@ def test_there_may_be_no_bound(found: list[Message]) -> None:
 
 
 def test_errors_may_fill_the_bus() -> None:
-    assert responses(Analysis([message(1, 55, 10_000)], Errors(1, 50))) == [None]
+    assert responses(Analysis([message(1, 55, 10_000)], BitErrors(1, 50))) == [None]
 
 
 def test_what_is_more_urgent_than_an_overload_has_its_bound() -> None:
@@ -243,7 +243,7 @@ def none_is_earlier(before: Analysis, after: Analysis) -> bool:
 
 
 mailbox_counts = st.dictionaries(st.sampled_from(("a", "b")), st.integers(1, 3))
-error_rates = st.builds(Errors, st.integers(0, 2), st.integers(1000, 20_000))
+error_rates = st.builds(BitErrors, st.integers(0, 2), st.integers(1000, 20_000))
 CHANGES = {
     "bits": lambda each: each._replace(bits=each.bits + 10),
     "period": lambda each: each._replace(period=max(each.period * 9 // 10, 1)),
@@ -255,7 +255,7 @@ CHANGES = {
 @given(found=sets, boxes=mailbox_counts, errors=error_rates, data=st.data())
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_more_traffic_makes_nothing_earlier(
-    found: list[Message], boxes: dict[str, int], errors: Errors, data: st.DataObject, change: object
+    found: list[Message], boxes: dict[str, int], errors: BitErrors, data: st.DataObject, change: object
 ) -> None:
     place = data.draw(st.integers(0, len(found) - 1))
     more = [change(each) if n == place else each for n, each in enumerate(found)]  # type: ignore[operator]
@@ -264,7 +264,7 @@ def test_more_traffic_makes_nothing_earlier(
 
 @given(sets, mailbox_counts, error_rates, st.integers(0, 7))
 def test_a_further_message_makes_nothing_earlier(
-    found: list[Message], boxes: dict[str, int], errors: Errors, place: int
+    found: list[Message], boxes: dict[str, int], errors: BitErrors, place: int
 ) -> None:
     """Wherever it stands: as a more urgent one it comes before, as a less urgent one it blocks and fills mailboxes."""
     ranks = [2 * n for n in range(len(found))]
@@ -274,7 +274,7 @@ def test_a_further_message_makes_nothing_earlier(
 
 
 @given(sets, error_rates)
-def test_mailboxes_and_errors_make_nothing_earlier(found: list[Message], errors: Errors) -> None:
+def test_mailboxes_and_errors_make_nothing_earlier(found: list[Message], errors: BitErrors) -> None:
     plain = Analysis(found)
     assert none_is_earlier(plain, Analysis(found, errors))
     assert none_is_earlier(Analysis(found, mailboxes={"a": 3}), Analysis(found, mailboxes={"a": 2}))

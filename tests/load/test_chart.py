@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.load.chart import decades
-from eurobot_od.load.message_set import MessageSet, SentMessage
+from eurobot_od.load.message_set import MessageSet, PeriodicMessage
 from eurobot_od.load.report import load_report
 
 
@@ -20,5 +20,5 @@ from eurobot_od.load.report import load_report
     ],
 )
 def test_decades_are_as_many_as_the_times_need(rate: int, deadline: int, lines: list[int]) -> None:
-    message = SentMessage("Quick", 0x010, 8, 500_000, deadline, "a")
+    message = PeriodicMessage("Quick", 0x010, 8, 500_000, deadline, "a")
     assert [10**power for power in decades(load_report(MessageSet((message,)), rate))] == lines

@@ -88,7 +88,7 @@ def test_what_a_network_file_says(row: str, expected: tuple[int, int, int]) -> N
 
 
 WRONG_ROWS = [
-    ("  Pace: {every: 1 s}\n", "3:3: traffic of 'Pace', which nobody sends"),
+    ("  Pace: {every: 1 s}\n", "3:3: traffic of 'Pace', which no node sends"),
     ("  Speed: {every: Pace}\n", "3:18: 'Pace' is neither a duration nor a setting of a device"),
     ("  Speed: {every: 0 ms}\n", "3:18: 'Speed' has a period of 0"),
     ("  Speed: {answers: Pace}\n", "3:20: 'Speed' answers 'Pace', which has no period"),

@@ -8,15 +8,15 @@ from xml.etree import ElementTree
 import pytest
 
 from eurobot_od.load.chart import chart
-from eurobot_od.load.message_set import MessageSet, SentMessage
+from eurobot_od.load.message_set import MessageSet, PeriodicMessage
 from eurobot_od.load.report import LoadReport, as_data, load_report, table
 from eurobot_od.load.sweep import limits, sentences, with_messages, with_nodes
 
 RATE = 100_000
 """bit/s: 10 us for a bit."""
 
-QUICK = SentMessage("Quick", 0x010, 0, 10_000, 1_200, "a", jitter=100)
-LONG = SentMessage("Long", 0x700, 8, 20_000, 20_000, "b")
+QUICK = PeriodicMessage("Quick", 0x010, 0, 10_000, 1_200, "a", jitter=100)
+LONG = PeriodicMessage("Long", 0x700, 8, 20_000, 20_000, "b")
 SET = MessageSet((QUICK, LONG))
 
 
@@ -51,7 +51,7 @@ def test_an_overload_is_told() -> None:
 
 
 def test_mailboxes_are_told() -> None:
-    others = tuple(SentMessage(f"Other {n}", n, 8, 100_000, 100_000, "a") for n in (0x20, 0x21))
+    others = tuple(PeriodicMessage(f"Other {n}", n, 8, 100_000, 100_000, "a") for n in (0x20, 0x21))
     line = list(table(load_report(MessageSet((QUICK, *others), {"a": 2}), RATE)))[1]
     assert line.endswith("Other 32, Other 32 in the mailboxes")
 

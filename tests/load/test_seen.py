@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from eurobot_od.frame import Frame
-from eurobot_od.load.message_set import MessageSet, SentMessage
+from eurobot_od.load.message_set import MessageSet, PeriodicMessage
 from eurobot_od.load.report import load_report
 from eurobot_od.load.seen import SeenTraffic, table
 from eurobot_od.simulation.bits import frame_bits
@@ -14,8 +14,8 @@ RATE = 125_000
 ASK, ANSWER = Frame(0x010), Frame(0x011, bytes(8))
 PROMISED = MessageSet(
     (
-        SentMessage("Ask", 0x010, 0, 100_000, 100_000, "a"),
-        SentMessage("Answer", 0x011, 8, 100_000, 100_000, "b", 1_000, answers="Ask"),
+        PeriodicMessage("Ask", 0x010, 0, 100_000, 100_000, "a"),
+        PeriodicMessage("Answer", 0x011, 8, 100_000, 100_000, "b", 1_000, answers="Ask"),
     )
 )
 

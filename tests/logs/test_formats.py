@@ -426,5 +426,5 @@ def test_a_blf_container_is_unpacked_piece_by_piece() -> None:
     (*_, last) = (raw for *_, raw in formats.read(packed, "blf"))
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert last == Foreign(Damage.UNREADABLE, "no object where one should begin")
+    assert last == Foreign(Damage.UNREADABLE, "no object where one should start")
     assert most < 4 << 20

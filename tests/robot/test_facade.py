@@ -14,7 +14,7 @@ import pytest
 
 from eurobot_od.errors import NoAnswer, StateError
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live, Watch
+from eurobot_od.live import FrameReader, Live
 from eurobot_od.pdo.message import Message
 from eurobot_od.robot import dialects
 from eurobot_od.robot.facade import Robot
@@ -55,7 +55,7 @@ class Partners:
     @contextmanager
     def running(self) -> Iterator[Partners]:
         with ExitStack() as stack:
-            stack.enter_context(Watch(open_bus(self.channel), self._seen, time.monotonic))
+            stack.enter_context(FrameReader(open_bus(self.channel), self._seen, time.monotonic))
             for node in (self.drive, self.navigation) if self.present else ():
                 stack.enter_context(Live.node(open_bus(self.channel), node))
             yield self

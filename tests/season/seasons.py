@@ -17,7 +17,7 @@ from eurobot_od.pdo.kinds import ColumnForm, Kind, OutOfRange, words_of
 from eurobot_od.pdo.protocol import Protocol
 from eurobot_od.season import tables
 from eurobot_od.season.archive import Archiver
-from eurobot_od.season.writing import Network
+from eurobot_od.season.writing import DecodedNetwork
 
 Timed = tuple[float, Frame]
 
@@ -29,7 +29,7 @@ def write_log(file: Path, frames: Iterable[Timed]) -> Path:
     return file
 
 
-def archived(log: Path, network: Network) -> Path:
+def archived(log: Path, network: DecodedNetwork) -> Path:
     """Archive a log into a season beside it."""
     season = log.with_suffix(".season")
     Archiver(season, network)(log)
@@ -42,12 +42,12 @@ def table(season: Path, name: str) -> pl.DataFrame:
     return pl.read_parquet(files).sort("run", "line") if files else pl.DataFrame()
 
 
-def protocol_of(network: Network) -> Protocol:
+def protocol_of(network: DecodedNetwork) -> Protocol:
     """Return the messages of a network, without PDOs that do not hold."""
     return Protocol.of_devices(network.outlines, network.catalogue, lambda _: None)
 
 
-def assert_equal_to_protocol(season: Path, frames: Iterable[Timed], network: Network) -> None:
+def assert_equal_to_protocol(season: Path, frames: Iterable[Timed], network: DecodedNetwork) -> None:
     """Compare all message tables with what `Protocol` decodes, row by row and field by field."""
     protocol = protocol_of(network)
     expected: dict[str, list[dict[str, Any]]] = {name: [] for name in protocol.names()}

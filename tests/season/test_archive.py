@@ -17,10 +17,10 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.season.archive import BEGUN, Archived, Archiver, archive
 from eurobot_od.season.tables import table_names
-from eurobot_od.season.writing import Network
+from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import table, write_log
 
-NETWORK = Network(dialects.load_all(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
+NETWORK = DecodedNetwork(dialects.load_all(dialects.DEFAULT), CATALOGUE, (("Goto Confirm", "Goto XY"),))
 FRAMES = [(0.5, Frame(0x008, bytes(8))), (0.6, Frame(0x7E5, b"12345678")), (0.7, Frame(0x00C))]
 
 
@@ -70,7 +70,7 @@ def test_a_log_is_known_by_its_content_under_any_name(log: Path, tmp_path: Path)
 
 def test_with_other_eds_files_it_is_another_run(log: Path, tmp_path: Path) -> None:
     season = tmp_path / "season"
-    other = Network(dialects.load_all(dialects.names()[-1]), CATALOGUE)
+    other = DecodedNetwork(dialects.load_all(dialects.names()[-1]), CATALOGUE)
     runs = {Archiver(season, network)(log).run for network in (NETWORK, other)}
     assert len(runs) == len(table_rows(season)) == 2
 
@@ -108,7 +108,7 @@ def test_two_copies_at_once_are_one_run(log: Path, tmp_path: Path) -> None:
     def meanwhile(_: int) -> None:
         other.append(Archiver(season, NETWORK)(copy))
 
-    archived = Archiver(season, NETWORK, told=meanwhile)(log)
+    archived = Archiver(season, NETWORK, progress=meanwhile)(log)
     assert [each.run for each in other] == [archived.run]
     assert len(table_rows(season)) == 1
     assert len(table(season, "frames")) == len(FRAMES)

@@ -23,7 +23,7 @@ from eurobot_od.robot import dialects
 from eurobot_od.robot.match import MatchOptions
 from eurobot_od.robot.match.stage import play_simulated
 from eurobot_od.robot.model.messages import CATALOGUE
-from eurobot_od.season.writing import Network
+from eurobot_od.season.writing import DecodedNetwork
 from tests.eds_text import DEVICE_TYPE, pdo, variable
 from tests.season.seasons import Timed, archived, assert_equal_to_protocol, protocol_of, random_frames, table, write_log
 
@@ -51,7 +51,7 @@ TYPES = (
 """Types, mapped bits, and how many bits stand before them."""
 
 
-def all_types(file: Path) -> Network:
+def all_types(file: Path) -> DecodedNetwork:
     """An EDS with a PDO for each type, the field at an offset and, where there is room, another one after it."""
     text = DEVICE_TYPE
     for number, (type_, bits, offset) in enumerate(TYPES):
@@ -60,11 +60,11 @@ def all_types(file: Path) -> Network:
         entries.append(f"0x{0x2000 + number:04X}00{bits:02X}")
         text += pdo(0x1800 + number, *entries, cob_id=f"0x{0x181 + 16 * number:X}", name=f"Of {type_} {bits} {offset}")
     file.write_text(text)
-    return Network((Dictionary.load(file, 5),), NOTHING)
+    return DecodedNetwork((Dictionary.load(file, 5),), NOTHING)
 
 
-def robot(dialect: str) -> Network:
-    return Network(dialects.load_all(dialect), CATALOGUE)
+def robot(dialect: str) -> DecodedNetwork:
+    return DecodedNetwork(dialects.load_all(dialect), CATALOGUE)
 
 
 @pytest.mark.parametrize("dialect", dialects.names())

@@ -21,11 +21,11 @@ from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season.archive import Archiver
 from eurobot_od.season.chart import draw
 from eurobot_od.season.season import Season
-from eurobot_od.season.writing import Network
+from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import Timed, write_log
 
 PROTOCOL = EurobotProtocol.load()
-NETWORK = Network(
+NETWORK = DecodedNetwork(
     dialects.load_all(), CATALOGUE, (("Goto Confirm", "Goto XY"), ("Check Drive Response", "Check Drive Request"))
 )
 BITRATE = 1000

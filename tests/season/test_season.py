@@ -19,7 +19,7 @@ from eurobot_od.robot.model.messages import CATALOGUE
 from eurobot_od.robot.protocol import EurobotProtocol
 from eurobot_od.season.archive import Archiver
 from eurobot_od.season.season import Season, SqlError
-from eurobot_od.season.writing import Network
+from eurobot_od.season.writing import DecodedNetwork
 from tests.season.seasons import write_log
 
 GOTO = messages.GotoXY(x=1234, y=567, angle=89, speed=75)
@@ -31,7 +31,7 @@ def season(tmp_path_factory: pytest.TempPathFactory) -> Season:
     folder = tmp_path_factory.mktemp("seasons")
     for number, dialect in enumerate(dialects.names()):
         log = write_log(folder / f"{number}.log", [(1.0 + number, EurobotProtocol.load(dialect).encode(GOTO))])
-        Archiver(folder / "season", Network(dialects.load_all(dialect), CATALOGUE))(log)
+        Archiver(folder / "season", DecodedNetwork(dialects.load_all(dialect), CATALOGUE))(log)
     return Season.open(folder / "season")
 
 
@@ -90,7 +90,7 @@ def test_a_folder_without_logs_is_no_season(tmp_path: Path) -> None:
 
 def test_who_asks_hears_how_far_it_is(season: Season) -> None:
     told: list[int] = []
-    season.sql("SELECT count(*) FROM goto_xy", told=told.append)
+    season.sql("SELECT count(*) FROM goto_xy", progress=told.append)
     assert told[-1] == 100
     assert set(told) <= set(range(101))
 

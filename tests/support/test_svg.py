@@ -42,4 +42,4 @@ def test_steps_are_round(least: float, step: float) -> None:
 
 
 def test_a_scale_has_round_ticks_between_its_ends() -> None:
-    assert list(svg.Scale(-3, 11, 0, 1).ticks()) == [0, 5, 10]
+    assert list(svg.Axis(-3, 11, 0, 1).ticks()) == [0, 5, 10]

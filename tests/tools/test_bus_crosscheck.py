@@ -24,12 +24,12 @@ def test_nothing_is_later_than_its_bound_and_something_is_near_it(number: int, r
 
 def test_errors_make_messages_late_and_are_needed_in_the_analysis(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bus_crosscheck, "STRUCK", 0.3)
-    monkeypatch.setattr(analysis.Errors, "within", lambda *_: 0)
+    monkeypatch.setattr(analysis.BitErrors, "within", lambda *_: 0)
     assert attempt(5, 2000, bus_crosscheck.RATES[1]).over
 
 
 def test_a_bound_that_is_too_low_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frames, "STUFFABLE_BASE", 26)  # a byte less than a frame has
+    monkeypatch.setattr(frames, "STUFFABLE", 26)  # a byte less than a frame has
     messages, bit_rate = random_set(Random("set 4"))
     outcome = crosscheck("set 4", messages, bit_rate, 500)
     assert wrong(outcome)

@@ -23,7 +23,7 @@ from eurobot_od.robot.panel import FieldPanel
 from eurobot_od.robot.protocol import decoder
 from eurobot_od.robot.world import World
 from eurobot_od.robot.world.assembly import assemble
-from eurobot_od.web.access import Access
+from eurobot_od.web.access import AccessRules
 from eurobot_od.web.content import described, stop_message
 from eurobot_od.web.page import page
 from eurobot_od.web.panel import Panel
@@ -36,7 +36,7 @@ LONG = 20.0
 
 NUMBERS = count(1)
 
-LOCAL = Access()
+LOCAL = AccessRules()
 
 
 SETTINGS = (("core.Position polling.Start delay", "0"), ("core.Position polling.Polling period", "200"))
@@ -57,7 +57,7 @@ class Served:
 
 
 @contextmanager
-def serving(text: str, access: Access = LOCAL, requests: Requests | None = None, port: int = 0) -> Iterator[str]:
+def serving(text: str, access: AccessRules = LOCAL, requests: Requests | None = None, port: int = 0) -> Iterator[str]:
     """Serve a page in a thread; gives its address."""
     loop, stop, ready = asyncio.new_event_loop(), asyncio.Event(), threading.Event()
     addresses: list[str] = []
@@ -84,7 +84,7 @@ def live_page(
     channel: str,
     folder: Path,
     control: bool = True,
-    access: Access = LOCAL,
+    access: AccessRules = LOCAL,
     network: Decoder | None = None,
     panels: tuple[type[Panel], ...] = (FieldPanel,),
     port: int = 0,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.web.access import Access, is_local
+from eurobot_od.web.access import AccessRules, is_local
 
-LOCAL, OPEN = Access(), Access("0.0.0.0", "right")
+LOCAL, OPEN = AccessRules(), AccessRules("0.0.0.0", "right")
 
 
 @pytest.mark.parametrize(
@@ -18,10 +18,10 @@ LOCAL, OPEN = Access(), Access("0.0.0.0", "right")
         (LOCAL, {"Host": "127.0.0.1"}, "", False),  # port 80
         (LOCAL, {"Host": "127.0.0.1:8014", "Origin": "http://127.0.0.1:8014"}, "", True),
         (OPEN, {"Host": "192.0.2.7:8014"}, "right", False),  # an address in figures is nobody's name
-        (Access("robot.local", "right"), {"Host": "robot.local:8014"}, "right", False),
+        (AccessRules("robot.local", "right"), {"Host": "robot.local:8014"}, "right", False),
     ],
 )
-def test_admitted(access: Access, headers: dict[str, str], shown: str, upgrade: bool) -> None:
+def test_admitted(access: AccessRules, headers: dict[str, str], shown: str, upgrade: bool) -> None:
     assert access.refusal(headers, shown, upgrade) is None
 
 
@@ -44,7 +44,9 @@ def test_admitted(access: Access, headers: dict[str, str], shown: str, upgrade: 
         (OPEN, {"Host": "evil.example"}, "right", False, 403, "is not this server"),
     ],
 )
-def test_refused(access: Access, headers: dict[str, str], shown: str, upgrade: bool, status: int, why: str) -> None:
+def test_refused(
+    access: AccessRules, headers: dict[str, str], shown: str, upgrade: bool, status: int, why: str
+) -> None:
     refusal = access.refusal(headers, shown, upgrade)
     assert refusal is not None
     assert (refusal.status, why in refusal.why) == (status, True)

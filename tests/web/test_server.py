@@ -23,7 +23,7 @@ from eurobot_od.live import Driver, Live, open_bus
 from eurobot_od.robot import dialects
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.robot.nodes import ROLES, Core
-from eurobot_od.web.access import Access
+from eurobot_od.web.access import AccessRules
 from eurobot_od.web.server import MOST_BROWSERS, MOST_OWED
 from tests.web.scene import LONG, Served, channel, live_page, robot
 
@@ -41,7 +41,7 @@ def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     """A page as it is served to other machines."""
-    with live_page(channel(), tmp_path_factory.mktemp("recordings"), access=Access("127.0.0.1", TOKEN)) as served:
+    with live_page(channel(), tmp_path_factory.mktemp("recordings"), access=AccessRules("127.0.0.1", TOKEN)) as served:
         yield served
 
 

@@ -143,14 +143,14 @@ def _play(
     arguments: argparse.Namespace,
 ) -> ExitStatus:
     """Play the match; status 1 if the strategy raised."""
-    from eurobot_od.live import Watch
+    from eurobot_od.live import FrameReader
     from eurobot_od.pdo.protocol import Protocol
     from eurobot_od.robot.match.apart import Led
     from eurobot_od.robot.match.summary import FrameCounter
 
     robot = shared.robot(arguments)
     counter = FrameCounter(Protocol.of_devices(robot.dialects.load_all(arguments.dialect), robot.catalogue()))
-    watch = Watch(
+    watch = FrameReader(
         shared.open_bus(arguments), lambda _, frame: counter.count(frame), live.clock, opener=shared.opener(arguments)
     )
     with watch:

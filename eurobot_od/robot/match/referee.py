@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 from eurobot_od.errors import LocalError, ProgramFailed, RemoteError, StateError
 from eurobot_od.live.event_loop import exited
-from eurobot_od.live.signals import ToldToEnd
+from eurobot_od.live.signals import Terminated
 from eurobot_od.live.watchdog import Hang
 from eurobot_od.robot.model.messages import DIAMETERS, KalmanPositionResponse
 from eurobot_od.robot.model.options import MatchOptions
@@ -64,7 +64,7 @@ async def _played(strategy: Strategy, core: Core) -> None:
     """Let a strategy play; raises ProgramFailed for one that would end the whole program."""
     try:
         await strategy(core)
-    except ToldToEnd:
+    except Terminated:
         raise
     except SystemExit as end:
         raise ProgramFailed(exited(end)).with_traceback(end.__traceback__) from None

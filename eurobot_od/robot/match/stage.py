@@ -71,7 +71,7 @@ def _untold(_: str) -> None:
 
 
 def _unwatched(_time: float, _frame: Frame) -> None:
-    """Watch no frame."""
+    """FrameReader no frame."""
 
 
 class EdsFiles(NamedTuple):
@@ -261,7 +261,7 @@ def play_live(
     reports: list[Report] = []
     with ExitStack() as stack:
         sigterm = stack.enter_context(EndedBySigterm())
-        stack.enter_context(runtime.Watch(open_bus(), match.seen, clock))
+        stack.enter_context(runtime.FrameReader(open_bus(), match.seen, clock))
         for node in reversed(match.nodes):  # the core leaves first: it stops the drive, and sees that it stands
             stack.enter_context(runtime.Live.node(open_bus(), node, clock, report=reports.append))
         stack.callback(sigterm.hold)

@@ -42,7 +42,7 @@ from eurobot_od.robot.picture.recording import (
     at,
 )
 from eurobot_od.support import svg
-from eurobot_od.web.panel import Control, Event, Panel
+from eurobot_od.web.panel import Control, PageEvent, Panel
 
 HERE = Path(__file__).parent
 
@@ -71,7 +71,7 @@ class FieldPanel(Panel):
         self._recorder = Recorder()
         # The drive keeps a margin besides, by how well it knows where it is.
         self._clearances = Clearances.of(self.facts(), self.facts().body.radius, 0.0)
-        self._told: dict[str, Event] = {}
+        self._told: dict[str, PageEvent] = {}
         self._routes: dict[int, list[Point]] = {}
         self._stops = 0
         self._heard: defaultdict[type[Message], Signal] = defaultdict(Signal)
@@ -126,7 +126,7 @@ class FieldPanel(Panel):
         control.send_message(request)
         return heard.wait(PATIENCE)
 
-    def take(self, time: float, message: Message) -> Iterable[Event]:
+    def take(self, time: float, message: Message) -> Iterable[PageEvent]:
         if isinstance(message, KalmanPositionResponse):
             self._place_known = message.x is not None
         if type(message) in self._heard:
@@ -138,22 +138,22 @@ class FieldPanel(Panel):
             if len(path) > 2 * KEPT:
                 del path[:KEPT]
         if isinstance(message, StartConfigurationSet):
-            yield Event(f"start {time}", "start", time, f"Start Configuration Set: {describe(message)}")
+            yield PageEvent(f"start {time}", "start", time, f"Start Configuration Set: {describe(message)}")
         start = self._recorder.start or 0.0
         yield from self._new(self._goto(start, each) for each in recording.gotos[before:])
         yield from self._new(_stop(start, each) for each in recording.stops[self._stops :])
         self._stops = len(recording.stops)
 
-    def _new(self, events: Iterable[Event]) -> Iterator[Event]:
+    def _new(self, events: Iterable[PageEvent]) -> Iterator[PageEvent]:
         """Give the events that are not as they were told before."""
         for event in events:
             if self._told.get(event.key) != event:
                 self._told[event.key] = event
                 yield event
 
-    def _goto(self, start: float, goto: RecordedGoto) -> Event:
+    def _goto(self, start: float, goto: RecordedGoto) -> PageEvent:
         message = goto.message
-        return Event(
+        return PageEvent(
             f"goto {goto.number}",
             "goto",
             start + goto.sent,
@@ -208,10 +208,10 @@ def _robots(facts: Facts) -> Iterator[dict[str, Any]]:
         yield {"name": name, "message": whom.__name__, "colour": colour, "dashes": dashes, **size}
 
 
-def _stop(start: float, stop: RecordedStop) -> Event:
+def _stop(start: float, stop: RecordedStop) -> PageEvent:
     place = stop.place and {"x": stop.place.x, "y": stop.place.y}
     text = f"{stop.letter}: {stop.name}: {stop.reason}"
-    return Event(
+    return PageEvent(
         f"stop {stop.letter}", "stop", start + stop.time, text, mark=stop.letter, wrong=True, data={"place": place}
     )
 
@@ -219,7 +219,7 @@ def _stop(start: float, stop: RecordedStop) -> Event:
 # What the world of a simulated match knows besides
 
 
-def truth_events(truth: Truth, start: float) -> Iterator[Event]:
+def truth_events(truth: Truth, start: float) -> Iterator[PageEvent]:
     """Give touches and points as events, `start` being when the page's time begins."""
     for number, touch in enumerate(truth.touches):
         yield _touch(number, touch, start)
@@ -227,15 +227,17 @@ def truth_events(truth: Truth, start: float) -> Iterator[Event]:
         yield _score(number, score, start)
 
 
-def _touch(number: int, touch: TouchMark, start: float) -> Event:
+def _touch(number: int, touch: TouchMark, start: float) -> PageEvent:
     place = {"x": touch.place.x, "y": touch.place.y}
     time = touch.time - start
-    return Event(f"touch {number}", "touch", time, touch.words, mark="✶", wrong=touch.at_fault, data={"place": place})
+    return PageEvent(
+        f"touch {number}", "touch", time, touch.words, mark="✶", wrong=touch.at_fault, data={"place": place}
+    )
 
 
-def _score(number: int, score: ScoredTask, start: float) -> Event:
+def _score(number: int, score: ScoredTask, start: float) -> PageEvent:
     text = f"{score.robot}: {score.task} +{score.points}"
-    return Event(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
+    return PageEvent(f"points {number}", "points", score.time - start, text, mark=f"+{score.points}")
 
 
 def true_path(truth: Truth, start: float) -> list[dict[str, Any]]:

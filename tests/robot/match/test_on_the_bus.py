@@ -15,7 +15,7 @@ from eurobot_od.client.configure import Configured, configure
 from eurobot_od.client.description import from_file
 from eurobot_od.client.scan import scan
 from eurobot_od.frame import Frame
-from eurobot_od.live import Live, Watch
+from eurobot_od.live import FrameReader, Live
 from eurobot_od.od import dcf
 from eurobot_od.od.description import DescribedDevice
 from eurobot_od.od.document import parse
@@ -94,7 +94,7 @@ def test_a_match_goes_on_as_before_when_a_dcf_has_moved_goto_xy(tmp_path: Path, 
     observer = Observer(core, timeline, lambda: world.robot)
     referee = Referee(core, SHORT, timeline, lambda: world.robot)
     with ExitStack() as stack:
-        stack.enter_context(Watch(open_bus(channel), lambda _, frame: seen.append(frame), clock))
+        stack.enter_context(FrameReader(open_bus(channel), lambda _, frame: seen.append(frame), clock))
         for node in reversed(nodes):  # the core leaves first
             stack.enter_context(Live.node(open_bus(channel), node, clock))
         for node in nodes:

@@ -18,13 +18,13 @@ from eurobot_od.robot.model.values import Barriers, Obstacle, Passage, Source, T
 from eurobot_od.robot.panel import KEPT, FieldPanel, true_path, truth_events
 from eurobot_od.robot.picture.recording import OURS, ScoredTask, TouchMark, Truth
 from eurobot_od.robot.protocol import EurobotProtocol
-from eurobot_od.web.panel import Event
+from eurobot_od.web.panel import PageEvent
 
 HERE = KalmanPositionResponse(200, 1800, 0, Source.INTERNAL)
 GOTO = GotoXY(1000, 500, 90, 80, Barriers.of({7: Passage.FORCED}))
 
 
-def events(*messages: tuple[float, Message]) -> list[Event]:
+def events(*messages: tuple[float, Message]) -> list[PageEvent]:
     panel = FieldPanel()
     return [event for time, message in messages for event in panel.take(time, message)]
 
