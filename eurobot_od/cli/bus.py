@@ -81,7 +81,7 @@ def nmt(target: Target, command: str) -> ExitStatus:
         print(f"{command} sent to all nodes")
         return ExitStatus.FINE
     with target.opened() as node:
-        if number not in TARGET_STATES:
+        if number not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
             node.reset(number)
             state = node.state(HEARTBEAT_WAIT)
             print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
@@ -89,7 +89,7 @@ def nmt(target: Target, command: str) -> ExitStatus:
         node.command(number)
         followed = node.wait_for(TARGET_STATES[number], HEARTBEAT_WAIT)
         state = node.last_state
-    if state is None:
+    if state is None:  # with 0x1017 at 0 a node is silent, and may well have followed
         print(f"sent; node {node.node_id} has no heartbeat that would show its state")
         return ExitStatus.FINE
     print(f"node {node.node_id} is {STATE_NAMES[state]}")
@@ -168,6 +168,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
     from eurobot_od.client.producing import produce, times
 
     zone = timezone.utc if utc else None
+    # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
     with Master(open_bus()) as master:
         produce(master, islice(frames, count), period, options.guard(reopen, master))

@@ -110,6 +110,7 @@ class Checks(NamedTuple):
 
     def run_seed(self, seed: int) -> CheckedSeed:
         """Run all suites for one seed, in any process."""
+        # PDOs that are left out were reported when the suites were first read, before there were processes.
         suites = self.suites(self.reader())
         return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt()) for suite in suites))
 

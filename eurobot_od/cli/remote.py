@@ -92,7 +92,7 @@ class Target(NamedTuple):
     @contextmanager
     def opened(self) -> Iterator[RemoteNode]:
         """Open the bus to talk to the node."""
-        number = self.node_id
+        number = self.node_id  # first, so that a wrong name opens no bus
         with self.master() as master:
             yield master.node(number)
 

@@ -69,6 +69,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     for line, time, channel, raw in entries:
         meaning = decoder(raw)
         place = {"line": line, "channel": channel}
+        # MCAP's times are unsigned 64-bit nanoseconds: an entry with another time is reported at the last good one.
         if 0 <= time < END_OF_TIME:
             latest, made = time, channels.of(meaning, place, time)
         else:

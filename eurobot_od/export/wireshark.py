@@ -93,6 +93,7 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
         yield f"            low = {field.limits.low}, high = {field.limits.high},"
     if field.default is not None:
+        # In two halves: Lua 5.2 in Wireshark has doubles only, which are exact up to 53 bits.
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
     listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"

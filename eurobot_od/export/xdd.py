@@ -126,7 +126,7 @@ class _Writer:
 
     def _origin(self) -> dict[str, str | None]:
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
-        version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))
+        version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
         return {
             "fileName": self._outline.file.with_suffix(".xdd").name,
             "fileCreator": self._file("fileinfo", "createdby"),
