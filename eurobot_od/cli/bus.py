@@ -16,7 +16,7 @@ from eurobot_od.cli.table import BUS, JSON, RECONNECT, CommandRow, Parameter, op
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, TIME_COB_ID, parse_number
+from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
 from eurobot_od.support.tables import columns
 
@@ -115,9 +115,7 @@ def watch(
     from eurobot_od.client.master import Master
     from eurobot_od.client.watch import NodeWatch, watch_nodes
 
-    wrong = [node_id for node_id in nodes if node_id not in NODE_IDS]
-    if wrong:
-        raise LocalError(f"node-ID {wrong[0]} is not in 1..127")
+    nodes = [*map(options.check_node_id, nodes)]
     if guard is not None and not (nodes and guard):
         raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
     guarded: dict[int, float] = dict.fromkeys(nodes, guard) if guard else {}
@@ -177,7 +175,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
 def _period(text: str) -> float:
     seconds = durations.seconds(text)
     if not seconds:
-        raise LocalError("a period is longer than 0")
+        raise LocalError("the period must be longer than 0")
     return seconds
 
 

@@ -81,7 +81,7 @@ def _number(name: str, text: str) -> float:
     except ValueError:
         number = -1.0
     if not 0 <= number < float("inf"):
-        raise LocalError(f"--tolerance {name}={text}: not a number from 0 on")
+        raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
     return number
 
 
