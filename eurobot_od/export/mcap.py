@@ -1,7 +1,7 @@
 """A log as MCAP, which Foxglove and PlotJuggler open: a channel for each message, JSON with a schema.
 
-Rule of this file: a message has the words and numbers that `decode --json` gives it, unknown is null. What a message
-draws, such as a pose, goes into a channel of its own; which message draws what is handed in.
+A message has the words and numbers of `decode --json`, null for unknown. What a message draws, such as a pose, goes
+into a channel of its own; the caller says which message draws what.
 """
 
 from __future__ import annotations

@@ -2,8 +2,6 @@
 
 The file is a table of the messages, and `wireshark.lua`, which reads it. It takes the frames of the network's
 identifiers and leaves all others to other dissectors.
-
-Rule of this file: it writes names and texts as quoted strings, filter names as identifiers, and numbers.
 """
 
 from __future__ import annotations

@@ -2,8 +2,7 @@
 
 The device profile names the device and its maker, the communication profile lists the objects with all they have in
 the file. Values keep `$NODEID`. Elements that the schema declares globally are in its namespace, `co:`, and no others.
-
-Rule of this file: `outline` reads the file, ElementTree escapes; a character that XML does not allow becomes U+FFFD.
+A character that XML does not allow becomes U+FFFD.
 """
 
 from __future__ import annotations
