@@ -108,7 +108,7 @@ def _spot(node: NetworkNode, pdo: LintedPdo, sub: int) -> Spot:
 
 
 class LintedNetwork:
-    """All nodes, and what is declared for them: shared messages, the order of priorities, the bit rate."""
+    """All nodes, and what is declared for them: messages with several senders, priorities, the bit rate."""
 
     def __init__(
         self,
