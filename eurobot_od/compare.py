@@ -1,13 +1,13 @@
-"""Two logs of what should be the same: which frames differ, are missing, are late.
+"""Two logs that should be the same: which frames differ, are missing, are late.
 
 Theory of operation: the frames of each identifier are two rows that are walked side by side. Frames that agree in time
-and values, within the tolerances, are a pair. Where two do not, there are three explanations: the two are a pair all
-the same (one is late, or its values have changed), the first log has frames that the second has not, up to the time of
-the other's next one, or the second has. The one after which most of the next frames agree is taken; in doubt, that they
-are a pair. So a frame that is missing among a hundred equal ones costs one difference, and not a hundred late ones.
+and values, within the tolerances, are a pair. Where two do not, there are three explanations: they are a pair anyway
+(one is late, or its values have changed), or the first log has frames that the second lacks, up to the time of the
+other's next one, or the second has. The explanation after which most of the next frames agree is taken; in doubt, that
+they are a pair. So one frame that is missing among a hundred equal ones is one difference, not a hundred late frames.
 
-Rule of this file: times count from the logs' common beginning, so that logs of two recordings can be compared; it is
-found from the frames that come in both.
+Rule of this file: times count from the logs' common beginning, so that two recordings can be compared; it is found from
+the frames that are in both.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ Timed = tuple[float, Raw]
 """A time in s, and what came then."""
 
 AHEAD = 8
-"""So many of the next frames decide which explanation is taken."""
+"""How many of the next frames decide which explanation is taken."""
 
 ALIGNED_BY = 100
-"""The first appearances of so many different frames tell how far the two clocks are apart."""
+"""How many different frames' first appearances are used to find how far the two clocks are apart."""
 
 TIME = 0.001
-"""How far two times may be apart, s, if nothing else is said."""
+"""Default tolerance of times, s."""
 
 
 class DifferenceKind(Enum):

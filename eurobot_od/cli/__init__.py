@@ -203,12 +203,12 @@ def _run(words: list[str]) -> int:
 
 
 def _robot_in(words: list[str]) -> tuple[list[str], str | None]:
-    """Take `--robot` out of the command line: a robot has to be known before its commands and options are."""
+    """Take `--robot` out of the command line: the robot decides which commands and options there are."""
+    if not any(each.partition("=")[0] == "--robot" for each in words):
+        return words, None  # without a parser, whose help formatter imports three compression libraries
     finder = argparse.ArgumentParser("eurobot-od", add_help=False, allow_abbrev=False)
     finder.error = Parser.error.__get__(finder)  # type: ignore[method-assign]
     finder.add_argument("--robot")
-    if not any(each.partition("=")[0] == "--robot" for each in words):
-        return words, None
     found, others = finder.parse_known_args(words)
     return others, found.robot
 

@@ -16,7 +16,7 @@ from eurobot_od.cli.table import BUS, JSON, RECONNECT, CommandRow, Parameter, op
 from eurobot_od.device.nmt import ALL_NODES, COMMAND_NAMES, STATE_NAMES, NmtCommand
 from eurobot_od.device.nmt import TARGET as TARGET_STATES
 from eurobot_od.errors import LocalError
-from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, NODE_IDS, SYNC_COB_ID, TIME_COB_ID, parse_number
+from eurobot_od.od.values import BASE_IDENTIFIER, NMT_COB_ID, SYNC_COB_ID, TIME_COB_ID, parse_number
 from eurobot_od.support import durations
 from eurobot_od.support.tables import columns
 
@@ -81,7 +81,7 @@ def nmt(target: Target, command: str) -> ExitStatus:
         print(f"{command} sent to all nodes")
         return ExitStatus.FINE
     with target.opened() as node:
-        if number not in TARGET_STATES:
+        if number not in TARGET_STATES:  # a reset: the boot-up message proves it (CiA 301, 7.3.2.2.3)
             node.reset(number)
             state = node.state(HEARTBEAT_WAIT)
             print(f"node {node.node_id} has booted" + ("" if state is None else f" and is {STATE_NAMES[state]}"))
@@ -89,7 +89,7 @@ def nmt(target: Target, command: str) -> ExitStatus:
         node.command(number)
         followed = node.wait_for(TARGET_STATES[number], HEARTBEAT_WAIT)
         state = node.last_state
-    if state is None:
+    if state is None:  # with 0x1017 at 0 a node is silent, and may well have followed
         print(f"sent; node {node.node_id} has no heartbeat that would show its state")
         return ExitStatus.FINE
     print(f"node {node.node_id} is {STATE_NAMES[state]}")
@@ -115,9 +115,7 @@ def watch(
     from eurobot_od.client.master import Master
     from eurobot_od.client.watch import NodeWatch, watch_nodes
 
-    wrong = [node_id for node_id in nodes if node_id not in NODE_IDS]
-    if wrong:
-        raise LocalError(f"node-ID {wrong[0]} is not in 1..127")
+    nodes = [*map(options.check_node_id, nodes)]
     if guard is not None and not (nodes and guard):
         raise LocalError("--guard polls the nodes that are named: name them, and a time longer than 0")
     guarded: dict[int, float] = dict.fromkeys(nodes, guard) if guard else {}
@@ -168,6 +166,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
     from eurobot_od.client.producing import produce, times
 
     zone = timezone.utc if utc else None
+    # TIME_OF_DAY counts days from 1984 and knows no time zone (CiA 301, 7.1.6.6).
     frames = times(lambda: datetime.now(zone).replace(tzinfo=None), cob_id)
     with Master(open_bus()) as master:
         produce(master, islice(frames, count), period, options.guard(reopen, master))
@@ -176,7 +175,7 @@ def time(utc: bool, period: float, count: int, cob_id: int, open_bus: Opener, re
 def _period(text: str) -> float:
     seconds = durations.seconds(text)
     if not seconds:
-        raise LocalError("a period is longer than 0")
+        raise LocalError("the period must be longer than 0")
     return seconds
 
 

@@ -12,9 +12,9 @@ from eurobot_od.check import report
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import CheckedSeed, StepResult, SuiteResult
 from eurobot_od.check.runner import Interrupt, RunOptions
-from eurobot_od.check.selection import chosen, is_chosen
 from eurobot_od.cli import campaign
 from eurobot_od.cli.options import Devices, complain_of_repairs
+from eurobot_od.errors import LocalError
 from eurobot_od.od import network
 from eurobot_od.support.escaping import one_line
 from eurobot_od.support.terminal import in_colour
@@ -112,6 +112,7 @@ class Checks(NamedTuple):
 
     def run_seed(self, seed: int) -> CheckedSeed:
         """Run all suites for one seed, in any process."""
+        # PDOs that are left out were reported when the suites were first read, before there were processes.
         suites = self.suites(self.reader())
         return CheckedSeed(seed, tuple(self.run(suite, seed, Interrupt()) for suite in suites))
 
@@ -128,6 +129,23 @@ class Checks(NamedTuple):
         own = ("fault", "tag", "step", "conformance", "reversible", "destructive", "keep_going")
         given = {name: str(value) for name, value in (options | {each: getattr(self, each) for each in own}).items()}
         return {"campaign": "checks", **given, "files": digest_of([*(each.file for each in suites), *named, *found])}
+
+
+def is_chosen(texts: Sequence[str], name: str) -> bool:
+    """Tell whether a step's name contains one of some texts; without texts all are chosen."""
+    return not texts or any(text.lower() in name.lower() for text in texts)
+
+
+def chosen(suites: Sequence[Suite], tags: Sequence[str], steps: Sequence[str]) -> list[Suite]:
+    """Return the suites with one of the tags and with one of the steps, all if there are none; raises LocalError."""
+    tagged = [suite for suite in suites if not tags or set(tags) & set(suite.tags)]
+    if not tagged:
+        known = sorted({tag for suite in suites for tag in suite.tags})
+        raise LocalError(f"no suite is tagged {' or '.join(tags)}; tags: {', '.join(known) or 'none'}")
+    found = [suite for suite in tagged if any(is_chosen(steps, step.name) for step in suite.steps)]
+    if steps and not found:
+        raise LocalError(f"no step is named like {' or '.join(steps)}")
+    return found if steps else tagged
 
 
 class Printer(NamedTuple):

@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     decoder = options.Devices.of(arguments).decoder()
     fields = tolerances(options.assignments("--tolerance", "FIELD=NUMBER", arguments.tolerance), decoder.protocol)
     wanted, reading = Filters.of(arguments).wanted(decoder), logs.ReadOptions.of(arguments)
+    # Both are read whole, as the distance between their clocks is found from frames of both.
     first, second = (_read(log, reading, decoder, wanted) for log in (arguments.first, arguments.second))
     differences = compare(first, second, decoder, Tolerances(arguments.time, fields))
     for each in differences:
@@ -80,7 +81,7 @@ def _number(name: str, text: str) -> float:
     except ValueError:
         number = -1.0
     if not 0 <= number < float("inf"):
-        raise LocalError(f"--tolerance {name}={text}: not a number from 0 on")
+        raise LocalError(f"--tolerance {name}={text}: not a number, 0 or more")
     return number
 
 

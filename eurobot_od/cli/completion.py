@@ -1,6 +1,6 @@
 """Print the completion script of a shell; `--help` says where to put it.
 
-Rule of this file: the texts are made by `tools/make_completion.py`, with shtab, and lie in the package.
+The scripts are in the package; `tools/make_completion.py` makes them, with shtab.
 """
 
 from __future__ import annotations

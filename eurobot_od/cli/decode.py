@@ -87,9 +87,10 @@ def run(arguments: argparse.Namespace) -> ExitStatus:
     decoding = Decoding(decoder, output, Filters.of(arguments).wanted(decoder), window)
     sys.stdout.write(output.header)
     for log in arguments.logs:
+        # Lines on the same terminal would tear the bar apart.
         with opened(log, is_watched=arguments.statistics or not sys.stdout.isatty()) as file:
             sys.stdout.writelines(decoding.lines(file, log, arguments.format, arguments.largest))
-    sys.stdout.flush()
+    sys.stdout.flush()  # the report comes after the lines, also where both go to one file
     sys.stderr.writelines(f"{line}\n" for line in decoding.damage.report())
     return ExitStatus.FOUND if arguments.strict and decoding.damage.total else ExitStatus.FINE
 

@@ -14,7 +14,6 @@ from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.lint.diff import EdsDifference, compare, compare_live, place, read_device, readable
 from eurobot_od.lint.model import LintedDevice
-from eurobot_od.od.values import NODE_IDS
 
 if TYPE_CHECKING:
     from eurobot_od.live.connection import Opener
@@ -32,8 +31,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(arguments: Namespace) -> ExitStatus:
     """Compare, print, and return the exit status."""
-    if arguments.node is not None and arguments.node not in NODE_IDS:
-        raise LocalError(f"node-ID {arguments.node} is not in 1..127")
+    if arguments.node is not None:
+        shared.check_node_id(arguments.node)
     left = read_device(arguments.left)
     if arguments.right:
         found = compare(left, read_device(arguments.right), arguments.node, arguments.names)

@@ -127,59 +127,41 @@ def read_concise(file: str, output: Path | None, eds: str | None, node_id: int |
 
 
 FORMS = {
-    "c": (
-        "C99 header with structs and functions that pack and unpack all messages",
-        CommandRow(c, OUTPUT, NAME, DEVICES),
+    "c": CommandRow(c, OUTPUT, NAME, DEVICES),
+    "dbc": CommandRow(dbc, OUTPUT, DEVICES),
+    "docs": CommandRow(
+        docs,
+        OUTPUT,
+        option("--format", choices=("markdown", "html"), help="default: by FILE's suffix, else markdown"),
+        DEVICES,
     ),
-    "dbc": ("DBC (CAN database) of all messages", CommandRow(dbc, OUTPUT, DEVICES)),
-    "docs": (
-        "messages and objects as Markdown or HTML to read",
-        CommandRow(
-            docs,
-            OUTPUT,
-            option("--format", choices=("markdown", "html"), help="default: by FILE's suffix, else markdown"),
-            DEVICES,
-        ),
+    "wireshark": CommandRow(wireshark, OUTPUT, NAME, DEVICES),
+    "mcap": CommandRow(
+        mcap,
+        option("log", metavar="LOG", help="log in any format; -: standard input"),
+        option("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file"),
+        logs.READING,
+        DEVICES,
     ),
-    "wireshark": (
-        "dissector of all messages for Wireshark and tshark, in Lua",
-        CommandRow(wireshark, OUTPUT, NAME, DEVICES),
-    ),
-    "mcap": (
-        "log as MCAP, for Foxglove and PlotJuggler",
-        CommandRow(
-            mcap,
-            option("log", metavar="LOG", help="log in any format; -: standard input"),
-            option("-o", "--output", type=Path, required=True, metavar="FILE", help="the MCAP file"),
-            logs.READING,
-            DEVICES,
-        ),
-    ),
-    "xdd": (
-        "device description in XML (CiA 311) of one EDS or DCF",
-        CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
-    ),
-    "cdcf": (
-        "concise DCF (0x1F22) from a DCF, or back",
-        CommandRow(
-            cdcf,
-            option("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF"),
-            option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes"),
-            option("--eds", metavar="FILE", help="EDS of the device that a concise DCF is for"),
-            option("--node-id", type=int, metavar="N", help="node-ID of the new DCF (default: the EDS's)"),
-        ),
+    "xdd": CommandRow(xdd, option("file", metavar="FILE", help="an EDS or DCF"), OUTPUT),
+    "cdcf": CommandRow(
+        cdcf,
+        option("file", metavar="FILE", help="a DCF to turn into a concise DCF, or a concise DCF"),
+        option("-o", "--output", type=Path, metavar="FILE", help="default: print the writes"),
+        option("--eds", metavar="FILE", help="EDS of the device that a concise DCF is for"),
+        option("--node-id", type=int, metavar="N", help="node-ID of the new DCF (default: the EDS's)"),
     ),
 }
-"""The forms, each with a line for the list of them."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Describe the command line of every form."""
     forms = parser.add_subparsers(dest="form", metavar="FORM", required=True)
-    for name, (text, row) in FORMS.items():
-        row.add_arguments(forms.add_parser(name, help=text, description=(row.__doc__ or "").partition("\n")[0]))
+    for name, row in FORMS.items():
+        text = (row.__doc__ or "").partition("\n")[0]
+        row.add_arguments(forms.add_parser(name, help=text, description=text))
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Run the form that was asked for."""
-    FORMS[arguments.form][1].run(arguments)
+    FORMS[arguments.form].run(arguments)

@@ -1,6 +1,6 @@
 """Single keys from a terminal, without waiting for the end of a line.
 
-Rule of this file: the terminal's settings are restored at the end; without a terminal there are no keys.
+The terminal's settings are restored at the end; without a terminal there are no keys.
 """
 
 from __future__ import annotations

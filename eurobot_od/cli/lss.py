@@ -42,6 +42,7 @@ def lss(
             with bar(f"lss {action}", unit=REQUESTS, after=SHORT) as progress:
                 lines = perform(master, steps, timeout, progress)
         finally:
+            # A device left in configuration state would obey the next command, whichever device that is for.
             perform(master, switch(LssState.WAITING))
     print("\n".join(lines) or "no device without a node-ID answers")
     return ExitStatus.FINE if lines else ExitStatus.FOUND
@@ -95,7 +96,7 @@ def _selected(identity: Identity | None, alone: bool) -> LssSteps[str]:
         found = identity if (yield from select(identity)) else None
         missing = f"no device has the identity {_words(identity)}"
     else:
-        yield from switch(LssState.WAITING)
+        yield from switch(LssState.WAITING)  # fastscan is for devices in waiting state only (CiA 305)
         found, missing = (yield from fastscan()), "no device without a node-ID answers"
     if found is None:
         raise RemoteError(missing)

@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> ExitStatus | None:
     if arguments.verbose:
         live.gatekeeper.add_frames(lambda: node.device.identifiers, partial(_show, node), "print")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends as Ctrl-C does: the node stopped, the bus closed
-    node.device.time_of_day.set(datetime.now(), live.clock())
+    node.device.time_of_day.set(datetime.now(), live.clock())  # until a TIME message sets it
     with _bus_failure_first(live), live:
         print(one_line(f"{node.name} (node-ID {node.device.node_id}) on {live.name}; Ctrl-C ends it"), flush=True)
         return _stay(live, scene, arguments.duration)

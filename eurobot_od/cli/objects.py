@@ -74,6 +74,7 @@ def write(target: Target, name: str, value: str | None, file: Path | None) -> No
             text = shown(thing, content)
         else:
             number = parse(thing, value)
+            # Without an EDS nothing gives the type; a device refuses another length than its own (0607 0010).
             size = len(node.upload(address_of(thing))) if not is_described(thing) else 0
             node.download(address_of(thing), encode(thing, number, size), thing.qualname)
             text = written(thing, number)
@@ -125,7 +126,7 @@ def emcy(target: Target, clear: bool, as_json: bool) -> ExitStatus:
         if clear:
             history.clear(node)
         found = history.history(node)
-    own = target.devices.robot.catalogue().errors
+    own = target.devices.robot.catalogue().errors  # CiA 301 leaves 0xFFxx to the maker of a device
     if as_json:
         print(json.dumps(errors_as_data(found, own), indent=2))
     else:

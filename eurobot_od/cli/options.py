@@ -19,6 +19,7 @@ from eurobot_od.od import network
 from eurobot_od.od.dialects import DIALECT_VARIABLE
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.network_file import NetworkFile, NodeFile
+from eurobot_od.od.values import NODE_IDS
 from eurobot_od.plugin import Plugin
 from eurobot_od.support.address import Address, parse
 
@@ -176,6 +177,13 @@ def add_network(parser: argparse.ArgumentParser) -> None:
     add_dialect(group)
 
 
+def check_node_id(number: int) -> int:
+    """Return a node-ID; raises LocalError if it is none."""
+    if number not in NODE_IDS:
+        raise LocalError(f"node-ID {number} is not in 1..127")
+    return number
+
+
 class Devices(NamedTuple):
     """The devices that --eds, --network and --dialect name, or the network file of this folder, or else the robot's."""
 
@@ -265,7 +273,7 @@ def complain_of_repairs(outlines: Iterable[Dictionary]) -> None:
         if changes:
             what = f"line {changes[0].line}: {changes[0].what}"
             more = f", and {len(changes) - 1} more (`lint --fix` lists them)" if len(changes) > 1 else ""
-            complain(f"{file}: read as it is meant: {what}{more}")
+            complain(f"{file}: repaired to be read: {what}{more}")
 
 
 def decoder_of(outlines: Iterable[Dictionary], robot: Plugin) -> Decoder:

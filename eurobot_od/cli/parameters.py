@@ -42,7 +42,7 @@ def configure(
         print(summary(plan, node.node_id))
         if dry_run or not plan.changes:
             return ExitStatus.FOUND if plan.changes else ExitStatus.FINE
-        node.state(HEARTBEAT_WAIT)
+        node.state(HEARTBEAT_WAIT)  # before the reset, as `apply` brings the node back to the state seen last
         outcome = apply(node, plan, datetime.now(), stores=not no_store, resets=not no_reset)
     if outcome.stored:
         kept = "stored, verified after a reset" if outcome.verified else "stored"

@@ -17,7 +17,7 @@ from eurobot_od.cli.table import Parameter
 from eurobot_od.errors import LocalError, UnknownName
 from eurobot_od.od import network
 from eurobot_od.od.objects import address_of, data_type, is_described, written
-from eurobot_od.od.values import NODE_IDS, label
+from eurobot_od.od.values import label
 from eurobot_od.support import durations
 from eurobot_od.support.tables import columns
 
@@ -79,9 +79,7 @@ class Target(NamedTuple):
             if text not in named:
                 raise UnknownName("node", text, named)
             return named[text]
-        if len(text) > 3 or int(text) not in NODE_IDS:
-            raise LocalError(f"node-ID {text} is not in 1..127")
-        return int(text)
+        return options.check_node_id(int((text.lstrip("0") or "0")[:4]))  # `int` raises for thousands of digits
 
     def master(self) -> Master:
         """Open the bus; the context closes it. Raises BusError."""
@@ -92,7 +90,7 @@ class Target(NamedTuple):
     @contextmanager
     def opened(self) -> Iterator[RemoteNode]:
         """Open the bus to talk to the node."""
-        number = self.node_id
+        number = self.node_id  # first, so that a wrong name opens no bus
         with self.master() as master:
             yield master.node(number)
 

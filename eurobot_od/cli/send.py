@@ -128,7 +128,8 @@ def exchange(bus: can.BusABC, question: Frame, expected: Frame, within: float) -
         if frame.cob_id == expected.cob_id and frame.data.startswith(expected.data):
             came.put((now, frame))
 
-    with FrameReader(bus, seen, time.perf_counter, failed=came.put):  # it listens before the question is out
+    # It listens before the question is out: an answer can come sooner than the next line is run.
+    with FrameReader(bus, seen, time.perf_counter, failed=came.put):
         started = time.perf_counter()
         transmit(bus, question)
         try:

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     logs: list[str] = arguments.logs
     if len(logs) > MOST_LOGS:
-        raise LocalError(f"{len(logs)} logs do not go side by side: name one or two")
+        raise LocalError(f"a page shows one log, or two side by side, not {len(logs)}")
     if logs and arguments.control:
         raise LocalError("--control is for a bus: a log cannot be changed")
     devices, bitrate = options.Devices.of(arguments), arguments.bitrate or BITRATE

@@ -34,16 +34,16 @@ RECONNECT = Parameter("reopen", options.add_reconnect, options.reopener)
 
 
 class CommandRow:
-    """A command; the first line of its function's docstring is what its help says."""
+    """A command: its function, whose docstring begins with the line of its help, and the function's parameters."""
 
-    def __init__(self, run: Callable[..., ExitStatus | None], *parameters: Parameter) -> None:
-        self._run, self._parameters, self.__doc__ = run, parameters, run.__doc__
+    def __init__(self, function: Callable[..., ExitStatus | None], *parameters: Parameter) -> None:
+        self.function, self.parameters, self.__doc__ = function, parameters, function.__doc__
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Describe the command line."""
-        for each in self._parameters:
+        for each in self.parameters:
             each.add(parser)
 
     def run(self, arguments: argparse.Namespace) -> ExitStatus | None:
         """Call the function with what the command line says."""
-        return self._run(**{each.name: each.read(arguments) for each in self._parameters})
+        return self.function(**{each.name: each.read(arguments) for each in self.parameters})

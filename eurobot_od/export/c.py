@@ -100,6 +100,7 @@ def c_header(protocol: Protocol, name: str) -> str:
 def header_of(messages: Iterable[DescribedMessage], name: str) -> str:
     """Return the header of messages."""
     prefix, blocks = prefix_of(name), blocks_of(messages, name)
+    # One name space for the macros of all messages: `GOTO` + `XY_MIN` and `GOTO_XY` + `MIN` would be the same macro.
     macros = Identifiers(longest=PARTS * (LONGEST_IDENTIFIER + 1))
     lines = [*_head(prefix, blocks), *(line for each in blocks for line in _block(each, macros)), "", "#endif"]
     return "\n".join(lines) + "\n"
@@ -139,6 +140,7 @@ def _head(prefix: str, blocks: Iterable[MessageBlock]) -> Iterator[str]:
         if any(member.type == real for block in blocks for member in block.members):
             yield ""
             yield f"/* If {real} does not have {bits} bits, as on some 8-bit controllers, this does not compile. */"
+            # C99 has no static_assert; an array of -1 elements does the same.
             yield f"typedef char {prefix}_{real}_has_{bits}_bits[sizeof({real}) == {bits // 8} ? 1 : -1];"
 
 
@@ -239,6 +241,7 @@ def _pack(block: MessageBlock) -> Iterator[str]:
 
 def _to_raw(member: Member) -> Iterator[str]:
     if member.field.numeral is Numeral.REAL:
+        # By memcpy, as a union or a cast of pointers is undefined behaviour in C++ (strict aliasing).
         yield f"    {member.raw_type} raw_{member.name};"
         yield f"    memcpy(&raw_{member.name}, &message->{member.name}, sizeof raw_{member.name});"
     else:
@@ -248,6 +251,7 @@ def _to_raw(member: Member) -> Iterator[str]:
 def _too_wide(member: Member) -> str:
     """Write the condition that a value does not fit into its field; empty if all values of its type fit."""
     width, value = member.field.width, f"message->{member.name}"
+    # A comparison that is always false is a warning, and the header has to compile without any.
     if width == member.bits or member.type == "bool":
         return ""
     if member.field.numeral is Numeral.SIGNED:

@@ -1,6 +1,6 @@
 """A network's messages and its devices' objects as a document to read: Markdown or HTML.
 
-Rule of this file: the document is a list of blocks; a form writes each kind of block, and escapes all texts.
+The document is a list of blocks; a form writes each kind of block, and escapes all texts.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A log as MCAP, which Foxglove and PlotJuggler open: a channel for each message, JSON with a schema.
 
-Rule of this file: a message has the words and numbers that `decode --json` gives it, unknown is null. What a message
-draws, such as a pose, goes into a channel of its own; which message draws what is handed in.
+A message has the words and numbers of `decode --json`, null for unknown. What a message draws, such as a pose, goes
+into a channel of its own; the caller says which message draws what.
 """
 
 from __future__ import annotations
@@ -69,6 +69,7 @@ def write(file: IO[bytes], entries: Iterable[LogEntry], decoder: Decoder, drawin
     for line, time, channel, raw in entries:
         meaning = decoder(raw)
         place = {"line": line, "channel": channel}
+        # MCAP's times are unsigned 64-bit nanoseconds: an entry with another time is reported at the last good one.
         if 0 <= time < END_OF_TIME:
             latest, made = time, channels.of(meaning, place, time)
         else:

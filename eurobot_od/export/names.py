@@ -1,7 +1,6 @@
 """Names and texts of files, made fit for other languages: valid, distinct identifiers of bounded length.
 
-Rule of this file: whatever the file says, what comes out is printable ASCII, in one line, and never empty where a name
-is needed.
+Rule of this file: whatever a file contains, the result is printable ASCII in one line, and never an empty name.
 """
 
 from __future__ import annotations

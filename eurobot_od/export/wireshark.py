@@ -2,8 +2,6 @@
 
 The file is a table of the messages, and `wireshark.lua`, which reads it. It takes the frames of the network's
 identifiers and leaves all others to other dissectors.
-
-Rule of this file: it writes names and texts as quoted strings, filter names as identifiers, and numbers.
 """
 
 from __future__ import annotations
@@ -93,6 +91,7 @@ def _field(field: DescribedField, filters: str) -> Iterator[str]:
     if field.numeral is not Numeral.REAL and max(map(abs, field.limits)) < MOST_EXACT:
         yield f"            low = {field.limits.low}, high = {field.limits.high},"
     if field.default is not None:
+        # In two halves: Lua 5.2 in Wireshark has doubles only, which are exact up to 53 bits.
         yield f"            default = {{{field.default % (1 << 32)}, {field.default >> 32}}},"
     listed = ", ".join(f"{{{each.byte}, {each.bit}, {each.shift}, {each.bits}}}" for each in chunks)
     yield f"            chunks = {{{listed}}}, -- byte, bit, bit of the value, bits"

@@ -2,8 +2,7 @@
 
 The device profile names the device and its maker, the communication profile lists the objects with all they have in
 the file. Values keep `$NODEID`. Elements that the schema declares globally are in its namespace, `co:`, and no others.
-
-Rule of this file: `outline` reads the file, ElementTree escapes; a character that XML does not allow becomes U+FFFD.
+A character that XML does not allow becomes U+FFFD.
 """
 
 from __future__ import annotations
@@ -126,7 +125,7 @@ class _Writer:
 
     def _origin(self) -> dict[str, str | None]:
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
-        version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))
+        version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
         return {
             "fileName": self._outline.file.with_suffix(".xdd").name,
             "fileCreator": self._file("fileinfo", "createdby"),

@@ -1,5 +1,4 @@
 """The EDS checker: a tolerant reader, rules for files and for networks, and the comparison of two dictionaries.
 
-Rule of this package: nothing raises, whatever the bytes, and nothing is imported that a check does not need; canopen
-is not.
+Rule of this package: nothing raises, whatever the bytes, and canopen is not imported, which takes longer than a check.
 """

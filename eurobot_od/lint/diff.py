@@ -1,7 +1,7 @@
 """Compares two object dictionaries by what they mean: objects, types, limits, values, mappings as bits, identifiers.
 
-Rule of this file: how something is written never counts (number base, order, upper and lower case, comments, compact or
-written out); a file's value is its ParameterValue or else its DefaultValue; names count only if that is asked for.
+Rule of this file: notation never counts (number base, order, case, comments, compact or written out). A file's value is
+its ParameterValue or else its DefaultValue; names count only on request.
 """
 
 from __future__ import annotations

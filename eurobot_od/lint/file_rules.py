@@ -12,25 +12,9 @@ from itertools import pairwise
 
 from eurobot_od.lint.findings import Rule, Rules, Violations
 from eurobot_od.lint.model import TOP, LintedDevice
+from eurobot_od.od import keys as cia306
 from eurobot_od.od import values
 from eurobot_od.od.document import Entry, Odd, Section
-from eurobot_od.od.keys import (
-    BIT_RATE_KEYS,
-    BIT_RATES,
-    COMMISSIONING,
-    DATES,
-    DEVICE_INFO,
-    FILE_INFO,
-    FLAGS,
-    IDENTITY,
-    OBJECT_LISTS,
-    ORIGIN,
-    SECTION_KEYS,
-    TIMES,
-)
-from eurobot_od.od.keys import (
-    OBJECT_KEYS as ALL_OBJECT_KEYS,
-)
 from eurobot_od.od.normal import misspelled
 from eurobot_od.od.standard import MANDATORY
 from eurobot_od.od.values import Number, PdoDirection, parse_number
@@ -89,12 +73,12 @@ def _lower(*keys: str) -> frozenset[str]:
     return frozenset(each.lower() for each in keys)
 
 
-OBJECT_KEYS = _lower(*ALL_OBJECT_KEYS)
-KNOWN_KEYS: Mapping[str, frozenset[str]] = {name.lower(): _lower(*keys) for name, keys in SECTION_KEYS.items()}
-KNOWN_KEYS = {**KNOWN_KEYS, "devicecommissioning": KNOWN_KEYS[COMMISSIONING.lower()]}
+OBJECT_KEYS = _lower(*cia306.OBJECT_KEYS)
+KNOWN_KEYS: Mapping[str, frozenset[str]] = {name.lower(): _lower(*keys) for name, keys in cia306.SECTION_KEYS.items()}
+KNOWN_KEYS = {**KNOWN_KEYS, "devicecommissioning": KNOWN_KEYS[cia306.COMMISSIONING.lower()]}
 """The keys of each section with a fixed set of them, in lower case."""
 
-LISTS = tuple(each.lower() for each in OBJECT_LISTS)
+LISTS = tuple(each.lower() for each in cia306.OBJECT_LISTS)
 NUMBERED = {"comments": ("lines", "line"), **dict.fromkeys(LISTS, ("supportedobjects", ""))}
 """Sections that count: the key with the number of entries, and what stands before an entry's number."""
 
@@ -243,13 +227,13 @@ FORMS = (
     ("E204", "FileVersion is a number from 0 to 255.", "FileInfo", ("FileVersion",), BYTE),
     ("E205", "FileRevision is a number from 0 to 255.", "FileInfo", ("FileRevision",), BYTE),
     ("E206", "EDSVersion is two numbers with a point.", "FileInfo", ("EDSVersion",), (is_version, "like 4.0")),
-    ("W208", "Times are hh:mm and AM or PM.", "FileInfo", TIMES, (is_time, "like 09:30AM")),
-    ("W209", "Dates are mm-dd-yyyy.", "FileInfo", DATES, (is_date, "like 05-28-2014")),
-    ("E214", "BaudRate_... are 0 or 1.", "DeviceInfo", BIT_RATE_KEYS, FLAG),
+    ("W208", "Times are hh:mm and AM or PM.", "FileInfo", cia306.TIMES, (is_time, "like 09:30AM")),
+    ("W209", "Dates are mm-dd-yyyy.", "FileInfo", cia306.DATES, (is_date, "like 05-28-2014")),
+    ("E214", "BaudRate_... are 0 or 1.", "DeviceInfo", cia306.BIT_RATE_KEYS, FLAG),
     ("E216", "SimpleBootUpMaster, SimpleBootUpSlave, GroupMessaging and LSS_Supported are 0 or 1.", "DeviceInfo",
-     FLAGS, FLAG),
+     cia306.FLAGS, FLAG),
     ("E217", "VendorNumber, ProductNumber and RevisionNumber are UNSIGNED32.", "DeviceInfo",
-     IDENTITY, up_to(values.UNSIGNED32.high, "0 to 0xFFFFFFFF")),
+     cia306.IDENTITY, up_to(values.UNSIGNED32.high, "0 to 0xFFFFFFFF")),
     ("E223", "NrOfRXPDO and NrOfTXPDO are numbers from 0 to 512.", "DeviceInfo",
      ("NrOfRXPDO", "NrOfTXPDO"), up_to(values.PDO_COUNT)),
     ("E224", "Granularity is a number from 0 to 64.", "DeviceInfo", ("Granularity",), up_to(64)),
@@ -279,7 +263,7 @@ def other_file_name(device: LintedDevice) -> Violations:
 @RULES.rule("I211", "CiA 306, [FileInfo]")
 def modified_before_created(device: LintedDevice) -> Violations:
     """A file is not modified before it is created."""
-    created, modified = (device.document.text("fileinfo", key.lower()) for key in DATES)
+    created, modified = (device.document.text("fileinfo", key.lower()) for key in cia306.DATES)
     if is_date(created) and is_date(modified) and modified[6:] + modified[:5] < created[6:] + created[:5]:
         at = device.at("fileinfo", "modificationdate")
         yield at, f"modified {modified}, before it was created {created}"
@@ -306,7 +290,9 @@ def no_bit_rate(device: LintedDevice) -> Violations:
 
 def bit_rates(device: LintedDevice) -> set[int]:
     """Return the bit rates in kbit/s that a device supports."""
-    return {rate for rate in BIT_RATES if (device.number("deviceinfo", f"baudrate_{rate}") or Number(0)).value == 1}
+    return {
+        rate for rate in cia306.BIT_RATES if (device.number("deviceinfo", f"baudrate_{rate}") or Number(0)).value == 1
+    }
 
 
 def pdo_count_of(key: str, direction: PdoDirection) -> Check:
@@ -370,14 +356,15 @@ RULES += (
          "CiA 306, [DeviceInfo]; public: dcf-tools, parse.py, reads bits 0 to 5",
          form_of(("CompactPDO",), up_to(0x3F, "0 to 0x3F"), "deviceinfo")),
     Rule("E201", "[FileInfo] has FileName, FileVersion and FileRevision.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", FILE_INFO)),
+         missing_of("fileinfo", cia306.FILE_INFO)),
     Rule("E202", "[FileInfo] has EDSVersion.", "CiA 306, [FileInfo]",
          missing_of("fileinfo", ("EDSVersion",), ": a reader takes the file as one of edition 3.0")),
     Rule("W203", "[FileInfo] says what the file is, who made it and when.", "CiA 306, [FileInfo]",
-         missing_of("fileinfo", ORIGIN)),
+         missing_of("fileinfo", cia306.ORIGIN)),
     Rule("E212", "[DeviceInfo] names vendor, product and revision, as far as 0x1018 does.", "CiA 306, [DeviceInfo]",
          missing_of("deviceinfo", ("VendorName", "VendorNumber", "ProductName"))),
-    Rule("W213", "[DeviceInfo] has all its keys.", "CiA 306, [DeviceInfo]", missing_of("deviceinfo", DEVICE_INFO)),
+    Rule("W213", "[DeviceInfo] has all its keys.", "CiA 306, [DeviceInfo]",
+         missing_of("deviceinfo", cia306.DEVICE_INFO)),
     Rule("E218", "VendorNumber is 0x1018 sub 1.", "CiA 306, [DeviceInfo]", identity_of("VendorNumber", 1)),
     Rule("E219", "ProductNumber is 0x1018 sub 2.", "CiA 306, [DeviceInfo]", identity_of("ProductNumber", 2)),
     Rule("E220", "RevisionNumber is 0x1018 sub 3.", "CiA 306, [DeviceInfo]", identity_of("RevisionNumber", 3)),

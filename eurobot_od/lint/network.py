@@ -1,7 +1,7 @@
 """The network view: the files of all nodes together, every identifier with its producers and consumers.
 
-Rule of this file: a network is data (nodes, declared shares, declared order of priorities); its rules are a table like
-those for one file, and each finding stands where the PDO or value is written that has to change.
+A network is data (nodes, declared shares, declared order of priorities); its rules are a table like those for one file.
+The place of a finding is the PDO or value that has to change.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class Traffic:
         meaning = self._explain(raw)
         self.now = time
         self.frames += 1
-        row = self.rows.get(raw[0])  # by COB-ID or Damage
+        row = self.rows.get(raw[0])  # by COB-ID or Damage: both kinds of entry have it first
         if row is None:
             row = self.rows[raw[0]] = MonitorRow(raw.cob_id if isinstance(raw, Frame) else None, meaning)
         row.meaning = meaning

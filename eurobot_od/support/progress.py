@@ -130,7 +130,7 @@ def counted(
         for count, thing in enumerate(things, 1):
             now = clock()
             if count == 1:
-                first = now  # the first round also starts the processes, which tells nothing of the others
+                first = said = now  # the first round also starts the processes, so its time says nothing of the others
             elif not redraws(out):
                 left = (now - first) / (count - 1) * (number - count)
                 if count == 1 + at_once and left >= LONG:

@@ -69,7 +69,7 @@ def test_tolerances_and_filters(
     ("words", "complaint"),
     [
         (["--tolerance", "x"], "--tolerance x: write FIELD=NUMBER"),
-        (["--tolerance", "x=-1"], "--tolerance x=-1: not a number from 0 on"),
+        (["--tolerance", "x=-1"], "--tolerance x=-1: not a number, 0 or more"),
         (["--tolerance", "nothing=1"], "unknown field 'nothing'"),
         (["--tolerance", "Goto.x=1"], "unknown message 'Goto'"),
         (["--time", "5"], "'5' is not a duration"),

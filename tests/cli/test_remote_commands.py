@@ -145,7 +145,7 @@ def test_any_device_is_read_by_the_names_of_its_file(
     with can.Bus(channel, interface="virtual") as bus, Live.node(bus, thing):
         status, out, err = run(channel, "read", node, "Heat", *options)
     assert (status, out) == (0, "0x2000:0  Heat  -5\n")
-    assert err.count("\n") == err.count("thing.eds: read as it is meant: ") == 1
+    assert err.count("\n") == err.count("thing.eds: repaired to be read: ") == 1
 
 
 def test_a_name_that_no_device_has_is_told(run: Run) -> None:

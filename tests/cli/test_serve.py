@@ -24,7 +24,7 @@ def log(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("words", "status", "complaint"),
     [
-        (["a.log", "b.log", "c.log"], 2, "3 logs do not go side by side: name one or two"),
+        (["a.log", "b.log", "c.log"], 2, "a page shows one log, or two side by side, not 3"),
         (["a.log", "--control"], 2, "--control is for a bus: a log cannot be changed"),
         (["nothing.log"], 3, "nothing.log: No such file or directory"),
         (["x.txt", "--format", "log"], 3, "x.txt: No such file or directory"),

@@ -68,7 +68,7 @@ def test_time_is_sent_once(capsys: pytest.CaptureFixture[str], bus: WiredBus) ->
         (["watch", "128"], "node-ID 128 is not in 1..127"),
         (["watch", "--guard", "1 s"], "--guard polls the nodes that are named"),
         (["sync", "--counter", "1"], "a counter of SYNC ends at 2 to 240, not at 1"),
-        (["sync", "--period", "0 s"], "a period is longer than 0"),
+        (["sync", "--period", "0 s"], "the period must be longer than 0"),
         (["sync", "--cob-id", "0x800"], "'0x800' is not an 11-bit identifier"),
     ],
 )

@@ -119,11 +119,10 @@ def test_a_line_says_how_long_it_takes_and_others_now_and_then_how_far_it_is() -
     said = told(io.StringIO(), 100, 1.0, at_once=2)
     assert [(number, text) for number, text in enumerate(said, 1) if text] == [
         (3, "100 matches, about 48 s on 2 processes\n"),
-        (20, "20 of 100 matches, about 40 s left\n"),
-        (40, "40 of 100 matches, about 30 s left\n"),
-        (60, "60 of 100 matches, about 20 s left\n"),
-        (80, "80 of 100 matches, about 10 s left\n"),
-        (100, "100 of 100 matches, about 0 s left\n"),
+        (21, "21 of 100 matches, about 40 s left\n"),
+        (41, "41 of 100 matches, about 30 s left\n"),
+        (61, "61 of 100 matches, about 20 s left\n"),
+        (81, "81 of 100 matches, about 10 s left\n"),
     ]
 
 
