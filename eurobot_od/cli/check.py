@@ -182,15 +182,22 @@ def _check(arguments: argparse.Namespace, suites: Sequence[Suite]) -> ExitStatus
 
 def _results(arguments: argparse.Namespace, suites: Sequence[Suite], interrupt: Interrupt) -> Iterator[SuiteResult]:
     """Run the suites, as often as asked for, until an interrupt or until the bus fails."""
+    gone: set[tuple[str, ...]] = (
+        set()
+    )  # a device that does not come back from a reset is told once, not in each chapter
     for seed in range(arguments.seed, arguments.seed + arguments.repeat):
         for suite in suites:
             if interrupt.requested:
                 return
+            if suite.nodes in gone:
+                continue
             result = _run_one(arguments, suite, seed, interrupt)
             _show_end(arguments, result)
             yield result
             if result.error:
                 return
+            if arguments.conformance and result.ended:
+                gone.add(suite.nodes)
 
 
 # Seeds at once
