@@ -48,6 +48,7 @@ class Format:
         self._common = {
             "name": Key(TEXT, "what the step is for; left out: what it does"),
             "repeat": Key(shapes.whole(1, MAX_COUNT), "how many times the step is done"),
+            "needed": Key(shapes.named({"yes": True, "no": False}, "answer"), "yes: the suite ends if the step fails"),
         }
         self._suite: Shape[dict[str, Any]] = shapes.record(dict, self._suite_table())
 
@@ -141,7 +142,8 @@ class Format:
         if wrong:
             raise ReadError
         action = row.make(given[key], **{name: given[name] for name in row.extra if name in given})
-        step = suite.Step(str(given.get("name", action)), place_of(node.start_mark), action, given.get("repeat", 1))
+        name, common = str(given.get("name", action)), {key: given[key] for key in ("repeat", "needed") if key in given}
+        step = suite.Step(name, place_of(node.start_mark), action, **common)
         if step.total > MAX_COUNT:
             refuse(node, problems, f"with the repetitions inside it {step.total} steps, at most {MAX_COUNT} are done")
         return step

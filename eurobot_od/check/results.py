@@ -78,6 +78,11 @@ class SuiteResult:
         return sum(step.status in statuses for step in self.steps)
 
     @property
+    def ended(self) -> bool:
+        """Whether a step that others need was red, so that they were not done."""
+        return any(step.status is Status.SKIPPED and step.reason is None for step in self.steps)
+
+    @property
     def failed(self) -> bool:
         """Whether a step is red."""
         return self.count(Status.FAILED) > 0

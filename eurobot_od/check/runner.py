@@ -141,7 +141,7 @@ class Runner:
         try:
             status, reason = await self._judge(step)
         finally:
-            ends_all = bool(self._error) or not (status in GOES_ON or keep_going)
+            ends_all = bool(self._error) or not (status in GOES_ON or (keep_going and not step.needed))
             self._stopped = self._stopped or ends_all
             took = self._since_start - started
             self._tell(StepResult(section, name, step.place, status, started, took, reason))

@@ -293,6 +293,8 @@ class Doer:
         return data
 
     async def _dump(self, action: suite.Dump) -> None:
+        if action.equal and not self._dumped:
+            raise Skipped(Reason("nothing was read before"))
         self._ask()
         dump = {objects.label(each): await self._content(each, action.node) for each in action.variables}
         if not action.equal:

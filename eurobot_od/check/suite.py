@@ -250,12 +250,13 @@ Action: TypeAlias = (
 
 
 class Step(NamedTuple):
-    """One step: its name, where it stands, what is done, and how many times."""
+    """One step: its name, where it stands, what is done, how many times, and whether the suite ends if it fails."""
 
     name: str
     place: Place
     action: Action
     repeat: int = 1
+    needed: bool = False
 
     @property
     def total(self) -> int:

@@ -187,16 +187,21 @@ def results_of(
     checks: Checks, suites: Sequence[Suite], seeds: Iterable[int], interrupt: Interrupt, printer: Printer
 ) -> Iterator[SuiteResult]:
     """Run the suites for all seeds, until an interrupt or until the bus fails."""
+    gone: set[tuple[str, ...]] = set()  # a device that does not come back from a reset is reported once
     for seed in seeds:
         for suite in suites:
             if interrupt.requested:
                 return
+            if suite.nodes in gone:
+                continue
             printer.heading(suite, checks.skips(suite) or checks.how(seed))
             result = checks.run(suite, seed, interrupt, printer.step)
             printer.end(result)
             yield result
             if result.error:
                 return
+            if checks.conformance and result.ended:
+                gone.add(suite.nodes)
 
 
 def many_results(

@@ -225,6 +225,14 @@ def test_a_conformance_suite_goes_on_behind_a_red_step(capsys: pytest.CaptureFix
 
 
 @pytest.mark.usefixtures("folder")
+def test_a_device_that_is_gone_is_told_once(capsys: pytest.CaptureFixture[str]) -> None:
+    said = run(capsys, "check", *f"--conformance {MODULE} --simulate --fault sdo-not-answered --json".split())
+    (result,) = json.loads(said.out)
+    assert said.status == 1
+    assert [step["status"] for step in result["steps"]].count("failed") == 1
+
+
+@pytest.mark.usefixtures("folder")
 def test_reports_say_why_a_step_is_skipped(capsys: pytest.CaptureFixture[str]) -> None:
     words = f"check --conformance {MODULE} --simulate --tag storage"
     tap = run(capsys, *words.split(), "--tap", "--junit", "report.xml").out

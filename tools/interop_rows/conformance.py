@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from eurobot_od.check.conformance import suite
-from eurobot_od.check.conformance.subject import BOOT_TIME
+from eurobot_od.check.conformance.subject import BOOT_TIME, Tier
 from eurobot_od.check.live import run_live
 from eurobot_od.check.reader import SuiteReader
 from eurobot_od.check.results import Status, StepResult
@@ -36,6 +36,7 @@ RED = {
     "7.2.4.3.17 Unknown sub-index": "any sub-index of a VAR is the VAR",
     "7.2.4.3.17 Wrong length": "takes any length of a BOOLEAN",
     "7.2.4.3.17 Limits": "takes values outside LowLimit and HighLimit",
+    "7.4.5 Writable": "has two bytes in a BOOLEAN that was written two",
     "7.4.4 Length of the type": "refuses an object without a value with 0x060A0023",
     "7.2.4.3.12 SDO block upload": "answers with a segmented upload, without having been offered that",
     "7.5.2.35 RPDO communication": "the identifier of a valid PDO can be changed",
@@ -66,7 +67,7 @@ def of_stock_node(_: Path) -> Answer:
 def _steps() -> Iterator[StepResult]:
     dictionary = Dictionary.load(FILE, NODE_ID)
     networks = Networks(lambda _: FILE, load=lambda _: (dictionary,), refused=lambda _: None)
-    text = suite.text(dictionary).replace(BOOT_TIME, PATIENCE)
+    text = suite.text(dictionary, Tier.DESTRUCTIVE).replace(BOOT_TIME, PATIENCE)
     channel = new_channel()
     with stock_network(open_bus(channel)) as network:
         network.create_node(NODE_ID, str(FILE))

@@ -129,6 +129,6 @@ CHAPTER = Chapter(
     (
         Clause("7.2.7", "EMCY", _silence),
         Clause("7.5.2.4", "Error history", _history, Tier.DESTRUCTIVE),
-        Clause("7.2.7", "EMCY", _too_short, Tier.DESTRUCTIVE, "5.2 to 5.6"),
+        Clause("7.2.7", "EMCY", _too_short, Tier.DESTRUCTIVE, "5.4 to 5.6"),
     ),
 )

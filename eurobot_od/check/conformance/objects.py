@@ -34,8 +34,8 @@ from eurobot_od.sdo.wire import AbortCode
 if TYPE_CHECKING:
     from canopen.objectdictionary import ODVariable
 
-FREE = (0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
-"""Indices where mostly nothing is, one in each area."""
+FREE = (0x1004, 0x1FFF, 0x5FFF, 0x9FFF, 0xBFFF)
+"""Indices where mostly nothing is: one that CiA 301 has given up, and one in each area."""
 
 FIXED = (DEVICE_TYPE[0], DEVICE_NAME[0])
 """Read-only objects whose value does not depend on what the device does."""
@@ -44,6 +44,8 @@ ACTING = {*COMMANDS, 0x1013, *range(0x1023, 0x1028), *range(0x1F50, 0x1F58)}
 """Objects whose writing does something: their own clauses look at them, or nobody should."""
 
 MAPPINGS = {index for records in MAPPING_RECORDS.values() for index in records}
+
+COMMUNICATIONS = {index for records in values.COMMUNICATION_RECORDS.values() for index in records}
 
 CONFIGURED = ("const", "rw", "rww")
 """Access types of what has its default after power-on; `ro` and `rwr` are mostly measured."""
@@ -141,7 +143,8 @@ def _own_values(subject: Subject) -> Iterator[Data]:
         elif data_type(each) is values.DOMAIN:
             yield skip(title(each), "a DOMAIN may be a program: nothing is written")
         else:
-            refused = BUSY if _has_value(each) else (*BUSY, *OUTSIDE)
+            # Some stacks refuse with 0x06090030 whatever is written to a PDO's record while it is valid.
+            refused = BUSY if _has_value(each) and each.index not in COMMUNICATIONS else (*BUSY, *OUTSIDE)
             written = {**put_back(each, optional=codes(*refused)), "name": "it is written"}
             yield group(f"{title(each)}: the value it has", save(each), written, unchanged(each))
 
@@ -245,7 +248,7 @@ CHAPTER = Chapter(
     "objects",
     "objects",
     (
-        Clause("7.2.4.3.17", "Unknown object", _unknown_objects),
+        Clause("7.2.4.3.17", "Unknown object", _unknown_objects, ctt="2.6"),
         Clause("7.2.4.3.17", "Unknown object", _unknown_written, Tier.REVERSIBLE),
         Clause("7.2.4.3.17", "Unknown sub-index", _unknown_subindices, ctt="2.5"),
         Clause("7.5.2.21", "Identity", _identity),

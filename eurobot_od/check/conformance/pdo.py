@@ -269,10 +269,14 @@ CHAPTER = Chapter(
     "pdo",
     "PDOs",
     (
-        Clause("7.5.2.35", "RPDO communication", _of(PdoDirection.RPDO, _communication), Tier.REVERSIBLE, "3.1"),
-        Clause("7.5.2.36", "RPDO mapping", _of(PdoDirection.RPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.29"),
-        Clause("7.5.2.37", "TPDO communication", _of(PdoDirection.TPDO, _communication), Tier.REVERSIBLE, "3.2"),
-        Clause("7.5.2.38", "TPDO mapping", _of(PdoDirection.TPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.32"),
+        Clause("7.5.2.35", "RPDO communication", _of(PdoDirection.RPDO, _communication), Tier.REVERSIBLE),
+        Clause(
+            "7.5.2.36", "RPDO mapping", _of(PdoDirection.RPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.24, 3.26, 3.29"
+        ),
+        Clause("7.5.2.37", "TPDO communication", _of(PdoDirection.TPDO, _communication), Tier.REVERSIBLE),
+        Clause(
+            "7.5.2.38", "TPDO mapping", _of(PdoDirection.TPDO, _mapping), Tier.REVERSIBLE, "3.22 to 3.24, 3.26, 3.32"
+        ),
         Clause("7.5.2.37", "TPDO transmission", _of(PdoDirection.TPDO, _event_timer), Tier.REVERSIBLE, "3.5"),
         Clause("7.2.2.2", "TPDO transmission", _of(PdoDirection.TPDO, _by_sync), Tier.REVERSIBLE, "3.6"),
     ),

@@ -234,9 +234,9 @@ CHAPTER = Chapter(
     (
         Clause("7.2.4.3.6", "SDO upload", _expedited_upload, ctt="2.1"),
         Clause("7.2.4.3.7", "SDO upload", _segmented_upload, ctt="2.13, 2.15 to 2.18"),
-        Clause("7.2.4.3.12", "SDO block upload", _block_upload, ctt="2.19, 2.22 to 2.25"),
+        Clause("7.2.4.3.12", "SDO block upload", _block_upload, ctt="2.19 to 2.25"),
         Clause("7.2.4.3.4", "SDO download", _segmented_download, ctt="2.14, 2.17"),
-        Clause("7.2.4.3.8", "SDO block download", _block_download, ctt="2.20, 2.21"),
+        Clause("7.2.4.3.8", "SDO block download", _block_download, ctt="2.19 to 2.25"),
         Clause("7.2.4.3.17", "SDO abort", _unknown_command, ctt="2.7"),
         Clause("7.2.4.3.17", "SDO abort", _unfinished),
     ),

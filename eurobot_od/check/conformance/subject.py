@@ -241,9 +241,13 @@ def never(name: str, pattern: object, span: str) -> Data:
 
 
 def awake(subject: Subject, name: str = "answers an SDO request") -> Data:
-    """Ask for an object until it is answered, if only by an abort: the device is up after a reset."""
+    """Ask for an object until it is answered, if only by an abort: the device is up after a reset.
+
+    A device that does not come back is told once: nothing else can be asked then.
+    """
     return {
         "name": name,
+        "needed": "yes",
         "poll": {**subject.request(initiate(ClientCommand.UPLOAD << 5, subject.probe)), "every": "100 ms"},
         "until": subject.answer("?" * 16),
         "within": BOOT_TIME,
