@@ -245,7 +245,9 @@ class Drive(RobotNode):
         if isinstance(motion, Motion):
             self._watch_wheels(rolled.follows(command, dt), dt)
             if self._is_unsure():
-                self._give_up_unsure()
+                self.fault = GotoFault.NOT_POSSIBLE
+                self.raise_error(RobotError.PLACE_UNSURE, Estimate)
+                self._brake()
             elif self.goto and not motion.arrived and self.estimate.spread > self._planned + UNSURER:
                 self._set_out(self.goto)  # forced barriers keep their distance also when the place is known worse
         # If the wheels were found blocked, the brakes have taken over, and the motion of before has not arrived.
@@ -265,11 +267,6 @@ class Drive(RobotNode):
     def _is_unsure(self) -> bool:
         """Tell whether the place is known too badly to drive on: without the navigation, the longer the worse."""
         return self.estimate.spread > self.setting("Estimate.Largest deviation")
-
-    def _give_up_unsure(self) -> None:
-        self.fault = GotoFault.NOT_POSSIBLE
-        self.raise_error(RobotError.PLACE_UNSURE, Estimate)
-        self._brake()
 
     def _forget_obstruction(self) -> None:
         self._stuck = 0.0

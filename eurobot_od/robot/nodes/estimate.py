@@ -91,7 +91,9 @@ class Estimate:
 
     def moved(self, odometry: Odometry, now: float) -> None:
         """Follow what the wheels report until `now`, s; the pose is unknown before the first one."""
-        self._remember(self._odometer[-1][1].moved(*odometry), now)
+        self._odometer.append((now, self._odometer[-1][1].moved(*odometry)))
+        while self._odometer[1][0] <= now - LONGEST_LATENCY:
+            self._odometer.popleft()
         self._belief = self._belief and self._belief.moved(odometry, self.tuning)
         if self._belief and self._seen_at is not None and now - self._seen_at > UNSEEN:
             self._belief = self._belief.loosened(BUMPS * math.sqrt(abs(odometry.distance) / METRE))
@@ -101,11 +103,6 @@ class Estimate:
         """Trust the place less: the robot ran into something, which may have turned it aside; once in a while."""
         if self._belief is not None and now - self._bumped_at > UNSEEN:
             self._belief, self._bumped_at = self._belief.loosened(PUSHED), now
-
-    def _remember(self, pose: Pose, now: float) -> None:
-        self._odometer.append((now, pose))
-        while self._odometer[1][0] <= now - LONGEST_LATENCY:
-            self._odometer.popleft()
 
     def corrected(self, fix: Fix, now: float) -> bool:
         """Take in a navigation position that came at `now`, s; return False if it was refused.
