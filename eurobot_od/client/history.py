@@ -1,6 +1,6 @@
 """The errors that a node remembers: error register 0x1001 and pre-defined error field 0x1003.
 
-Rule of this file: codes of our nodes have their own names, all others the class that CiA 301 gives them.
+Codes of our nodes have their own names, all others the class that CiA 301 gives them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The order in which objects of a device are written so that its PDOs change by CiA 301's procedure.
 
-Rule of this file: bytes by address in, writes in their order out; no bus and no dictionary.
+Bytes by address in, writes in their order out; no bus and no dictionary.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Reads all objects of a node: for a listing of them, for a comparison, and for a DCF of the node as it is.
 
-Rule of this file: a node that refuses one object is asked for the next; one that does not answer ends the reading.
+A node that refuses one object is asked for the next; one that does not answer ends the reading.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Lets a periodic task of a master continue when its bus is lost and comes back.
 
-Rule of this file: a bus that has never worked is raised as an error; only one that has worked is opened again.
+A bus that has never worked is raised as an error; only one that has worked is opened again.
 """
 
 from __future__ import annotations

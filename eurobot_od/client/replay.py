@@ -1,6 +1,6 @@
 """Sends a log's frames to a bus at their recorded times, so that a real node meets yesterday's other nodes.
 
-Rule of this file: frames keep their order and their distance from the first one; a frame that is late is sent at once,
+Frames keep their order and their distance from the first one; a frame that is late is sent at once,
 and the next one at its own time.
 """
 

@@ -1,6 +1,6 @@
 """Finds the nodes of a bus.
 
-Rule of this file: a node is there if it answers an SDO request of ours, or if its heartbeat is heard. Other frames
+A node is there if it answers an SDO request of ours, or if its heartbeat is heard. Other frames
 prove nothing: a protocol's own identifiers may look like PDOs of any node.
 """
 

@@ -1,6 +1,6 @@
 """CAN interfaces of Linux (SocketCAN): which there are, how they are, and the command that mends one.
 
-Rule of this file: what `ip -details -json link` and `/sys/class/net` say is read by functions of a text and a folder;
+What `ip -details -json link` and `/sys/class/net` say is read by functions of a text and a folder;
 only `links` asks the machine.
 """
 

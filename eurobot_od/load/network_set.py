@@ -3,7 +3,7 @@
 A TPDO with an event timer or a SYNC falls due by itself, no more often than its inhibit time; so do heartbeats
 (0x1017), SYNC (0x1006), and EMCY with an inhibit time (0x1015). All else has a row in the network file's `traffic`.
 
-Rule of this file: a message without a known period is refused, as no bound holds without it.
+A message without a known period is refused, as no bound holds without it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MS, INHIBIT_UNIT = 1000, 100
 SYNC, EMCY, SDO = "SYNC", "EMCY", "SDO"
 
 
-class SentFrame(NamedTuple):
+class NodeFrame(NamedTuple):
     """A frame that a node may send: its name, identifier, length in bytes, who sends it, and what it always answers.
 
     `row` is the name of its row in a network file: its own, or that of the service.
@@ -99,10 +99,10 @@ def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
     return (each for each in device.pdos if each.direction is PdoDirection.TPDO and each.valid)
 
 
-def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> SentFrame:
+def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> NodeFrame:
     length = -(-sum(each.bits for each in pdo.mapping) // 8)
     name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
-    return SentFrame(name, name, pdo.cob_id, length, device.name)
+    return NodeFrame(name, name, pdo.cob_id, length, device.name)
 
 
 def _timed_pdos(
@@ -123,28 +123,28 @@ def _timed_pdos(
 def _timed_services(device: Dictionary) -> Iterator[PeriodicMessage]:
     if heartbeat := device.number(standard.HEARTBEAT_TIME):
         name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
-        yield SentFrame(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
+        yield NodeFrame(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
     if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (cycle := device.number(standard.SYNC_PERIOD)):
-        yield SentFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
+        yield NodeFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
     if inhibit := device.number(standard.EMCY_INHIBIT_TIME):
         yield _emcy(device).sent(inhibit * INHIBIT_UNIT, "0x1015")
 
 
-def _emcy(device: Dictionary) -> SentFrame:
+def _emcy(device: Dictionary) -> NodeFrame:
     identifier = device.cob_id(standard.EMCY, values.EMCY_BASE)
-    return SentFrame(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
+    return NodeFrame(EMCY, f"{EMCY} {device.name}", identifier, 8, device.name)
 
 
-def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[SentFrame]:
+def _services(device: Dictionary, devices: Iterable[Dictionary]) -> Iterator[NodeFrame]:
     """Give the services that a row may be about: EMCY without an inhibit time, and SDO if a client is there."""
     if not device.number(standard.EMCY_INHIBIT_TIME):
         yield _emcy(device)
     for client in devices:
         if any(client.number((index, SERVER_NODE_ID)) == device.node_id for index in standard.SDO_CLIENTS):
             request = f"{SDO} request {device.name}"
-            yield SentFrame(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
+            yield NodeFrame(SDO, request, values.SDO_REQUEST_BASE + device.node_id, 8, client.name)
             answer = f"{SDO} answer {device.name}"
-            yield SentFrame(SDO, answer, values.SDO_RESPONSE_BASE + device.node_id, 8, device.name, request)
+            yield NodeFrame(SDO, answer, values.SDO_RESPONSE_BASE + device.node_id, 8, device.name, request)
 
 
 # What the network file says
@@ -162,7 +162,7 @@ class _Rows:
             if name not in known:
                 raise self._error(name, f"traffic of {name!r}, which no node sends")
 
-    def sent(self, sender: SentFrame) -> Iterator[PeriodicMessage]:
+    def sent(self, sender: NodeFrame) -> Iterator[PeriodicMessage]:
         """Give what is sent by the row of a message, if it has one."""
         row = self._rows.get(sender.row)
         if row is not None:

@@ -1,6 +1,6 @@
 """What was seen on a bus, compared with what is promised: load, gaps, jitter, and response times with their bounds.
 
-Rule of this file: no clock; frames with their times go in. Memory grows with the identifiers, not with the frames.
+No clock; frames with their times go in. Memory grows with the identifiers, not with the frames.
 """
 
 from __future__ import annotations

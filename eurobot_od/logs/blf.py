@@ -1,6 +1,6 @@
 """Vector's BLF format: objects in containers, most of them compressed.
 
-Rule of this file: only frames are looked into; every other object is stepped over by its size. The layouts are those
+Only frames are looked into; every other object is stepped over by its size. The layouts are those
 that python-can reads and writes (after Toby Lorenz' Vector BLF library; Vector publishes none).
 """
 

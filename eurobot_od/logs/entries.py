@@ -1,6 +1,6 @@
 """What a log holds: entries with a classic base data frame, or with something else.
 
-Rule of this file: nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage.
+Nothing in a log is dropped; an entry that is not such a frame gets a name, its Damage.
 """
 
 from __future__ import annotations

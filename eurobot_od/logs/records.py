@@ -1,6 +1,6 @@
 """Decoded entries as data for other programs: JSON lines and CSV.
 
-Rule of this file: a field is a number, nothing (unknown), or the words that a person writes.
+A field is a number, nothing (unknown), or the words that a person writes.
 """
 
 from __future__ import annotations

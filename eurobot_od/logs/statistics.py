@@ -1,6 +1,6 @@
 """The count of what is wrong in a log: how often, and where first.
 
-Rule of this file: constant memory; of each kind of damage the first entry is kept, of the others the number.
+Constant memory; of each kind of damage the first entry is kept, of the others the number.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """PEAK's TRC format in its versions 1.0 to 2.1, `  7)  103.250 DT 008 Rx 8 D2 74 23 59 2C 01 C3 A5`.
 
-Rule of this file: a version is the order of its columns; from version 2 on the header has it.
+A version is the order of its columns; from version 2 on the header has it.
 """
 
 from __future__ import annotations

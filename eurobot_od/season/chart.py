@@ -1,6 +1,6 @@
 """Answers as pictures: bars, lines, histograms, as SVG.
 
-Rule of this file: a picture shows what the rows say; nothing is smoothed or left out.
+A picture shows what the rows say; nothing is smoothed or left out.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
     season.frames("goto_xy").filter(pl.col("speed") > 50).collect()
     season.sql("SELECT message, count(*) FROM frames JOIN messages USING (cob_id) GROUP BY message")
 
-Rule of this file: nothing is written, and nothing is read before it is asked for.
+Nothing is written, and nothing is read before it is asked for.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A log as columns: for each message its times and the values of its fields, for the page to look up and to plot.
 
-Rule of this file: the page works out counts, periods and what was when; nothing is said here twice.
+The page works out counts, periods and what was when; nothing is said here twice.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Objects that are read by SDO again and again, for plots.
 
-Rule of this file: a few objects a few times a second; SDO requests of a page must not load the bus.
+A few objects a few times a second; SDO requests of a page must not load the bus.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from eurobot_od.live.backlog import OLD, Backlog
+from eurobot_od.live.reader import OLD, Backlog
 
 STAMPS = 1_000_000.0
 """The driver's clock is ahead of ours by that."""
