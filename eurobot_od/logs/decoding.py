@@ -46,4 +46,5 @@ class Decoding:
             shown = shown_time(time)
             if row is not None and shown is not None:
                 yield write(number, shown, channel, row)
-        yield self._output.footer()
+        if footer := self._output.footer():
+            yield footer

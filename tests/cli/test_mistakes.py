@@ -178,7 +178,7 @@ STEPS = {
     ),
     "a key of another action": (
         "  - send: Stop Drive\n    within: 1 s\n",
-        "6:5: unknown key next to send 'within'; known: name, repeat",
+        "6:5: unknown key next to send 'within'; known: name, repeat, needed",
     ),
     "a message with a slip": (
         "  - send: Stop Drve\n",
