@@ -86,10 +86,7 @@ def _grid_down(scale: Axis, bottom: float, label: str) -> Iterator[str]:
 
 def _axes(across: Axis, up: Axis, chart: Chart) -> Iterator[str]:
     yield from _grid_down(across, TOP + HEIGHT, chart.along)
-    for value in up.ticks():
-        y = up.at(value)
-        yield svg.line((LEFT, y), (LEFT + PLOT, y), stroke=svg.GRID, stroke_width=1)
-        yield svg.text((LEFT - 8, y + 4), f"{value:g}", font_size=svg.TEXT, fill=svg.PALE, text_anchor="end")
+    yield from svg.axis_up(up, LEFT, LEFT + PLOT)
     yield svg.text((LEFT, TOP - 12), chart.up, font_size=svg.TEXT, fill=svg.INK)
 
 

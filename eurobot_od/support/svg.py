@@ -146,3 +146,11 @@ def axis_across(ticks: Iterable[tuple[float, str]], top: float, bottom: float) -
     for x, words in ticks:
         yield line((x, top - 6), (x, bottom + 4), stroke=GRID, stroke_width=1)
         yield text((x, bottom + 20), words, font_size=TEXT, fill=PALE, text_anchor="middle")
+
+
+def axis_up(axis: Axis, left: float, right: float) -> Iterator[str]:
+    """Yield a line and a label for each tick of an axis that goes up."""
+    for value in axis.ticks():
+        y = axis.at(value)
+        yield line((left, y), (right, y), stroke=GRID, stroke_width=1)
+        yield text((left - 8, y + 4), f"{value:g}", font_size=TEXT, fill=PALE, text_anchor="end")

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from eurobot_od.robot.match.played import PlayedMatch
 from eurobot_od.support import svg
+from eurobot_od.support.svg import Axis
 
 Played = Mapping[str, Sequence[PlayedMatch]]
 """The matches of each strategy by its name, the same seeds in the same order."""
@@ -70,9 +71,7 @@ def _difference(measure: Measure, first: Sequence[PlayedMatch], other: Sequence[
 
 # The picture
 
-COLOURS = ("#2f8fd0", "#c62828", "#2e8b57", "#8a5fbf", "#c8860a")
-INK, PALE, PAPER = "#22262b", "#6b7178", "#ffffff"
-LEFT, TOP, PLOT, HIGH, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40
+LEFT, TOP, PLOT, HEIGHT, RIGHT, BOTTOM = 56, 64, 880, 320, 24, 40
 """Margins, and the width and height of the plot; one unit is a pixel of a screen."""
 
 
@@ -80,40 +79,24 @@ def picture(played: Played) -> str:
     """Draw the points at each seed, a dot for each strategy, and a line at its mean, as an SVG document."""
     points = {name: [POINTS.of(match) for match in matches] for name, matches in played.items()}
     seeds = [match.seed for match in next(iter(played.values()))]
-    top = max(1.0, *(max(each) for each in points.values()))
-    ground, right = TOP + HIGH, LEFT + PLOT
-
-    def x(number: int) -> float:
-        return LEFT + PLOT * (number + 0.5) / len(seeds)
-
-    def y(value: float) -> float:
-        return ground - HIGH * value / top
-
-    drawn = []
+    across = Axis(-0.5, len(seeds) - 0.5, LEFT, LEFT + PLOT)
+    up = Axis(0.0, max(1.0, *(max(values) for values in points.values())), TOP + HEIGHT, TOP)
+    drawn = [*svg.axis_up(up, LEFT, LEFT + PLOT)]
     for place, (name, values) in enumerate(points.items()):
-        colour, (mean, half) = COLOURS[place % len(COLOURS)], interval(values)
-        legend = f"{name}: {mean:.1f} ± {half:.1f} points"
-        band = y(mean - half) - y(mean + half)
-        drawn.append(svg.rectangle((LEFT, y(mean + half)), PLOT, band, fill=colour, opacity=0.15))
-        drawn.append(svg.line((LEFT, y(mean)), (right, y(mean)), stroke=colour))
-        drawn += [
+        colour, (mean, half) = svg.COLOURS[place % len(svg.COLOURS)], interval(values)
+        top, bottom = up.at(mean + half), up.at(mean - half)
+        drawn.append(svg.rectangle((LEFT, top), PLOT, bottom - top, fill=colour, opacity=0.15))
+        drawn.append(svg.line((LEFT, up.at(mean)), (LEFT + PLOT, up.at(mean)), stroke=colour))
+        drawn += (
             svg.group(
-                svg.title(f"{name}, seed {seeds[number]}: {value:g}"), svg.circle((x(number), y(value)), 3, fill=colour)
+                svg.title(f"{name}, seed {seed}: {value:g}"),
+                svg.circle((across.at(number), up.at(value)), 3, fill=colour),
             )
-            for number, value in enumerate(values)
-        ]
-        drawn.append(svg.text((LEFT + 290 * place, 44), legend, font_size=13, fill=colour))
-    return svg.element(
-        "svg",
-        svg.rectangle((0, 0), right + RIGHT, ground + BOTTOM, fill=PAPER),
-        svg.text((LEFT, 24), f"Points, seeds {seeds[0]} to {seeds[-1]}", font_size=17, font_weight="bold", fill=INK),
-        svg.line((LEFT, ground), (right, ground), stroke=PALE),
-        svg.line((LEFT, ground), (LEFT, TOP), stroke=PALE),
-        svg.text((LEFT - 8, TOP + 4), f"{top:g}", font_size=13, fill=PALE, text_anchor="end"),
-        svg.text((LEFT - 8, ground), "0", font_size=13, fill=PALE, text_anchor="end"),
-        svg.text((LEFT, ground + 24), "dots: a match each; lines: means, with 95 % intervals", font_size=13, fill=PALE),
-        *drawn,
-        xmlns="http://www.w3.org/2000/svg",
-        viewBox=f"0 0 {right + RIGHT} {ground + BOTTOM}",
-        font_family="Helvetica, Arial, 'Liberation Sans', 'DejaVu Sans', sans-serif",
-    )
+            for number, (seed, value) in enumerate(zip(seeds, values))
+        )
+        legend = f"{name}: {mean:.1f} ± {half:.1f} points"
+        drawn.append(svg.text((LEFT + 290 * place, TOP - 18), legend, font_size=svg.TEXT, fill=colour))
+    title, dots = f"Points, seeds {seeds[0]} to {seeds[-1]}", "a dot for each match; lines: means, with 95 % intervals"
+    drawn.append(svg.text((LEFT, TOP + HEIGHT + 24), dots, font_size=svg.TEXT, fill=svg.PALE))
+    width, height = LEFT + PLOT + RIGHT, TOP + HEIGHT + BOTTOM
+    return svg.document(title, svg.heading(title), *drawn, width=width, height=height)
