@@ -28,7 +28,7 @@ STUCK = 8
 """So many dominant bits behind a flag are counted; up to seven are the flags of others."""
 
 
-class Condition(Enum):
+class BusCondition(Enum):
     """Why a controller sends a flag."""
 
     ERROR = auto()
@@ -38,23 +38,23 @@ class Condition(Enum):
     OVERLOAD = auto()
 
 
-TRANSMITTER_COUNTS: dict[Condition, CountingRule | None] = {
-    Condition.ERROR: CountingRule.TRANSMITTER_ERROR,
-    Condition.ARBITRATION_STUFFING: None,  # rule c, exception 2: it may well be the other one who is wrong
-    Condition.NOT_ACKNOWLEDGED: CountingRule.TRANSMITTER_ERROR,
-    Condition.FLAG_ERROR: CountingRule.TRANSMITTER_FLAG_ERROR,
-    Condition.OVERLOAD: None,
+TRANSMITTER_COUNTS: dict[BusCondition, CountingRule | None] = {
+    BusCondition.ERROR: CountingRule.TRANSMITTER_ERROR,
+    BusCondition.ARBITRATION_STUFFING: None,  # rule c, exception 2: it may well be the other one who is wrong
+    BusCondition.NOT_ACKNOWLEDGED: CountingRule.TRANSMITTER_ERROR,
+    BusCondition.FLAG_ERROR: CountingRule.TRANSMITTER_FLAG_ERROR,
+    BusCondition.OVERLOAD: None,
 }
-RECEIVER_COUNTS: dict[Condition, CountingRule | None] = {
-    Condition.ERROR: CountingRule.RECEIVER_ERROR,
-    Condition.FLAG_ERROR: CountingRule.RECEIVER_FLAG_ERROR,
-    Condition.OVERLOAD: None,
+RECEIVER_COUNTS: dict[BusCondition, CountingRule | None] = {
+    BusCondition.ERROR: CountingRule.RECEIVER_ERROR,
+    BusCondition.FLAG_ERROR: CountingRule.RECEIVER_FLAG_ERROR,
+    BusCondition.OVERLOAD: None,
 }
 
 Levels: TypeAlias = Generator[int, int, None]
 """Gives the level of each bit that is sent, gets the level that is seen."""
 
-Field: TypeAlias = Generator[int, int, "Condition | None"]
+Field: TypeAlias = Generator[int, int, "BusCondition | None"]
 """The same for a part of a frame; returns what went wrong in it."""
 
 
@@ -142,7 +142,7 @@ class MediumAccess:
         """Wait until the bus is free; a dominant third bit is a start of frame."""
         for _ in range(INTERMISSION - 1):
             if (yield RECESSIVE) == DOMINANT:
-                return Condition.OVERLOAD
+                return BusCondition.OVERLOAD
         if (yield RECESSIVE) == DOMINANT:
             return (yield from self._received_at_once())
         return None
@@ -161,18 +161,18 @@ class MediumAccess:
                 continue
             # Nobody can make a dominant bit recessive, and after the arbitration nobody else sends.
             if seen == RECESSIVE or place >= wire.arbitration:
-                return Condition.ERROR
+                return BusCondition.ERROR
             if place in wire.stuffed:  # an error that a transmitter does not count (rule c, exception 2)
-                return Condition.ARBITRATION_STUFFING
+                return BusCondition.ARBITRATION_STUFFING
             # The arbitration is lost: it goes on as a receiver of what it has sent so far, and of this bit.
             return (yield from self._receive((*wire.bits[:place], seen)))
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
-            return Condition.ERROR
+            return BusCondition.ERROR
         if (yield RECESSIVE) == RECESSIVE:  # the acknowledge slot: every receiver overwrites it
-            return Condition.NOT_ACKNOWLEDGED
+            return BusCondition.NOT_ACKNOWLEDGED
         for _ in range(1 + END_OF_FRAME):  # after the acknowledge delimiter
             if (yield RECESSIVE) == DOMINANT:
-                return Condition.ERROR
+                return BusCondition.ERROR
         self._note(CountingRule.TRANSMITTED)
         self._note(Through(frame, sent=True))
         return None
@@ -184,32 +184,32 @@ class MediumAccess:
             reading.take(bit)
         while not reading.complete:
             if not reading.take((yield RECESSIVE)):
-                return Condition.ERROR
+                return BusCondition.ERROR
         intact = reading.intact
         if (yield RECESSIVE) == DOMINANT:  # the CRC delimiter
-            return Condition.ERROR
+            return BusCondition.ERROR
         if (yield DOMINANT if intact else RECESSIVE) == RECESSIVE and intact:
-            return Condition.ERROR
+            return BusCondition.ERROR
         if (yield RECESSIVE) == DOMINANT or not intact:  # the acknowledge delimiter; then a wrong CRC is told
-            return Condition.ERROR
+            return BusCondition.ERROR
         # Counted with the acknowledgement; the end of frame can still go wrong.
         self._note(CountingRule.RECEIVED)
         for _ in range(END_OF_FRAME - 1):
             if (yield RECESSIVE) == DOMINANT:
-                return Condition.ERROR
+                return BusCondition.ERROR
         # The frame is valid for receivers before its last bit: a dominant one there is an overload, not an error.
         last = yield RECESSIVE
         if reading.frame is not None:
             self._note(Through(reading.frame, sent=False))
-        return Condition.OVERLOAD if last == DOMINANT else None
+        return BusCondition.OVERLOAD if last == DOMINANT else None
 
     # What is sent when something is wrong
 
-    def _signal(self, fault: Condition) -> Field:
+    def _signal(self, fault: BusCondition) -> Field:
         """Send a flag and its delimiter, and count why. What makes it error passive is told by an active flag yet."""
-        passive = fault is not Condition.OVERLOAD and self.counters.state is ErrorState.PASSIVE
+        passive = fault is not BusCondition.OVERLOAD and self.counters.state is ErrorState.PASSIVE
         # Rule c, exception 1: a passive transmitter that is alone does not count on.
-        if not (passive and fault is Condition.NOT_ACKNOWLEDGED):
+        if not (passive and fault is BusCondition.NOT_ACKNOWLEDGED):
             self._note((TRANSMITTER_COUNTS if self.transmitting else RECEIVER_COUNTS)[fault])
         flag = self._passive_flag(fault) if passive else self._dominant_flag()
         failure = yield from flag
@@ -218,29 +218,29 @@ class MediumAccess:
     def _dominant_flag(self) -> Field:
         for _ in range(FLAG):
             if (yield DOMINANT) == RECESSIVE:
-                return Condition.FLAG_ERROR
+                return BusCondition.FLAG_ERROR
         return None
 
-    def _passive_flag(self, fault: Condition) -> Field:
+    def _passive_flag(self, fault: BusCondition) -> Field:
         """Wait for six equal bits. A lone node sees no dominant one: nobody is there, and it counts no further."""
         seen: list[int] = []
         while len(seen) < FLAG or len(set(seen[-FLAG:])) > 1:
             seen.append((yield RECESSIVE))
-        if fault is Condition.NOT_ACKNOWLEDGED and DOMINANT in seen:
+        if fault is BusCondition.NOT_ACKNOWLEDGED and DOMINANT in seen:
             self._note(CountingRule.TRANSMITTER_ERROR)
         return None
 
-    def _delimiter(self, fault: Condition) -> Field:
+    def _delimiter(self, fault: BusCondition) -> Field:
         """Wait until the flags of all others are over, then for the rest of the delimiter."""
         dominant = 0
         while (yield RECESSIVE) == DOMINANT:
             dominant += 1
             # Who saw the error first finds the flags of the others behind its own: it is the likely culprit (rule b).
-            if dominant == 1 and not self.transmitting and fault is not Condition.OVERLOAD:
+            if dominant == 1 and not self.transmitting and fault is not BusCondition.OVERLOAD:
                 self._note(CountingRule.RECEIVER_DOMINANT_AFTER_FLAG)
             if dominant % STUCK == 0:  # rule f: after each further eight dominant bits
                 self._note(CountingRule.TRANSMITTER_STUCK if self.transmitting else CountingRule.RECEIVER_STUCK)
         for place in reversed(range(DELIMITER - 1)):
             if (yield RECESSIVE) == DOMINANT:
-                return Condition.ERROR if place else Condition.OVERLOAD
+                return BusCondition.ERROR if place else BusCondition.OVERLOAD
         return None

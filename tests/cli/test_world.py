@@ -21,7 +21,7 @@ from eurobot_od.robot.model import robot_file
 from eurobot_od.robot.model.places import Point
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes import Navigation
-from eurobot_od.robot.world.beacons import Beacons
+from eurobot_od.robot.world.beacons import SimulatedBeacons
 from eurobot_od.robot.world.channel import WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.support.address import Address
@@ -96,7 +96,7 @@ def test_four_processes_play_a_match_to_its_end(served: Scene, tmp_path: Path) -
 def test_the_instruments_of_a_node_err_by_the_seed_of_the_world(served: Scene) -> None:
     node = Navigation(dialects.load("navigation"))
     vehicle, options = enter(node, Namespace(world=served.address, duration=1.0))
-    same = Beacons(vehicle, FACTS.field, options.errors, node.deviations, str(options.seed))
+    same = SimulatedBeacons(vehicle, FACTS.field, options.errors, node.deviations, str(options.seed))
     assert node.beacons is not None
     assert [node.beacons.locate(Source.INTERNAL, now) for now in (1.0, 2.0)] == [
         same.locate(Source.INTERNAL, now) for now in (1.0, 2.0)

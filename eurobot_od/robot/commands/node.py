@@ -84,7 +84,7 @@ def values(kind: type[Node], dictionary: Dictionary, arguments: argparse.Namespa
     return {"facts": facts_for(dictionary.file, changes)}
 
 
-class Scene:
+class NodeScene:
     """A node with its instruments, in a world of another process if the options name one.
 
     Raises WorldError, LocalError, OSError.
@@ -114,7 +114,7 @@ class Scene:
         return None
 
 
-set_up = Scene
+set_up = NodeScene
 
 
 def _strategy(name: str) -> Strategy:

@@ -58,7 +58,7 @@ from eurobot_od.robot.model.values import Barriers, Direction, Obstacle, Outcome
 from eurobot_od.robot.nodes import startup
 from eurobot_od.robot.nodes.equipment import Actuators, Approach, Detection, DistanceSensor
 from eurobot_od.robot.nodes.goto import GOTO_SETTINGS, NO_GOTO, End, GotoReport, drive_position, until_ended
-from eurobot_od.robot.nodes.identity import Channel, DialectMismatch
+from eurobot_od.robot.nodes.identity import DialectMismatch, SdoChannel
 from eurobot_od.robot.nodes.node import Handlers, Objects, RobotNode
 from eurobot_od.robot.nodes.sightings import DriveAnswer, Seen, Sighting, Track, Twins
 from eurobot_od.robot.nodes.standstill import NotStanding, Standstill, is_driving, until_standing
@@ -742,7 +742,7 @@ class Core(RobotNode):
             self._stop(messages.StopDrive(), Outcome.LOST, self._lost)
 
     def _is(self, node: str, node_id: int) -> bool:
-        channel = Channel.to(node, self.device)
+        channel = SdoChannel.to(node, self.device)
         return channel is not None and channel.node_id == node_id
 
     def _goes_on_without(self, node_id: int, why: str) -> bool:

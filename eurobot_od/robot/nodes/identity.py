@@ -45,7 +45,7 @@ def _eds(node: str, revision: int) -> str:
     return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
 
 
-class Channel(NamedTuple):
+class SdoChannel(NamedTuple):
     """How a device reaches another one by SDO (CiA 301, 7.5.2.34)."""
 
     request: int
@@ -53,7 +53,7 @@ class Channel(NamedTuple):
     node_id: int
 
     @classmethod
-    def to(cls, node: str, device: Device) -> Channel | None:
+    def to(cls, node: str, device: Device) -> SdoChannel | None:
         """Return the way to a node, None if the device's EDS knows none."""
         try:
             index, _ = device.dictionary.address(CHANNEL_NAME.format(node))

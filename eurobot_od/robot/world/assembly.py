@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterable
 from eurobot_od.robot.model.options import Errors, MatchOptions
 from eurobot_od.robot.nodes import Core, Drive, Navigation, Node
 from eurobot_od.robot.world import World
-from eurobot_od.robot.world.beacons import Beacons
+from eurobot_od.robot.world.beacons import SimulatedBeacons
 from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.vehicle import Vehicle
-from eurobot_od.robot.world.wheels import Wheels
+from eurobot_od.robot.world.wheels import SimulatedWheels
 
 
 def assemble(nodes: Iterable[Node], options: MatchOptions, clock: Callable[[], float]) -> World:
@@ -25,8 +25,8 @@ def equip(nodes: Iterable[Node], vehicle: Vehicle, errors: Errors, seed: str) ->
     """Give some of a robot's nodes the instruments that they have on its vehicle; `seed` is that of their errors."""
     for node in nodes:
         if isinstance(node, Drive):
-            node.chassis = Wheels(vehicle, errors, random.Random(f"{seed} wheels"))
+            node.chassis = SimulatedWheels(vehicle, errors, random.Random(f"{seed} wheels"))
         if isinstance(node, Navigation):
-            node.beacons = Beacons(vehicle, node.facts.field, errors, node.deviations, seed)
+            node.beacons = SimulatedBeacons(vehicle, node.facts.field, errors, node.deviations, seed)
         if isinstance(node, Core):
             node.sensor, node.actuators = Sensor(vehicle, errors, random.Random(f"{seed} sensor")), vehicle

@@ -17,7 +17,7 @@ from eurobot_od.robot.nodes.navigation import Fix
 from eurobot_od.robot.world.vehicle import Vehicle
 
 
-class Beacons:
+class SimulatedBeacons:
     """The beacons of a navigation (see `nodes.navigation.Beacons`), which see the robots of the world.
 
     `deviations` gives their standard deviations, mm and degrees. Only our own heading can be measured.

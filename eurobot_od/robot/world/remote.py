@@ -33,7 +33,7 @@ RETRY = 0.5
 """Seconds between two attempts to reach a world that was not there; it is not asked meanwhile."""
 
 
-class Truth(NamedTuple):
+class WorldTruth(NamedTuple):
     """What is true of a robot at a time of the world, in s: where it is, its points, and how often it was touched."""
 
     time: float
@@ -127,9 +127,9 @@ class RemoteVehicle:
                     raise
             time.sleep(RETRY)
 
-    def truth(self) -> Truth:
+    def truth(self) -> WorldTruth:
         """Ask what is true of the robot; raises WorldError."""
-        return self._asked(lambda answer: Truth(**answer), "truth")
+        return self._asked(lambda answer: WorldTruth(**answer), "truth")
 
     # Wheels, beacons, distance sensor
 

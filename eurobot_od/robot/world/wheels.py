@@ -13,7 +13,7 @@ BLOCKED = 0.5
 """Below this share of the way that they should have made, wheels are blocked: their encoders slip on."""
 
 
-class Wheels:
+class SimulatedWheels:
     """The chassis of a drive (see `nodes.motion.Chassis`), on a vehicle in the world.
 
     They roll a little more or less than they count: by a share that stays the same for a match, and by chance. What

@@ -11,17 +11,19 @@ from eurobot_od.robot.model.options import NOISE_ONLY, Errors
 from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source
 from eurobot_od.robot.nodes.navigation import Fix
-from eurobot_od.robot.world.beacons import Beacons
+from eurobot_od.robot.world.beacons import SimulatedBeacons
 from tests.robot.world.places import Place
 
 MANY = 3000
 
 
-def beacons(place: Place, errors: Errors = NOISE_ONLY, deviations: tuple[float, float] = (0.0, 0.0)) -> Beacons:
-    return Beacons(place.vehicle, place.world.facts.field, errors, lambda: deviations, "1")
+def beacons(
+    place: Place, errors: Errors = NOISE_ONLY, deviations: tuple[float, float] = (0.0, 0.0)
+) -> SimulatedBeacons:
+    return SimulatedBeacons(place.vehicle, place.world.facts.field, errors, lambda: deviations, "1")
 
 
-def ours(seen_by: Beacons, times: int = MANY) -> list[Fix | None]:
+def ours(seen_by: SimulatedBeacons, times: int = MANY) -> list[Fix | None]:
     return [seen_by.locate(Source.INTERNAL, 0.0) for _ in range(times)]
 
 

@@ -20,13 +20,13 @@ from eurobot_od.robot.model.places import Pose
 from eurobot_od.robot.model.values import Source, TeamColour
 from eurobot_od.robot.nodes.motion import Command, Odometry
 from eurobot_od.robot.world import World, remote
-from eurobot_od.robot.world.beacons import Beacons
+from eurobot_od.robot.world.beacons import SimulatedBeacons
 from eurobot_od.robot.world.channel import VERSION, Channel, WorldAddress
 from eurobot_od.robot.world.remote import RemoteVehicle
 from eurobot_od.robot.world.sensor import Sensor
 from eurobot_od.robot.world.server import Server
 from eurobot_od.robot.world.vehicle import Vehicle
-from eurobot_od.robot.world.wheels import Wheels
+from eurobot_od.robot.world.wheels import SimulatedWheels
 from eurobot_od.robot.world.world import OURS, RIVAL
 from eurobot_od.support.address import Address
 
@@ -138,13 +138,15 @@ def test_without_the_world_nothing_moves_and_nothing_is_seen_and_that_is_said_on
     with served() as address:
         pass
     with reaching(address) as (vehicle, reports):
-        wheels = Wheels(vehicle, OPTIONS.errors, random.Random(1))
+        wheels = SimulatedWheels(vehicle, OPTIONS.errors, random.Random(1))
         sensor = Sensor(vehicle, OPTIONS.errors, random.Random(1))
         for _ in range(3):
             assert wheels.advance(Command(400.0, 30.0), 0.01) == Odometry(0.0, 0.0)
             assert sensor.look(0.0) is None
             assert (
-                Beacons(vehicle, FACTS.field, OPTIONS.errors, lambda: (0.0, 0.0), "1").locate(Source.INTERNAL, 0.0)
+                SimulatedBeacons(vehicle, FACTS.field, OPTIONS.errors, lambda: (0.0, 0.0), "1").locate(
+                    Source.INTERNAL, 0.0
+                )
                 is None
             )
             for call in (vehicle.truth, vehicle.hello, lambda: vehicle.begin("mammoth")):

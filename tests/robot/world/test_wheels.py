@@ -10,21 +10,21 @@ import pytest
 
 from eurobot_od.robot.model.options import Errors
 from eurobot_od.robot.nodes.motion import AT_REST, Command, Odometry
-from eurobot_od.robot.world.wheels import Wheels
+from eurobot_od.robot.world.wheels import SimulatedWheels
 from tests.robot.world.places import STEP, Place
 
 EXACT = Errors(wheel_scale=0, wheel_turn=0, wheel_noise=0, heading_noise=0, wheel_slip=0)
 DT = STEP
 
 
-def on_wheels(errors: Errors, seed: int = 1) -> tuple[Place, Wheels]:
+def on_wheels(errors: Errors, seed: int = 1) -> tuple[Place, SimulatedWheels]:
     place = Place()
     place.clear()
     place.put(1000, 1000, 0)
-    return place, Wheels(place.vehicle, errors, random.Random(seed))
+    return place, SimulatedWheels(place.vehicle, errors, random.Random(seed))
 
 
-def roll(wheels: Wheels, command: Command, seconds: float) -> Odometry:
+def roll(wheels: SimulatedWheels, command: Command, seconds: float) -> Odometry:
     """Roll for some time; return what the wheels counted in all."""
     counted = [wheels.advance(command, DT) for _ in range(round(seconds / DT))]
     return Odometry(sum(each.distance for each in counted), sum(each.turn for each in counted))
