@@ -141,7 +141,7 @@ class Plugin(NamedTuple):
 
     # Nodes
 
-    def role_of(self, outline: Dictionary) -> str:
+    def role_of(self, dictionary: Dictionary) -> str:
         """Return which of the robot's nodes a file describes, ``: none; it has its name, and messages that it knows.
 
         Raises LocalError for a class of a team's own that goes by a message which the file does not have.
@@ -149,21 +149,21 @@ class Plugin(NamedTuple):
         from eurobot_od.od.values import PdoDirection
         from eurobot_od.support import python_file
 
-        if outline.name not in self.nodes:
+        if dictionary.name not in self.nodes:
             return ""
-        kind = self.nodes[outline.name]()
+        kind = self.nodes[dictionary.name]()
         known = {
             entry.type: pdo.direction
-            for pdo in outline.read_pdos(outline.default, lambda _: None)
+            for pdo in dictionary.read_pdos(dictionary.default, lambda _: None)
             if (entry := kind.CATALOGUE.find(pdo.name))
         }
         if not kind.__module__.startswith(OURS):  # ours may be given fewer messages than they know
             heard = [message for message, direction in known.items() if direction is PdoDirection.RPDO]
             wrong = [f"handles {each.__name__}, and has no RPDO of it" for each in kind.HANDLERS if each not in heard]
-            wrong += [f"binds {each!r}, which is no object" for each in kind.OBJECTS if not outline.data_index(each)]
+            wrong += [f"binds {each!r}, which is no object" for each in kind.OBJECTS if not dictionary.data_index(each)]
             if wrong:
-                raise LocalError(f"{python_file.place_of(kind)}: {kind.__name__} {wrong[0]} in {outline.file}")
-        return outline.name if known else ""
+                raise LocalError(f"{python_file.place_of(kind)}: {kind.__name__} {wrong[0]} in {dictionary.file}")
+        return dictionary.name if known else ""
 
     def kind(self, role: str, faults: Iterable[str] = ()) -> type[Node]:
         """Return the class of a node, `` for any device; it has those of the faults that such a node can have.

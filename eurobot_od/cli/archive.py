@@ -70,4 +70,4 @@ def _network(devices: options.Devices) -> DecodedNetwork:
     names = {each.cob_id: each.name for each in decoder.protocol.bindings}
     promised = devices.promised(decoder).messages  # one that several nodes send is there for each of them
     answers = {names[each.identifier]: each.answers for each in promised if each.answers and each.identifier in names}
-    return DecodedNetwork(decoder.outlines, decoder.protocol.catalogue, tuple(answers.items()))
+    return DecodedNetwork(decoder.dictionaries, decoder.protocol.catalogue, tuple(answers.items()))

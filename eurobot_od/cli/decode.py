@@ -126,5 +126,5 @@ class Filters(NamedTuple):
         if self.messages:
             wanted.append(by_name(self.messages, decoder.protocol))
         if self.nodes:
-            wanted.append(by_node(self.nodes, [each.name for each in decoder.outlines]))
+            wanted.append(by_node(self.nodes, [each.name for each in decoder.dictionaries]))
         return (lambda meaning: all(each(meaning) for each in wanted)) if wanted else None

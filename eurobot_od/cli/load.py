@@ -110,7 +110,7 @@ def _read(path: str | None, dialect: str | None, robot: Plugin) -> MessageSet:
     if dialect:
         raise LocalError("--dialect is for a robot's network: leave it out, or the file")
     network = read_network(path)
-    return _of_outlines(load(network.nodes), network, path, robot)
+    return _of_dictionaries(load(network.nodes), network, path, robot)
 
 
 def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
@@ -119,14 +119,14 @@ def of_robot(robot: Plugin, dialect: str | None = None) -> MessageSet:
     from eurobot_od.od.network_file import NetworkFile
 
     file = robot.dialects.network_file()
-    outlines = robot.dialects.load_all(dialect)
-    return _of_outlines(outlines, read_network(file) if file else NetworkFile(), str(file), robot)
+    dictionaries = robot.dialects.load_all(dialect)
+    return _of_dictionaries(dictionaries, read_network(file) if file else NetworkFile(), str(file), robot)
 
 
-def _of_outlines(outlines: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:
+def _of_dictionaries(dictionaries: Sequence[Dictionary], network: NetworkFile, path: str, robot: Plugin) -> MessageSet:
     from eurobot_od.load.network_set import network_set
     from eurobot_od.pdo.protocol import Protocol
 
     with options.left_out() as refused:
-        bindings = Protocol.of_devices(outlines, robot.catalogue(), refused).bindings
-    return network_set(outlines, {each.cob_id: each.name for each in bindings}, network, path)
+        bindings = Protocol.of_devices(dictionaries, robot.catalogue(), refused).bindings
+    return network_set(dictionaries, {each.cob_id: each.name for each in bindings}, network, path)

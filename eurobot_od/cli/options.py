@@ -245,12 +245,12 @@ class Devices(NamedTuple):
 
         asked = []
         with Master(open_bus()) as master:
-            for outline in self.load_and_complain():
+            for dictionary in self.load_and_complain():
                 try:
-                    asked.append(outline.configured(pdo_parameters(master.node(outline.node_id), outline)))
+                    asked.append(dictionary.configured(pdo_parameters(master.node(dictionary.node_id), dictionary)))
                 except RemoteError as error:
-                    complain(f"{outline.name}: PDOs as in {outline.file}: {error}")
-                    asked.append(outline)
+                    complain(f"{dictionary.name}: PDOs as in {dictionary.file}: {error}")
+                    asked.append(dictionary)
         return decoder_of(asked, self.robot)
 
     def promised(self, decoder: Decoder) -> MessageSet:
@@ -262,26 +262,26 @@ class Devices(NamedTuple):
             file = self.network or network.DEFAULT if self.files() else str(self.robot.dialects.network_file())
             rows = network.read_network(file) if os.path.exists(file) else NetworkFile()  # noqa: PTH110
             names = {each.cob_id: each.name for each in decoder.protocol.bindings}
-            return network_set(decoder.outlines, names, rows, file)
+            return network_set(decoder.dictionaries, names, rows, file)
         except (DictionaryError, LocalError):  # a bus can be watched without knowing how often a message is to come
             return NOTHING
 
 
-def complain_of_repairs(outlines: Iterable[Dictionary]) -> None:
+def complain_of_repairs(dictionaries: Iterable[Dictionary]) -> None:
     """Say in one line for each file what had to be repaired to read it."""
-    for file, changes in {each.file: each.changes for each in outlines}.items():
+    for file, changes in {each.file: each.changes for each in dictionaries}.items():
         if changes:
             what = f"line {changes[0].line}: {changes[0].what}"
             more = f", and {len(changes) - 1} more (`lint --fix` lists them)" if len(changes) > 1 else ""
             complain(f"{file}: repaired to be read: {what}{more}")
 
 
-def decoder_of(outlines: Iterable[Dictionary], robot: Plugin) -> Decoder:
+def decoder_of(dictionaries: Iterable[Dictionary], robot: Plugin) -> Decoder:
     """Return the decoder of some devices' frames; complains of PDOs that are left out."""
     from eurobot_od.logs.meaning import Decoder
 
     with left_out() as refused:
-        return Decoder(outlines, robot.catalogue(), refused)
+        return Decoder(dictionaries, robot.catalogue(), refused)
 
 
 @contextmanager

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
         options.Devices.of(arguments).decoder(),
         logs.entries(arguments.logs, logs.ReadOptions.of(arguments)),
     )
-    wanted = by_sender(decoder.outlines, decoder.protocol, arguments.only, arguments.without)
+    wanted = by_sender(decoder.dictionaries, decoder.protocol, arguments.only, arguments.without)
     timed = ((time, raw) for _, (_, time, _, raw) in entries if isinstance(raw, Frame) and wanted(raw))
     with Master(options.open_bus(arguments)) as master:
         frames, late, worst = replay(master, timed, arguments.speed)

@@ -14,14 +14,14 @@ from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.values import Address, Value
 
 
-def pdo_parameters(node: RemoteNode, outline: Dictionary) -> dict[Address, Value]:
+def pdo_parameters(node: RemoteNode, dictionary: Dictionary) -> dict[Address, Value]:
     """Read the numbers that a node has in its PDOs' records; what it refuses is left out.
 
     Raises NoAnswer, RemoteError, BusError.
     """
-    found = read_bytes(node, _addresses(outline))
+    found = read_bytes(node, _addresses(dictionary))
     return {address: int.from_bytes(data, "little") for address, data in found.items() if isinstance(data, bytes)}
 
 
-def _addresses(outline: Dictionary) -> Iterator[Address]:
-    return (address for address in outline.addresses() if pdo_of(address) is not None)
+def _addresses(dictionary: Dictionary) -> Iterator[Address]:
+    return (address for address in dictionary.addresses() if pdo_of(address) is not None)

@@ -54,11 +54,11 @@ class DocTable(NamedTuple):
 DocBlock: TypeAlias = "DocHeading | Paragraph | DocTable"
 
 
-def docs_text(protocol: Protocol, outlines: Iterable[Dictionary], form: str) -> str:
+def docs_text(protocol: Protocol, dictionaries: Iterable[Dictionary], form: str) -> str:
     """Return the document of a network in a form of FORMS; raises UnknownName."""
     if form not in FORMS:
         raise UnknownName("format", form, FORMS)
-    return FORMS[form](list(blocks(protocol, list(outlines))))
+    return FORMS[form](list(blocks(protocol, list(dictionaries))))
 
 
 def form_of(file: Path) -> str:
@@ -72,9 +72,9 @@ def form_of(file: Path) -> str:
 # What it says
 
 
-def blocks(protocol: Protocol, outlines: Sequence[Dictionary]) -> Iterator[DocBlock]:
+def blocks(protocol: Protocol, dictionaries: Sequence[Dictionary]) -> Iterator[DocBlock]:
     """Give the document: all messages as a table, each message with data, each device."""
-    yield DocHeading(1, f"CANopen network: {', '.join(each.name for each in outlines)}")
+    yield DocHeading(1, f"CANopen network: {', '.join(each.name for each in dictionaries)}")
     messages = described(protocol) if protocol.bindings else []
     yield DocHeading(2, "Messages")
     if messages:
@@ -88,8 +88,8 @@ def blocks(protocol: Protocol, outlines: Sequence[Dictionary]) -> Iterator[DocBl
     for message in messages:
         if message.fields:
             yield from _message(message)
-    for outline in outlines:
-        yield from _device(outline)
+    for dictionary in dictionaries:
+        yield from _device(dictionary)
 
 
 def _anchor(message: DescribedMessage) -> str:
@@ -139,17 +139,17 @@ INFORMATION = (
 OBJECT_HEAD = ("Index", "Sub", "Name", "Type", "Access", "PDO", "Value", "Low limit", "High limit")
 
 
-def _device(outline: Dictionary) -> Iterator[DocBlock]:
-    yield DocHeading(2, f"{outline.name}, node-ID {outline.node_id}", f"device-{outline.node_id}")
-    texts = ((what, outline.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
+def _device(dictionary: Dictionary) -> Iterator[DocBlock]:
+    yield DocHeading(2, f"{dictionary.name}, node-ID {dictionary.node_id}", f"device-{dictionary.node_id}")
+    texts = ((what, dictionary.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
     facts = ", ".join(f"{what} {text}" for what, text in texts if text)
-    yield Paragraph(f"From {outline.file.name}. {facts}".rstrip())
-    rows = [row for index in outline.members for row in _object(outline, index)]
+    yield Paragraph(f"From {dictionary.file.name}. {facts}".rstrip())
+    rows = [row for index in dictionary.members for row in _object(dictionary, index)]
     yield DocTable(OBJECT_HEAD, rows, words=("Index", "Type"))
 
 
-def _object(outline: Dictionary, index: int) -> Iterator[tuple[str, ...]]:
-    number, described_object = f"0x{index:04X}", outline.device.objects[index]
+def _object(dictionary: Dictionary, index: int) -> Iterator[tuple[str, ...]]:
+    number, described_object = f"0x{index:04X}", dictionary.device.objects[index]
     if described_object.code in COMPOSED:
         code = described_object.code
         yield number, "", described_object.name, code.name if code else "", "", "", "", "", ""

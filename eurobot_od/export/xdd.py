@@ -58,9 +58,9 @@ def load(file: str | Path) -> Dictionary:
     return Dictionary.load(file, NODE_IDS[0])
 
 
-def xdd_text(outline: Dictionary) -> str:
+def xdd_text(dictionary: Dictionary) -> str:
     """Return the device description of a device; raises DictionaryError for a value that cannot be read."""
-    return _Writer(outline).text()
+    return _Writer(dictionary).text()
 
 
 def _element(tag: str, attributes: Mapping[str, str | None], *children: Element, text: str | None = None) -> Element:
@@ -77,8 +77,8 @@ def _boolean(flag: bool) -> str:
 class _Writer:
     """Makes the elements of one file."""
 
-    def __init__(self, outline: Dictionary) -> None:
-        self._outline, self._device = outline, outline.device
+    def __init__(self, dictionary: Dictionary) -> None:
+        self._dictionary, self._device = dictionary, dictionary.device
 
     def text(self) -> str:
         names = {"xmlns:co": SCHEMA, "xmlns:xsi": INSTANCE}
@@ -127,7 +127,7 @@ class _Writer:
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
         version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
         return {
-            "fileName": self._outline.file.with_suffix(".xdd").name,
+            "fileName": self._dictionary.file.with_suffix(".xdd").name,
             "fileCreator": self._file("fileinfo", "createdby"),
             "fileCreationDate": day.date().isoformat() if day else NO_DAY,
             "fileCreationTime": time.time().isoformat() if time else None,
@@ -152,7 +152,7 @@ class _Writer:
 
     def _function(self) -> Element:
         """Return the list of characteristics: the source file, as the schema requires at least one."""
-        texts = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._outline.file.name))
+        texts = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._dictionary.file.name))
         parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in texts)
         listed = _element("co:characteristicsList", {}, _element("co:characteristic", {}, *parts))
         return _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))
@@ -165,7 +165,7 @@ class _Writer:
         return _element(
             "ApplicationLayers",
             {},
-            _element("co:CANopenObjectList", {}, *map(self._object, self._outline.members)),
+            _element("co:CANopenObjectList", {}, *map(self._object, self._dictionary.members)),
             _element("dummyUsage", {}, *(_element("dummy", {"entry": each}) for each in entries)),
         )
 
@@ -188,7 +188,7 @@ class _Writer:
         return _element("NetworkManagement", {}, *features, *self._commissioning())
 
     def _count(self, direction: PdoDirection) -> str:
-        return str(sum(index in COMMUNICATION_RECORDS[direction] for index in self._outline.members))
+        return str(sum(index in COMMUNICATION_RECORDS[direction] for index in self._dictionary.members))
 
     def _commissioning(self) -> Iterator[Element]:
         """Give the commissioning of a DCF; nothing for an EDS."""

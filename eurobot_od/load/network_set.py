@@ -52,13 +52,13 @@ class NodeFrame(NamedTuple):
 
 
 def network_set(
-    outlines: Iterable[Dictionary], names: Mapping[int, str], network: NetworkFile, file: str
+    dictionaries: Iterable[Dictionary], names: Mapping[int, str], network: NetworkFile, file: str
 ) -> MessageSet:
     """Return the messages of some devices; `names` are those of the PDOs by COB-ID, `file` is the network file's name.
 
     Raises DictionaryError for a row of the network file that does not hold, LocalError for messages without a period.
     """
-    devices = tuple(outlines)
+    devices = tuple(dictionaries)
     reader = _Rows(devices, network.traffic, file)
     senders = [_pdo_sender(device, each, names) for device in devices for each in _sent_pdos(device)]
     services = [each for device in devices for each in _services(device, devices)]

@@ -60,10 +60,10 @@ class Decoder:
     """Decodes frames by the EDS files of the nodes on the bus and the catalogue of their messages."""
 
     def __init__(
-        self, outlines: Iterable[Dictionary], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
+        self, dictionaries: Iterable[Dictionary], catalogue: Catalogue = NOTHING, refused: OnRefused = fatal
     ) -> None:
-        self.outlines = tuple(outlines)
-        self.protocol = Protocol.of_devices(self.outlines, catalogue, refused)
+        self.dictionaries = tuple(dictionaries)
+        self.protocol = Protocol.of_devices(self.dictionaries, catalogue, refused)
         self._bindings = {each.cob_id: each for each in self.protocol.bindings}
         self._readers: dict[int | Damage, Callable[[Any], Meaning]] = {}
 
@@ -72,7 +72,7 @@ class Decoder:
         """The services by identifier; made late, as many logs have none."""
         from eurobot_od.logs.services import services
 
-        return services(self.outlines, self.protocol.catalogue.errors)
+        return services(self.dictionaries, self.protocol.catalogue.errors)
 
     def __call__(self, raw: Raw) -> Meaning:
         """Return the meaning of a frame."""
@@ -91,7 +91,7 @@ class Decoder:
         found = self._services.get(frame.cob_id)
         if found is None:
             return Meaning(frame, "", "", (), None, str(frame), (Defect(Damage.UNKNOWN_IDENTIFIER, str(frame)),))
-        nodes = (found.node,) if found.node else tuple(each.name for each in self.outlines)
+        nodes = (found.node,) if found.node else tuple(each.name for each in self.dictionaries)
         if len(frame.data) != found.length:
             text = f"{len(frame.data)} bytes of data, expected {found.length}"
             defect = Defect(Damage.WRONG_LENGTH, f"{found.name} {frame}: {text}")

@@ -23,27 +23,27 @@ OWN_SERVICES = (
 """What a device sends besides messages: the object with its identifier, and the predefined identifier."""
 
 
-def senders(outlines: Iterable[Dictionary], protocol: Protocol) -> dict[int, frozenset[str]]:
+def senders(dictionaries: Iterable[Dictionary], protocol: Protocol) -> dict[int, frozenset[str]]:
     """Return the names of the devices that send each identifier; an identifier without a known sender is left out."""
     found: dict[int, set[str]] = {}
-    for outline in outlines:
+    for dictionary in dictionaries:
         for address, base in OWN_SERVICES:
-            cob_id = outline.cob_id(address, base) if address else base + outline.node_id
-            found.setdefault(cob_id, set()).add(outline.name)
+            cob_id = dictionary.cob_id(address, base) if address else base + dictionary.node_id
+            found.setdefault(cob_id, set()).add(dictionary.name)
     messages = {each.cob_id: frozenset(each.senders) for each in protocol.bindings if each.senders}
     return {cob_id: frozenset(names) for cob_id, names in found.items()} | messages
 
 
 def by_sender(
-    outlines: Collection[Dictionary], protocol: Protocol, only: Iterable[str], without: Iterable[str]
+    dictionaries: Collection[Dictionary], protocol: Protocol, only: Iterable[str], without: Iterable[str]
 ) -> Callable[[Frame], bool]:
     """Want what devices send: `only` these, or everything but frames that come from those `without` alone.
 
     Raises UnknownName. A frame without a known sender is wanted unless `only` is given.
     """
-    known = {plain_name(each.name): each.name for each in outlines}
+    known = {plain_name(each.name): each.name for each in dictionaries}
     wanted, unwanted = ({_known(name, known) for name in names} for names in (only, without))
-    sent_by, nobody = senders(outlines, protocol), frozenset[str]()
+    sent_by, nobody = senders(dictionaries, protocol), frozenset[str]()
 
     def wants(frame: Frame) -> bool:
         names = sent_by.get(frame.cob_id, nobody)

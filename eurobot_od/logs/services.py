@@ -30,20 +30,20 @@ class CanopenService(NamedTuple):
 
 
 class KnownNode(NamedTuple):
-    """What is known of the node that a frame is from or for: its name, and the outline of its EDS if there is one."""
+    """What is known of the node that a frame is from or for: its name, and its dictionary if there is one."""
 
     name: str
-    outline: Dictionary | None = None
+    dictionary: Dictionary | None = None
 
 
 def services(
-    outlines: Iterable[Dictionary], errors: Mapping[int, str] = MappingProxyType({})
+    dictionaries: Iterable[Dictionary], errors: Mapping[int, str] = MappingProxyType({})
 ) -> dict[int, CanopenService]:
     """Return the services by identifier: the predefined ones of all node-IDs, then what the EDS files say.
 
     `errors` are words for the error codes that are the devices' own.
     """
-    known = {each.node_id: KnownNode(each.name, each) for each in outlines}
+    known = {each.node_id: KnownNode(each.name, each) for each in dictionaries}
     found = {values.NMT_COB_ID: CanopenService("NMT", "", 2, partial(nmt_text, {n: k.name for n, k in known.items()}))}
     for node_id in values.NODE_IDS:
         node = known.get(node_id, KnownNode(f"node {node_id}"))
@@ -52,7 +52,7 @@ def services(
         found[values.ERROR_CONTROL_BASE + node_id] = CanopenService("Heartbeat", node.name, 1, heartbeat_text)
     for node in known.values():
         for address, service in zip((EMCY, SDO_REQUESTS, SDO_ANSWERS), _of_node(node, errors)):
-            cob_id = node.outline.number(address) if node.outline else None
+            cob_id = node.dictionary.number(address) if node.dictionary else None
             if cob_id is not None and not cob_id & values.NOT_VALID:
                 found[cob_id] = service
     return found
@@ -62,7 +62,7 @@ def _of_node(node: KnownNode, errors: Mapping[int, str]) -> Iterator[CanopenServ
     """Yield EMCY, SDO requests and SDO answers."""
     yield CanopenService("EMCY", node.name, 8, partial(emcy_text, errors))
     for commands in (REQUESTS, ANSWERS):
-        yield CanopenService("SDO", node.name, 8, partial(sdo_text, commands, node.outline))
+        yield CanopenService("SDO", node.name, 8, partial(sdo_text, commands, node.dictionary))
 
 
 # NMT, heartbeat, EMCY
@@ -92,27 +92,27 @@ SdoText: TypeAlias = Callable[["Dictionary | None", bytes], str]
 Commands: TypeAlias = Mapping[int, SdoText]
 
 
-def sdo_text(commands: Commands, outline: Dictionary | None, data: bytes) -> str:
+def sdo_text(commands: Commands, dictionary: Dictionary | None, data: bytes) -> str:
     """Say what an SDO frame asks or answers; `commands` are those of its direction."""
     text = commands.get(data[0] >> 5)
-    return text(outline, data) if text else f"command {data[0] >> 5}"
+    return text(dictionary, data) if text else f"command {data[0] >> 5}"
 
 
-def _object(outline: Dictionary | None, address: values.Address) -> str:
+def _object(dictionary: Dictionary | None, address: values.Address) -> str:
     index, subindex = address
     where = f"0x{index:04X}:{subindex:02X}"
-    variable = outline.variable(address) if outline else None
+    variable = dictionary.variable(address) if dictionary else None
     return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
 
 
-def _content(outline: Dictionary | None, initiate: Initiate) -> str:
+def _content(dictionary: Dictionary | None, initiate: Initiate) -> str:
     if initiate.command & EXPEDITED:
-        return f" = {_value(outline, initiate.address, initiate.rest[: initiate.size])}"
+        return f" = {_value(dictionary, initiate.address, initiate.rest[: initiate.size])}"
     return "" if initiate.size is None else f", {initiate.size} bytes"
 
 
-def _value(outline: Dictionary | None, address: values.Address, value: bytes) -> str:
-    variable = outline.variable(address) if outline else None
+def _value(dictionary: Dictionary | None, address: values.Address, value: bytes) -> str:
+    variable = dictionary.variable(address) if dictionary else None
     try:
         return str(data_type(variable).read(value)) if variable else value.hex(" ")
     except ValueError:  # a length that the type does not have
@@ -123,21 +123,21 @@ def _segment(_: Dictionary | None, data: bytes) -> str:
     return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
 
 
-def _abort(outline: Dictionary | None, data: bytes) -> str:
+def _abort(dictionary: Dictionary | None, data: bytes) -> str:
     _, address, _ = abort = Initiate.of(data)
-    return f"abort {_object(outline, address)}: {code_and_reason(abort.number)}"
+    return f"abort {_object(dictionary, address)}: {code_and_reason(abort.number)}"
 
 
 def _of_object(what: str, value: bool = False) -> SdoText:
-    def text(outline: Dictionary | None, data: bytes) -> str:
+    def text(dictionary: Dictionary | None, data: bytes) -> str:
         initiate = Initiate.of(data)
-        return f"{what} {_object(outline, initiate.address)}{_content(outline, initiate) if value else ''}"
+        return f"{what} {_object(dictionary, initiate.address)}{_content(dictionary, initiate) if value else ''}"
 
     return text
 
 
 def _plainly(what: str) -> SdoText:
-    return lambda _outline, _data: what
+    return lambda _dictionary, _data: what
 
 
 REQUESTS: Commands = {

@@ -88,7 +88,7 @@ class Traffic:
         self.seen = SeenTraffic(bitrate, promised)
         self.groups = decoder.protocol.catalogue.groups
         self.rows: dict[int | Damage, MonitorRow] = {}
-        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.outlines}
+        periods = {each.name: (each.number(HEARTBEAT_TIME) or 0) / 1000 for each in decoder.dictionaries}
         self.nodes = {name: NodeHealth(Heartbeats(period)) for name, period in periods.items()}
         self.damage = DamageCounts()
         self.frames = 0

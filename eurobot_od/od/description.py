@@ -1,7 +1,7 @@
 """The object dictionary a document describes: objects, their sub-indices, and the entries that say something of them.
 
 Rule of this file: asking never raises and never guesses. What is missing or malformed is None or an empty text, so that
-lint can look at any file; `outline` decides what a file must have to be used.
+lint can look at any file; `normal` decides what a file must have to be used.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Reads the text of an EDS or DCF into sections and entries that know their line and column, whatever the bytes.
 
 Rule of this file: reading never raises, and passes nothing over in silence. What does not belong in an EDS becomes an
-`Oddity`; lint turns each into a finding, and `outline` refuses a file with those that may hide an object.
+`Oddity`; lint turns each into a finding, and `normal` refuses a file with those that may hide an object.
 """
 
 from __future__ import annotations

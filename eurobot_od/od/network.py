@@ -1,4 +1,4 @@
-"""Which devices there are: files with node-IDs, a folder of files, a network file; and their outlines or dictionaries.
+"""Which devices there are: files with node-IDs, a folder of files, a network file; and their dictionaries.
 
 Rule of this file: every device gets a node-ID and a name of its own here, or the load ends with one line that says
 which file is in the way.

@@ -58,9 +58,9 @@ class Protocol:
         self._writers: dict[type[Message], Callable[[Any], Frame]] = {}
 
     @classmethod
-    def of_devices(cls, outlines: Iterable[Dictionary], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
+    def of_devices(cls, dictionaries: Iterable[Dictionary], catalogue: Catalogue, refused: OnRefused = fatal) -> Self:
         """Return the messages of devices as their files map them; `refused` also gets what a file's mapping lacks."""
-        return cls(((each, each.read_pdos(each.default, refused)) for each in outlines), catalogue, refused)
+        return cls(((each, each.read_pdos(each.default, refused)) for each in dictionaries), catalogue, refused)
 
     def _bind(self, dictionary: Dictionary, pdo: Pdo) -> None:
         name, entry = self._identify(dictionary, pdo)

@@ -32,7 +32,7 @@ VERSION = b"1"
 class DecodedNetwork(NamedTuple):
     """The devices of the logs: their files as read, their messages, and by name which message `answers` which."""
 
-    outlines: tuple[Dictionary, ...]
+    dictionaries: tuple[Dictionary, ...]
     catalogue: Catalogue
     answers: tuple[tuple[str, str], ...] = ()
 
@@ -40,7 +40,7 @@ class DecodedNetwork(NamedTuple):
     def hash(self) -> str:
         """A hash of these EDS files with their node-IDs."""
         digest = hashlib.blake2b(VERSION, digest_size=16)
-        for each in self.outlines:
+        for each in self.dictionaries:
             digest.update(f"{each.node_id} {each.name}\n".encode() + Path(each.file).read_bytes())
         return digest.hexdigest()
 
@@ -50,10 +50,10 @@ class NetworkDecoding:
 
     def __init__(self, network: DecodedNetwork) -> None:
         # A PDO that does not hold is left out: the one who loaded the devices has reported it.
-        protocol = Protocol.of_devices(network.outlines, network.catalogue, lambda _: None)
+        protocol = Protocol.of_devices(network.dictionaries, network.catalogue, lambda _: None)
         names, answers = tables.table_names(protocol.names()), dict(network.answers)
         self.eds = network.hash
-        self.network = " ".join(f"{each.node_id}={each.name}" for each in network.outlines)
+        self.network = " ".join(f"{each.node_id}={each.name}" for each in network.dictionaries)
         self.services = _others(protocol, network)
         self.messages = {
             each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
@@ -64,7 +64,7 @@ class NetworkDecoding:
 def _others(protocol: Protocol, network: DecodedNetwork) -> dict[int, CanopenService]:
     """Return the services that have an identifier which no message has."""
     messages = {each.cob_id for each in protocol.bindings}
-    found = services(network.outlines, protocol.catalogue.errors)
+    found = services(network.dictionaries, protocol.catalogue.errors)
     return {cob_id: each for cob_id, each in found.items() if cob_id not in messages}
 
 

@@ -23,7 +23,7 @@ def described(decoder: Decoder) -> dict[str, Any]:
                 "file": each.file.name,
                 "identity": [each.number((IDENTITY, sub)) for sub in range(1, 5)],
             }
-            for each in decoder.outlines
+            for each in decoder.dictionaries
         ],
         "groups": list(decoder.protocol.catalogue.groups),
     }

@@ -106,7 +106,7 @@ class Requests:
         return self.master.node(self._node_id(_text(said, "node")))
 
     def _node_id(self, name: str) -> int:
-        named = {each.name: each.node_id for each in self.session.decoder.outlines}
+        named = {each.name: each.node_id for each in self.session.decoder.dictionaries}
         number = int(name.removeprefix("node ")) if name.removeprefix("node ").isdecimal() else None
         if number in NODE_IDS:
             return int(name.removeprefix("node "))
@@ -115,7 +115,7 @@ class Requests:
         return named[name]
 
     def _objects(self, node_id: int) -> ObjectDictionary | None:
-        return next((each.objects for each in self.session.decoder.outlines if each.node_id == node_id), None)
+        return next((each.objects for each in self.session.decoder.dictionaries if each.node_id == node_id), None)
 
     def _object(self, said: Arguments) -> tuple[RemoteNode, ODVariable]:
         node = self._node(said)
@@ -170,12 +170,12 @@ class Requests:
 
     def is_as_in_its_file(self, node: str) -> bool:
         """Tell whether a node has the revision number of its EDS; one that does not answer SDO is believed."""
-        outline = next(each for each in self.session.decoder.outlines if each.name == node)
+        dictionary = next(each for each in self.session.decoder.dictionaries if each.name == node)
         try:
             theirs = self.master.node(self._node_id(node)).upload(REVISION)
         except RemoteError:
             return True
-        return int.from_bytes(theirs, "little") == outline.default(REVISION)
+        return int.from_bytes(theirs, "little") == dictionary.default(REVISION)
 
     def _send(self, frame: Frame) -> str:
         self.session.tap.send_frame(frame)

@@ -32,7 +32,10 @@ TEXT = (
     + pdo(0x1800, "0x20000008", "0x20010010", cob_id="0x185", name="State")
 )
 ARM = Protocol(
-    [(outline, outline.read_pdos(outline.default)) for outline in [Dictionary.read(TEXT.encode(), Path("arm.eds"), 5)]]
+    [
+        (dictionary, dictionary.read_pdos(dictionary.default))
+        for dictionary in [Dictionary.read(TEXT.encode(), Path("arm.eds"), 5)]
+    ]
 )
 """A device that sends a level, 0 to 100, and a speed."""
 

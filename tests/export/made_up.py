@@ -97,14 +97,14 @@ def _variable(index: int, sub: int, name: str, code: int, value: int | None) -> 
         yield f"DefaultValue=0x{value:X}"
 
 
-def outline(messages: Sequence[tuple[str, Sequence[Field]]], name: str = "made up.eds") -> Dictionary:
-    """Return the outline of that EDS."""
+def dictionary(messages: Sequence[tuple[str, Sequence[Field]]], name: str = "made up.eds") -> Dictionary:
+    """Return the dictionary of that EDS."""
     return Dictionary.read(text(messages).encode(), Path(name), 5)
 
 
 def protocol(messages: Sequence[tuple[str, Sequence[Field]]]) -> Protocol:
     """Return the protocol of that EDS."""
-    device = outline(messages)
+    device = dictionary(messages)
     return Protocol([(device, device.pdos)])
 
 

@@ -140,7 +140,7 @@ def test_canmatrix_names_the_nodes(dialect: str) -> None:
 
 def test_words_of_the_format_are_no_names() -> None:
     field = made_up.Field("Enum", made_up.UNSIGNED8, 8)
-    device = made_up.outline([("Filter", [field]), ("Float", [field])], "enum.eds")
+    device = made_up.dictionary([("Filter", [field]), ("Float", [field])], "enum.eds")
     text = dbc_text(Protocol([(device, device.pdos)]))
     assert "\nBU_: enum_2\n" in text
     assert re.findall(r"^BO_ \d+ (\w+):", text, flags=re.MULTILINE) == ["Filter_2", "Float_2"]

@@ -83,11 +83,11 @@ def robot(form: str, dialect: str = dialects.DEFAULT) -> Tables:
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_it_lists_all_messages_and_objects(form: str, dialect: str) -> None:
     found = robot(form, dialect)
-    protocol, outlines = EurobotProtocol.load(dialect), dialects.load_all(dialect)
+    protocol, dictionaries = EurobotProtocol.load(dialect), dialects.load_all(dialect)
     messages, *_, navigation = found.tables
     assert [row[:2] for row in messages[1:]] == [[f"0x{b.cob_id:03X}", b.name] for b in protocol.bindings]
     addresses = [(int(row[0], 16), int(row[1])) for row in navigation[1:] if row[1]]
-    assert addresses == list(outlines[-1].addresses())
+    assert addresses == list(dictionaries[-1].addresses())
     assert {each[1:] for each in found.links} <= set(found.anchors)
 
 
@@ -105,7 +105,7 @@ def test_the_fields_of_a_message(form: str) -> None:
 def test_names_stay_text(form: str) -> None:
     messages = [(f"Number {n} {name}", [made_up.Field(name, 7, 8)]) for n, name in enumerate(made_up.BAD_NAMES)]
     protocol = made_up.protocol(messages)
-    found = read(page(docs_text(protocol, [made_up.outline(messages)], form), form))
+    found = read(page(docs_text(protocol, [made_up.dictionary(messages)], form), form))
     assert found.tags <= TAGS
     assert len(found.tables) == 1 + len(messages) + 1
     names = [row[1] for row in found.tables[0][1:]]
@@ -114,7 +114,7 @@ def test_names_stay_text(form: str) -> None:
 
 @pytest.mark.parametrize("form", FORMS)
 def test_a_device_without_messages_has_its_objects(form: str) -> None:
-    lonely = made_up.outline([("Lonely", [made_up.Field("Value", 7, 32)])])
+    lonely = made_up.dictionary([("Lonely", [made_up.Field("Value", 7, 32)])])
     found = read(page(docs_text(Protocol([]), [lonely], form), form))
     assert "None of the devices has a valid PDO." in docs_text(Protocol([]), [lonely], form)
     assert len(found.tables) == 1

@@ -218,7 +218,7 @@ def test_dummies_are_used_as_the_file_says() -> None:
 
 def test_any_names_are_well_formed() -> None:
     messages = [(f"{number} {name}", [made_up.Field(name, 7, 8)]) for number, name in enumerate(made_up.BAD_NAMES)]
-    compare(made_up.outline(messages))
+    compare(made_up.dictionary(messages))
 
 
 def test_a_file_that_is_no_eds_is_refused() -> None:

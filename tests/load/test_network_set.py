@@ -135,8 +135,8 @@ def test_every_message_of_the_robot_has_its_place_and_period(dialect: str) -> No
 
 
 def test_a_setting_of_the_eds_is_the_period() -> None:
-    outlines = [each.configured({}) for each in dialects.load_all()]
-    core = next(each for each in outlines if each.name == "core")
+    dictionaries = [each.configured({}) for each in dialects.load_all()]
+    core = next(each for each in dictionaries if each.name == "core")
     period = core.number(core.address("Position polling.Polling period")) or 0
     polled = [each for each in of_robot(ROBOT).messages if each.name == "Enemy 1 Position Request"]
     assert [each.period for each in polled] == [1000 * period]

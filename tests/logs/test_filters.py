@@ -72,7 +72,7 @@ def test_by_name(decoder: Decoder, names: list[str], expected: set[str]) -> None
     ],
 )
 def test_by_node(decoder: Decoder, nodes: list[str], expected: set[str]) -> None:
-    assert passed(decoder, by_node(nodes, [each.name for each in decoder.outlines])) == expected
+    assert passed(decoder, by_node(nodes, [each.name for each in decoder.dictionaries])) == expected
 
 
 @pytest.mark.parametrize(

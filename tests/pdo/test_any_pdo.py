@@ -22,22 +22,22 @@ from tests.eds_text import DEVICE_TYPE, pdo, variable
 NODE_ID = 5
 
 
-def outline(text: str, name: str = "arm", node_id: int = NODE_ID) -> Dictionary:
+def dictionary(text: str, name: str = "arm", node_id: int = NODE_ID) -> Dictionary:
     return Dictionary.read((DEVICE_TYPE + text).encode(), Path(f"{name}.eds"), node_id)
 
 
-def protocol(*outlines: Dictionary) -> tuple[Protocol, list[str]]:
+def protocol(*dictionaries: Dictionary) -> tuple[Protocol, list[str]]:
     """The messages of devices, and what was said of PDOs left out."""
     said: list[str] = []
 
     def refused(error: MappingError) -> None:
         said.append(str(error))
 
-    return Protocol([(each, each.read_pdos(each.default, refused)) for each in outlines], refused=refused), said
+    return Protocol([(each, each.read_pdos(each.default, refused)) for each in dictionaries], refused=refused), said
 
 
 def of(text: str) -> Protocol:
-    made, said = protocol(outline(text))
+    made, said = protocol(dictionary(text))
     assert said == []
     return made
 
@@ -195,12 +195,12 @@ def test_the_first_four_pdos_have_an_identifier_by_default(index: int, base: int
 
 def test_times_and_transmission_types_are_kept() -> None:
     text = variable("2000", "Value", "UNSIGNED8")
-    (rpdo,) = outline(text + pdo(0x1400, "0x20000008", settings={2: "240", 3: "7", 5: "50"})).pdos
+    (rpdo,) = dictionary(text + pdo(0x1400, "0x20000008", settings={2: "240", 3: "7", 5: "50"})).pdos
     assert (rpdo.transmission_type, rpdo.is_synchronous, rpdo.inhibit_time, rpdo.event_timer) == (240, True, 7, 50)
 
 
 def test_a_pdo_without_transmission_type_and_times_is_event_driven() -> None:
-    (tpdo,) = outline(variable("2000", "Value", "UNSIGNED8") + pdo(0x1800, "0x20000008")).pdos
+    (tpdo,) = dictionary(variable("2000", "Value", "UNSIGNED8") + pdo(0x1800, "0x20000008")).pdos
     assert (tpdo.transmission_type, tpdo.is_synchronous, tpdo.inhibit_time, tpdo.event_timer) == (255, False, 0, 0)
 
 
@@ -252,9 +252,9 @@ def test_every_field_has_a_name_that_is_an_identifier(objects: list[str], fields
 
 
 def test_a_frame_is_one_message_with_its_sender_and_its_receivers() -> None:
-    sender = outline(variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010", cob_id="0x190"), "motor", 3)
+    sender = dictionary(variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010", cob_id="0x190"), "motor", 3)
     receiver = variable("2000", "Remote speed", "INTEGER16") + pdo(0x1400, "0x20000010", cob_id="0x190")
-    made, said = protocol(outline(receiver, "panel", 1), sender, outline(receiver, "logger", 2))
+    made, said = protocol(dictionary(receiver, "panel", 1), sender, dictionary(receiver, "logger", 2))
     (binding,) = made.bindings
     assert said == []
     assert (binding.name, binding.senders, binding.receivers) == ("motor.TPDO1", ["motor"], ["panel", "logger"])
@@ -262,8 +262,8 @@ def test_a_frame_is_one_message_with_its_sender_and_its_receivers() -> None:
 
 
 def test_a_receiver_that_takes_other_bits_is_left_out_and_the_message_is_the_senders() -> None:
-    sender = outline(variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010", cob_id="0x190"), "motor", 3)
-    receiver = outline(VALUE + pdo(0x1400, "0x20000008", cob_id="0x190"), "panel", 1)
+    sender = dictionary(variable("2000", "Speed", "INTEGER16") + pdo(0x1800, "0x20000010", cob_id="0x190"), "motor", 3)
+    receiver = dictionary(VALUE + pdo(0x1400, "0x20000008", cob_id="0x190"), "panel", 1)
     made, said = protocol(receiver, sender)
     assert [(each.name, each.receivers) for each in made.bindings] == [("motor.TPDO1", [])]
     assert said == ["panel.eds: 0x1600: motor.TPDO1: mapping differs from that in motor.eds 0x1A00"]
@@ -286,18 +286,18 @@ LEFT_OUT = [
 
 @pytest.mark.parametrize(("text", "told"), LEFT_OUT)
 def test_a_pdo_that_cannot_be_used_is_said_once_and_the_others_work(text: str, told: list[str]) -> None:
-    made, said = protocol(outline(VALUE + pdo(0x1800, "0x20000008") + text))
+    made, said = protocol(dictionary(VALUE + pdo(0x1800, "0x20000008") + text))
     assert said == [f"arm.eds: {each}" for each in told]
     assert [each.cob_id for each in made.bindings] == [0x185]
 
 
 def test_a_device_without_pdos_has_no_messages() -> None:
-    assert protocol(outline(""))[0].bindings == ()
+    assert protocol(dictionary(""))[0].bindings == ()
 
 
 def test_512_pdos_of_each_direction_are_read() -> None:
     records = (
         pdo(index, "0x20000008", cob_id="0x80000000") for base in (0x1400, 0x1800) for index in range(base, base + 512)
     )
-    pdos: tuple[Pdo, ...] = outline(VALUE + "".join(records)).pdos
+    pdos: tuple[Pdo, ...] = dictionary(VALUE + "".join(records)).pdos
     assert [each.number for each in pdos] == [*range(1, 513)] * 2

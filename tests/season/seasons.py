@@ -44,7 +44,7 @@ def table(season: Path, name: str) -> pl.DataFrame:
 
 def protocol_of(network: DecodedNetwork) -> Protocol:
     """Return the messages of a network, without PDOs that do not hold."""
-    return Protocol.of_devices(network.outlines, network.catalogue, lambda _: None)
+    return Protocol.of_devices(network.dictionaries, network.catalogue, lambda _: None)
 
 
 def assert_equal_to_protocol(season: Path, frames: Iterable[Timed], network: DecodedNetwork) -> None:

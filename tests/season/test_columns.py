@@ -105,7 +105,7 @@ def _is_nan(protocol: Protocol, timed: Timed) -> bool:
 @pytest.mark.parametrize("dialect", dialects.names())
 def test_all_defects_are_those_of_the_decoder(dialect: str, tmp_path: Path) -> None:
     network = robot(dialect)
-    decode, frames = Decoder(network.outlines, CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
+    decode, frames = Decoder(network.dictionaries, CATALOGUE), random_frames(5000, protocol_of(network), seed=2)
     season = archived(write_log(tmp_path / "random.log", frames), network)
     wanted = [
         (number, damage.value, text)

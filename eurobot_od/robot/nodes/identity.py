@@ -40,8 +40,10 @@ class DialectMismatch(RemoteError):
 
 def _eds(node: str, revision: int) -> str:
     """Say in words what EDS has a revision number, by the dialect that has it."""
-    outlines = ((name, outline) for name in dialects.names() for outline in dialects.load_all(name))
-    known = [name for name, outline in outlines if (outline.name, outline.default(REVISION)) == (node, revision)]
+    dictionaries = ((name, dictionary) for name in dialects.names() for dictionary in dialects.load_all(name))
+    known = [
+        name for name, dictionary in dictionaries if (dictionary.name, dictionary.default(REVISION)) == (node, revision)
+    ]
     return f"an EDS of revision 0x{revision:08X}" + (f" ({known[0]})" if known else "")
 
 
