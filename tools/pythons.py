@@ -1,8 +1,9 @@
 """Runs the tests on other Pythons: the oldest with the lowest versions of all packages, and the newer ones.
 
-`python3 tools/pythons.py [VERSION...]`. What does not depend on the Python (other people's programs, the browser, the
-tools, many processes) runs on the oldest alone. A Python that this machine does not have is said to be skipped; it is
-looked for as `python3.12`, and among those of pyenv. The exit status is 1 if tests failed, 2 for an unknown version.
+`python3 tools/pythons.py [VERSION...]`. The tools, and other people's programs, are asked by `tools/test.py` alone. What
+hardly depends on the Python (the browser, many processes) is asked on the oldest, with the oldest packages. A Python
+that this machine does not have is said to be skipped; it is looked for as `python3.12`, and among those of pyenv. The
+exit status is 1 if tests failed, 2 for an unknown version.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ class Row(NamedTuple):
 
 SHORTER = (*(f"--ignore={each}" for each in LEFT_OUT), "-m", MARKED)
 ROWS = (
-    Row("3.10", "lowest-direct", ("--ignore=tests/tools/test_bench.py",)),  # whose extra `bench` has bounds of its own
+    Row(
+        "3.10", "lowest-direct", ("--ignore=tests/interop", "--ignore=tests/tools")
+    ),  # which are no part of the package
     Row("3.12", "highest", SHORTER),
     Row("3.13", "highest", SHORTER),
 )
