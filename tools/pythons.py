@@ -1,8 +1,8 @@
 """Runs the tests on other Pythons: the oldest with the lowest versions of all packages, and the newer ones.
 
 `python3 tools/pythons.py [VERSION...]`. The tools, and other people's programs, are asked by `tools/test.py` alone.
-What hardly depends on the Python (the browser, many processes) is asked on the oldest, with the oldest packages. A Python
-that this machine does not have is said to be skipped; it is looked for as `python3.12`, and among those of pyenv. The
+What hardly depends on the Python (the browser, many processes) is asked on the oldest, with the oldest packages. A
+Python that this machine does not have is skipped, and that is said; it is looked for as `python3.12`, and in pyenv. The
 exit status is 1 if tests failed, 2 for an unknown version.
 """
 

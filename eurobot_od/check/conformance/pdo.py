@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
     BUSY,
+    OUTSIDE,
     Chapter,
     Clause,
     Subject,
@@ -184,10 +185,12 @@ def _refused_entries(subject: Subject, pdo: Pdo) -> Iterator[Data]:
     fixed = next((each for each in unmapped if data_type(each).size in (1, 2, 4)), None)
     if fixed is not None:
         value = _entry(fixed)
-        yield write(f"{title(fixed)} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE))
+        yield write(
+            f"{title(fixed)} cannot be mapped", entry, value=value, abort=codes(AbortCode.NOT_MAPPABLE, *OUTSIDE)
+        )
     if MISSING not in subject.dictionary.members:
         missing = hexadecimal(MISSING << 16 | 8, 8)
-        aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE)
+        aborts = codes(AbortCode.NO_OBJECT, AbortCode.NOT_MAPPABLE, *OUTSIDE)
         yield write("an object that is not there", entry, value=missing, abort=aborts)
 
 

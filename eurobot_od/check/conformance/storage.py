@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from eurobot_od.check.conformance.subject import (
+    OUTSIDE,
     Chapter,
     Clause,
     Subject,
@@ -22,7 +23,7 @@ from eurobot_od.check.conformance.subject import (
     unchanged,
     write,
 )
-from eurobot_od.check.conformance.writing import Data, hexadecimal
+from eurobot_od.check.conformance.writing import Data
 from eurobot_od.od import standard
 from eurobot_od.od.objects import address_of, data_type, default_of, in_limits
 from eurobot_od.od.values import UNSIGNED32, Address
@@ -42,9 +43,6 @@ STANDARD_GROUPS = (1, 2, 3)
 """Sub-indices for all parameters, those of the communication and those of the application. What a maker has behind them
 may be the calibration or the factory default: no suite that is made by itself writes there."""
 
-OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
-"""Aborts of a device that looks at limits first, whatever they mean for a command."""
-
 
 def _shown_by(subject: Subject) -> ODVariable | None:
     """Return the parameter that shows what is stored."""
@@ -52,11 +50,16 @@ def _shown_by(subject: Subject) -> ODVariable | None:
     return next((each for each in found if each is not None and in_limits(each, _other(each))), None)
 
 
+OFFSETS = (50_000, 1_000, 1, -1)
+"""What another value differs by. The first that fits is taken: a SYNC every 1 us, or a heartbeat every 1 ms, is a full
+bus."""
+
+
 def _other(each: ODVariable) -> int:
     """Return a value that a parameter does not have by default."""
     default = default_of(each)
     present = default if isinstance(default, int) else 0
-    return present + 1 if in_limits(each, present + 1) else present - 1
+    return next((present + offset for offset in OFFSETS if in_limits(each, present + offset)), present - 1)
 
 
 def _power_on_values(subject: Subject) -> Iterator[Data]:
@@ -77,15 +80,20 @@ def _power_on_values(subject: Subject) -> Iterator[Data]:
         )
 
 
+def _commands(subject: Subject, index: int) -> dict[int, ODVariable]:
+    """Return the sub-indices of 0x1010 or 0x1011 that are the standard's, and take a signature."""
+    found = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
+    return {each.subindex: each for each in found if each.writable and data_type(each) is UNSIGNED32}
+
+
 def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
     """Make the steps that try other signatures: nothing is stored or restored."""
 
     def steps(subject: Subject) -> Iterator[Data]:
-        commands = (each for each in subject.objects if each.index == index and each.subindex in STANDARD_GROUPS)
-        writable = [each for each in commands if each.writable and data_type(each) is UNSIGNED32]
-        if not writable:
-            yield skip("the signature", f"the file has no 0x{index:04X}")
-        for each in writable:
+        commands = _commands(subject, index)
+        if not commands:
+            yield skip("the signature", f"the file has no 0x{index:04X} that can be written")
+        for each in commands.values():
             for wrong in (bytes(4), standard.SIGNATURES[index][::-1]):
                 name = f"{title(each)} wants its signature, not {wrong.hex(' ').upper()}"
                 yield write(name, address_of(each), data=wrong.hex(" "), abort=codes(*REFUSED, *OUTSIDE))
@@ -96,9 +104,10 @@ def _signatures(index: int) -> Callable[[Subject], Iterator[Data]]:
 def _stored(subject: Subject) -> Iterator[Data]:
     """Store another value, see that it survives a reset, and restore the file's."""
     each = _shown_by(subject)
-    store, restore = (subject.find((index, standard.ALL_PARAMETERS)) for index in (standard.STORE, standard.RESTORE))
+    both = (_commands(subject, index) for index in (standard.STORE, standard.RESTORE))
+    store, restore = (each.get(standard.ALL_PARAMETERS) for each in both)
     if each is None or store is None or restore is None:
-        yield skip("store and restore", "the file has not both 0x1010 and 0x1011, and a parameter to be stored")
+        yield skip("store and restore", "the file lacks 0x1010:1, 0x1011:1 or a parameter to be stored")
     else:
         yield group(
             f"{title(each)} stored and restored",
@@ -115,8 +124,8 @@ def _stored(subject: Subject) -> Iterator[Data]:
 
 
 def _signed(each: ODVariable, name: str) -> Data:
-    signature = int.from_bytes(standard.SIGNATURES[each.index], "little")
-    return {**write(name, address_of(each), value=hexadecimal(signature, 8)), "within": "10 s"}
+    # As bytes: the limits that a file may give a command say nothing of its signature.
+    return {**write(name, address_of(each), data=standard.SIGNATURES[each.index].hex(" ")), "within": "10 s"}
 
 
 def _power_cycle(subject: Subject) -> Iterator[Data]:

@@ -34,6 +34,10 @@ def title(variable: ODVariable) -> str:
     return label(address_of(variable), shown(variable.name))
 
 
+OUTSIDE = (AbortCode.VALUE, AbortCode.TOO_LOW, AbortCode.TOO_HIGH)
+"""Aborts of a device that looks at an object's limits first, whatever else is wrong with a value."""
+
+
 class Tier(IntEnum):
     """What a step may cost: each tier allows what the ones before it do."""
 
