@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import ipaddress
 import json
 import secrets
 import signal
@@ -16,7 +15,6 @@ from eurobot_od.cli import options as shared
 from eurobot_od.errors import LocalError
 from eurobot_od.robot.model.values import TeamColour
 from eurobot_od.support import durations
-from eurobot_od.support.address import Address
 
 if TYPE_CHECKING:
     from eurobot_od.robot.match import MatchEvent
@@ -70,6 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
     from eurobot_od.robot.world.channel import Channel
     from eurobot_od.robot.world.server import Server
     from eurobot_od.robot.world.world import OURS
+    from eurobot_od.web.access import is_local
 
     team = TeamColour[arguments.team.upper()]
     errors = Errors().changed_by(shared.assignments("--world", "NAME=VALUE", arguments.world))
@@ -86,7 +85,7 @@ def run(arguments: argparse.Namespace) -> None:
     begin = time.monotonic()
     world = World(options, lambda: time.monotonic() - begin)
     where = arguments.listen
-    if not where.token and not _is_here(where.address):
+    if not where.token and not is_local(where.address.host):
         where = where._replace(token=secrets.token_hex(TOKEN_BYTES))
     channel = Channel(world, {OURS: options}, where.token)
     show = _show_as_json if arguments.json else _show
@@ -106,14 +105,6 @@ def world_address(text: str) -> WorldAddress:
         return WorldAddress.parse(text)
     except LocalError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _is_here(address: Address) -> bool:
-    """Tell whether only this machine reaches an address; a host name other than localhost may be anything."""
-    try:
-        return ipaddress.ip_address(address.host).is_loopback
-    except ValueError:
-        return address.host == "localhost"
 
 
 def _show(event: MatchEvent) -> None:
