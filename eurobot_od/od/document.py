@@ -157,18 +157,20 @@ class _Reader:
 
     def read(self, text: str, encoding: str) -> Document:
         lines, new = self._split(text), tuple.__new__  # Entry() itself takes twice as long, for ten thousand lines
+        entries = self._entries
         for number, line in enumerate(lines if not text.isascii() else (), start=1):
             if not line.isascii():
                 self._note(Odd.NOT_ASCII, number, 1 + next(n for n, each in enumerate(line) if not each.isascii()))
         for number, line in enumerate(lines, start=1):
             key, equals, value = line.partition("=")
             if equals and key.isalnum() and value.strip() is value and ";" not in value and len(line) <= LONGEST + 1:
-                entry, entries = new(Entry, (key, value, number, len(key) + 2)), self._entries
+                entry = new(Entry, (key, value, number, len(key) + 2))
                 # the usual line ends here: 9 of 10 lines are such, and a call for each would take a third of the time
                 if entries.setdefault(key.lower(), entry) is not entry or entries is self._before:
                     self._doubt(entry, entries[key.lower()], 0)
             elif line:
                 self._other(number, line)
+                entries = self._entries
         return Document(self._sections, self._oddities, lines, self._headers, encoding)
 
     def _split(self, text: str) -> list[str]:

@@ -455,8 +455,10 @@ class _Writer:
                 if sub.section is not section:
                     self._as_comment(sub.section, "its object holds nothing")
         elif each.code in SIMPLE and not each.compact and (section.text("datatype") or not _subs(each)):
-            self._variable(f"{each.index:04X}", DescribedVariable(each.index, 0, section), each)
-            for sub in _subs(each):
+            subs = _subs(each)
+            own = DescribedVariable(each.index, 0, section) if subs else each.subs[0]
+            self._variable(f"{each.index:04X}", own, each)
+            for sub in subs:
                 self._as_comment(sub.section, f"[{each.index:04X}] is a variable")
         else:
             self._composed(each, section)
