@@ -88,10 +88,20 @@ def normal(data: bytes, file: object = "") -> Normal:
 
 
 def in_normal_form(data: bytes, file: object = "") -> tuple[bytes, list[Change]]:
-    """Return a file in its normal form, with its own line ends and code page, and what was changed; see `normal`."""
+    """Return a file in its normal form, with its own line ends, and what was changed; see `normal`.
+
+    It is written in UTF-8, which canopen reads everywhere, but for a file with a value whose bytes that would change:
+    those are what the device serves.
+    """
     made = normal(data, file)
     ends = "\r\n" if b"\r\n" in data else "\n"
-    return made.text.replace("\n", ends).encode(made.encoding), made.changes
+    text = made.text.replace("\n", ends)
+    if made.encoding == "utf-8" or VALUE_BEYOND_ASCII.search(text):
+        return text.encode(made.encoding), made.changes
+    return text.encode(), [Change(1, "Latin-1 written as UTF-8"), *made.changes]
+
+
+VALUE_BEYOND_ASCII = re.compile(r"^(?:Default|Parameter)Value=.*[^\x00-\x7F]", re.MULTILINE)
 
 
 # How values are written

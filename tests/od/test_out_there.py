@@ -326,6 +326,7 @@ def test_nothing_is_lost(old: str, new: str, kept: str) -> None:
 BYTES = [
     ("a byte order mark", b"\xef\xbb\xbf" + BASE.encode(), "byte order mark taken off"),
     ("UTF-16", BASE.encode("utf-16"), "UTF-16 written as UTF-8"),
+    ("Latin-1 in a name", BASE.replace("Label", "L\xe4bel").encode("latin-1"), "Latin-1 written as UTF-8"),
     ("mixed line ends", BASE.replace("\n", "\r\n", 9).encode(), "line ends made alike"),
 ]
 
@@ -335,10 +336,18 @@ def test_bytes_of_any_editor_are_read(data: bytes, what: str) -> None:
     assert defaults(data) == DEFAULTS
     fixed, changes = in_normal_form(data, "a.eds")
     assert [each.what for each in changes] == [what]
-    assert fixed.replace(b"\r\n", b"\n") == BASE.encode()
+    assert fixed.replace(b"\r\n", b"\n").decode().replace("L\xe4bel", "Label") == BASE
 
 
-@pytest.mark.parametrize("data", [BASE.replace("\n", "\r\n").encode(), BASE.replace("arm", "\xe4rm").encode("latin-1")])
+@pytest.mark.parametrize(
+    "data",
+    [
+        BASE.replace("\n", "\r\n").encode(),
+        BASE.replace("Label", "L\xe4bel").encode(),
+        BASE.replace("arm", "\xe4rm").encode("latin-1"),  # the bytes that the device serves
+    ],
+    ids=["line ends of DOS", "UTF-8", "Latin-1 in a value"],
+)
 def test_bytes_that_need_no_repair_are_kept(data: bytes) -> None:
     assert in_normal_form(data, "a.eds") == (data, [])
 
