@@ -95,7 +95,7 @@ def test_json_of_an_emergency_has_all_messages_and_nothing_moves_afterwards(
         (["--enemies", "0", "--confederates", "0"], "red, no enemies, no confederates"),
         (["--enemies", "1"], "red, 1 enemy, 1 confederate"),
         (["--dialect", "firmware2014"], "EDS files: firmware2014"),
-        (["--duration", "2.5"], "2.5 s begin"),
+        (["--duration", "2.5"], "begins, 2.5 s long"),
     ],
 )
 def test_options_show_in_the_timeline(capsys: pytest.CaptureFixture[str], words: list[str], told: str) -> None:
@@ -252,7 +252,7 @@ def test_parts_fail_as_in_a_check(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_setting_counts_in_place_of_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     said = run(capsys, "match", "--set", "core.Match.Match duration=1")
-    assert "1 s begin" in said.out
+    assert "begins, 1 s long" in said.out
 
 
 def test_the_world_errs_as_it_is_told_to(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
@@ -465,10 +465,10 @@ def test_ctrl_c_ends_many_seeds_without_a_word() -> None:
 
 def test_a_match_in_real_time_runs_on_the_virtual_bus(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     log = tmp_path / "live.db"
-    words = ["--duration", "1", "--speed", "real", "-i", "virtual", "-c", "test-match", "--log", str(log)]
+    words = ["--duration", "1", "--speed", "real", "-i", "virtual", "-c", "test-match", "-b", "1000000", "--log", str(log)]
     said = run(capsys, "match", *words)
     assert (said.status, said.err) == (0, "")
-    assert "in real time" in said.out
+    assert "at 1000 kbit/s, in real time" in said.out
     assert "stop drive: the match is over" in said.out
     assert "since it stopped it moved 0 mm" in said.out
     assert "dropped" not in said.out

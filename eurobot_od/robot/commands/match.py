@@ -170,14 +170,13 @@ def _run_one(arguments: argparse.Namespace, options: MatchOptions) -> ExitStatus
             if arguments.speed == "fast":
                 summary, world = stage.play_simulated(options, show, watch, None, *players, complain)
             else:
-                from eurobot_od.live import open_bus
+                from eurobot_od.live import BITRATE, open_bus
 
-                if arguments.bitrate and (
-                    slow := too_slow(shared.robot(arguments), options.dialect, arguments.bitrate)
-                ):
+                bit_rate = arguments.bitrate or BITRATE
+                if slow := too_slow(shared.robot(arguments), options.dialect, bit_rate):
                     complain(slow)
                 open_one = partial(open_bus, arguments.interface, arguments.channel, arguments.bitrate)
-                summary, world = stage.play_live(options, show, watch, open_one, players.ours, complain)
+                summary, world = stage.play_live(options, show, watch, open_one, players.ours, complain, bit_rate)
         if arguments.field is not None:
             from eurobot_od.robot.match.drawing import draw
 

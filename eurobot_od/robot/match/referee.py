@@ -134,7 +134,7 @@ class Referee:
         start = self.clock()
         self._end = start + self._duration
         self._mushroom = inf if self.options.emergency_at is None else start + self.options.emergency_at
-        self.timeline.tell(EventKind.MATCH, f"{self._duration:g} s begin", duration=self._duration)
+        self.timeline.tell(EventKind.MATCH, f"begins, {self._duration:g} s long", duration=self._duration)
         self.core.start_match(self._duration)
         loop, playing = asyncio.get_running_loop(), asyncio.ensure_future(_played(strategy, self.core))
         self.core.at_match_end = partial(loop.call_soon_threadsafe, playing.cancel)

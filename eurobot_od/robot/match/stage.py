@@ -246,9 +246,11 @@ def play_live(
     open_bus: Callable[[], can.BusABC],
     strategy: Strategy = shipped.play,
     tell: Callable[[str], object] = _untold,
+    bit_rate: int = runtime.BITRATE,
 ) -> tuple[Summary, World]:
     """Play a match in real time; each node, and the watcher, gets a bus of its own from `open_bus`.
 
+    The bus's load is reckoned at `bit_rate`, bit/s.
     Raises BusError, NoAnswer, UnknownName, DictionaryError, LocalError.
     """
     begin = time.monotonic()
@@ -267,6 +269,6 @@ def play_live(
         stack.callback(sigterm.hold)
         loop, watchdog = watched_loop(tell)
         with watchdog:
-            run_in(loop, match.play(strategy, runtime.BITRATE, "in real time"))
-    summary = match.result(clock(), runtime.BITRATE, reports)
+            run_in(loop, match.play(strategy, bit_rate, "in real time"))
+    summary = match.result(clock(), bit_rate, reports)
     return replace(summary, failure=summary.failure or watchdog.hang or None), world

@@ -31,6 +31,7 @@ STALE = 2.0  # s after which a position says nothing any more
 PUT_OFF = 6.0  # s until a task is tried again
 PAUSE = 0.5  # s to come to rest, and to see whether something goes away
 CLOSE = 40.0  # mm: who is so near has driven into us, or is about to
+RETREAT = 120.0  # mm straight away from one who is close, before anything else
 PATIENCE = 6  # pauses in which one who is close may go first
 SPARE = 8.0  # s in hand at the end
 
@@ -102,9 +103,17 @@ class Strategy:
             if (seen and seen.distance < CLOSE) or any(disc.contains(self.here) for disc in self.others(CLOSE)):
                 await asyncio.sleep(PAUSE)
 
+    async def retreat(self) -> None:
+        """Draw back from one who is close: wheels that were pushed do not know well enough where we are to pass by."""
+        for disc in self.others(CLOSE):
+            away = Pose(*self.here, Pose(*disc.centre, 0).bearing(self.here)).moved(RETREAT, 0)
+            if disc.contains(self.here) and self.way(self.here, away.point) == (away.point,):
+                await self.core.goto(round(away.x), round(away.y), round(away.angle) % 360, SPEED, self.flags)
+
     async def drive(self, there: Pose) -> bool:
         """Drive to a place, round other robots if need be; tell whether we arrived."""
         await self.give_way()
+        await self.retreat()
         while (point := self.next_point(there.point)) is not None:
             angle = there.angle if point == there.point else Pose(*point, 0).bearing(there.point)
             report = await self.core.goto(round(point.x), round(point.y), round(angle) % 360, SPEED, self.flags)
