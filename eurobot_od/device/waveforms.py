@@ -74,6 +74,7 @@ def walk(start: float, step: float, every: float, seed: int = 1, low: float = -i
         nonlocal chance, steps_done, place
         if time < steps_done * every:  # the time has begun anew
             chance, steps_done, place = Random(seed), 0, start
+        # Every step, however seldom somebody looks: the same seed has to give the same walk at any rate of sampling.
         for _ in range(int(time / every) - steps_done):
             place = min(max(place + chance.uniform(-step, step), low), high)
             steps_done += 1
@@ -86,6 +87,7 @@ def fitted(value: float, type_: DataType) -> Value:
     """Return what an object of a type holds of a value: integers are rounded, and end where their type ends."""
     if not type_.is_integer:
         return value
+    # A user's function may give infinity or NaN, at which round() raises.
     return min(max(round(value), type_.low), type_.high) if isfinite(value) else type_.low
 
 
@@ -99,7 +101,7 @@ def _number(node: yaml.Node, problems: Problems) -> float:
         number = whole.value if whole and not whole.relative else float(text)
     except ValueError:
         refuse(node, problems, f"expected a number, found {str(text)!r}")
-    if not isfinite(number):
+    if not isfinite(number):  # float() takes `nan` and `inf` as well
         refuse(node, problems, f"expected a number, found {str(text)!r}")
     return number
 
