@@ -105,6 +105,7 @@ def described(protocol: Protocol) -> list[DescribedMessage]:
 
 
 def _message(binding: Binding) -> DescribedMessage:
+    text = " ".join((inspect.getdoc(binding.type) or "").split())
     return DescribedMessage(
         name=binding.name,
         cob_id=binding.cob_id,
@@ -112,18 +113,13 @@ def _message(binding: Binding) -> DescribedMessage:
         shortest=binding.lengths[0],
         senders=binding.senders,
         receivers=binding.receivers,
-        text=_text(binding.type),
+        # `Name(x, y)` is what Python gives a named tuple that has no docstring of its own.
+        text="" if text.startswith(f"{binding.type.__name__}(") else text,
         group=binding.group,
         fields=list(_fields(binding)),
         file=binding.file,
         mapping_index=binding.pdo.mapping_index,
     )
-
-
-def _text(message_type: type) -> str:
-    """Return the docstring of a message's class; `Name(x, y)`, Python's default for a named tuple, counts as none."""
-    words = " ".join((inspect.getdoc(message_type) or "").split())
-    return "" if words.startswith(f"{message_type.__name__}(") else words
 
 
 def _fields(binding: Binding) -> Iterator[DescribedField]:
