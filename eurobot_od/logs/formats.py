@@ -102,7 +102,7 @@ def _said_by(beginning: bytes, name: object) -> str:
 def _reader(suffix: str, name: object) -> Read:
     if suffix not in FORMATS:
         raise UnknownName("log format", suffix or str(name), FORMATS)
-    if suffix in BY_NAME and not isinstance(name, str):
+    if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
     module, function = FORMATS[suffix]
     found: Any = getattr(import_module(f"eurobot_od.logs.{module}"), function)
@@ -120,6 +120,7 @@ def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -
         beginning = _beginning(content)
     except unpacking:
         beginning = b""
+    # A generator apart: this function is to complain of a format now, not when the first entry is asked for.
     return _until_it_breaks(_reader(form or _said_by(beginning, name), name)(content, largest), unpacking)
 
 

@@ -51,7 +51,7 @@ def recording(
     try:
         yield lines.write
     except KeyboardInterrupt:
-        if lines.failure is None:
+        if lines.failure is None:  # otherwise it is ours: it has ended the program because of the failure
             raise
     finally:
         lines.end(finish)
@@ -96,7 +96,7 @@ def _finish(file: Path, journal: Path) -> None:
             with _writer(file) as log:
                 for message in messages:
                     log(message)
-    journal.unlink()
+    journal.unlink()  # last: until the log is whole, the journal is all there is
 
 
 class Lines:
