@@ -180,10 +180,12 @@ class Analysis:
 
     def _level(self, place: int) -> Interference:
         message = self.messages[place]
+        # `<=`, as two nodes may send one identifier: each then waits for the other.
         others = tuple(
             n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
         )
         less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
+        # One of them at most: it has begun before the message fell due, and the next arbitration is lost to that.
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
         level = [message, *(self.messages[n] for n in others)]
@@ -202,6 +204,7 @@ class Analysis:
             return []
         less = [n for n, each in enumerate(self.messages) if each.node == node and each.identifier > identifier]
         less.sort(key=lambda n: self.messages[n].identifier, reverse=True)
+        # The most urgent of n frames in n mailboxes cannot be among the n - 1 least urgent that there are.
         return less if late else less[self.mailboxes[node] - 1 :]
 
 
@@ -274,7 +277,7 @@ class _Solution:
 def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: BitErrors) -> Times:
     """Solve the equations of one message."""
     bits, period = level.message.bits, level.message.period
-    behind = sum(j * c // t for c, t, j in others)
+    behind = sum(j * c // t for c, t, j in others)  # rounded down, so that no search starts beyond its solution
 
     def in_busy_period(time: int) -> int:
         work = sum(_ceil(time + j, t) * c for c, t, j in (*others, (bits, period, jitter)))
@@ -291,7 +294,7 @@ def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: Bi
         )
         if found is None:
             return NO_TIMES
-        queued = found
+        queued = found  # w grows with the instance, so the search for the next one starts here
         sent, due = queued + bits, instance * period - jitter
         response, waiting = max(response, sent - due), max(waiting, sent - max(due, 0))
     return Times(response, waiting, busy)

@@ -87,6 +87,7 @@ def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
         return -(-time * bit_rate // MICROSECONDS)
 
     names = {each.name: n for n, each in enumerate(messages.messages)}
+    # Periods and deadlines are rounded down and jitters up: a bound has to hold for the exact times as well.
     return Analysis(
         [
             Message(

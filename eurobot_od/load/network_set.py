@@ -75,14 +75,10 @@ def network_set(
     bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
     rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
     offered = tuple(sorted(set.intersection(*rates))) if rates else ()
-    return MessageSet(by_urgency([*by_itself, *_named_apart(by_rows)]), mailboxes, bit_rate=bit_rate, offered=offered)
-
-
-def _named_apart(messages: list[PeriodicMessage]) -> Iterator[PeriodicMessage]:
-    """Name the node of a message that several of them send, if its name does not."""
-    names = [each.name for each in messages]
-    for each in messages:
-        yield each._replace(name=f"{each.name} {each.node}") if names.count(each.name) > 1 else each
+    # What several nodes send by one name is told apart by the node.
+    sent = [each.name for each in by_rows]
+    apart = [e._replace(name=f"{e.name} {e.node}") if sent.count(e.name) > 1 else e for e in by_rows]
+    return MessageSet(by_urgency([*by_itself, *apart]), mailboxes, bit_rate=bit_rate, offered=offered)
 
 
 def _mailboxes(device: Dictionary) -> int | None:
@@ -112,9 +108,9 @@ def _timed_pdos(
     cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
         sender, inhibit = _pdo_sender(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
-        if pdo.is_synchronous and cycle:
+        if pdo.is_synchronous and cycle:  # type 0, with the next SYNC if it has changed, may be as often as type 1
             yield sender.sent(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
-        elif inhibit:
+        elif inhibit:  # before the event timer, which only says how seldom it may be sent
             yield sender.sent(inhibit, "inhibit time")
         elif pdo.event_timer:
             yield sender.sent(pdo.event_timer * MS, "event timer")

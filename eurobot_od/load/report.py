@@ -58,6 +58,7 @@ def load_report(messages: MessageSet, bit_rate: int) -> LoadReport:
         return "" if place is None else messages.messages[place].name
 
     def microseconds(bits: int | None) -> int | None:
+        # Rounded up: a bound must not get shorter on its way.
         return None if bits is None else -(-bits * MICROSECONDS // bit_rate)
 
     rows = tuple(
@@ -133,25 +134,23 @@ def as_data(report: LoadReport) -> dict[str, Any]:
         "load": round(float(report.load), 6),
         "busy_us": report.busy,
         "deadlines_met": report.holds,
-        "messages": [_row_data(row) for row in report.rows],
-    }
-
-
-def _row_data(row: BoundRow) -> dict[str, Any]:
-    message = row.message
-    return {
-        "name": message.name,
-        "identifier": message.identifier,
-        "node": message.node,
-        "length": message.length,
-        "bits": message.bits,
-        "period_us": message.period,
-        "jitter_us": message.jitter,
-        "answers": message.answers or None,
-        "deadline_us": message.deadline,
-        "response_us": row.response,
-        "margin_us": row.margin,
-        "blocking": row.blocking or None,
-        "inversion": row.inversion or None,
-        "reason": message.reason,
+        "messages": [
+            {
+                "name": row.message.name,
+                "identifier": row.message.identifier,
+                "node": row.message.node,
+                "length": row.message.length,
+                "bits": row.message.bits,
+                "period_us": row.message.period,
+                "jitter_us": row.message.jitter,
+                "answers": row.message.answers or None,
+                "deadline_us": row.message.deadline,
+                "response_us": row.response,
+                "margin_us": row.margin,
+                "blocking": row.blocking or None,
+                "inversion": row.inversion or None,
+                "reason": row.message.reason,
+            }
+            for row in report.rows
+        ],
     }
