@@ -129,8 +129,7 @@ class Device:
         self.emergencies = Emergencies(
             lambda: self.objects.cob_id(standard.EMCY), lambda: self.objects.raw(standard.EMCY_INHIBIT_TIME) / 10_000
         )
-        # Empty until _connect: those who answer for an object are themselves made from the objects.
-        readers: dict[int, OnRead] = {}
+        readers: dict[int, OnRead] = {}  # empty until _connect: who answers for an object is made from the objects
         writers: dict[int, OnWrite] = {}
         given = {**predefined(self.dictionary), **self._application.given}
         self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
@@ -251,6 +250,7 @@ class Device:
         """Return how long a frame of this device waits for a mailbox; a boot-up message is sent but once."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
+        # Without its boot-up message a master does not learn that the node is there, or has forgotten everything.
         if frame.cob_id in self.always_sent or frame == error_control(self.node_id, NmtState.INITIALISING):
             return Stay.LASTING
         return Stay.PERIODIC if frame.cob_id in self._periodic else Stay.SHORT

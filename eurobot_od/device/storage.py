@@ -10,7 +10,7 @@ import re
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from eurobot_od.device.objects import is_configuration, out_of_limits
 from eurobot_od.errors import DamagedFile, DictionaryError, FieldError, UnknownName
@@ -21,9 +21,6 @@ from eurobot_od.od.objects import data_type, limits
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Value, label
 from eurobot_od.support.files import write_whole
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 KIND: tuple[Address, ...] = tuple((IDENTITY, sub) for sub in (1, 2, 3))
 """Vendor-ID, product code and revision number: what a configuration has to have in common with its device."""
@@ -119,16 +116,14 @@ def refused(dictionary: Dictionary, values: Mapping[Address, Value]) -> Iterator
         variable = dictionary.variable(address)
         if variable is None:
             yield address, f"{label(address)} is no object of the device"
-        elif not _fits(variable, value):
+            continue
+        try:
+            data_type(variable).write(value)
+            fits = out_of_limits(variable, value) is None
+        except (ValueError, OverflowError):  # it is not of the type that the object has in this EDS
+            fits = False
+        if not fits:
             range_ = limits(variable)
             allowed = data_type(variable).name if range_ is None else f"{range_.low}..{range_.high}"
             what = f"{label(address, variable.name)} = {value!r}, allowed: {allowed}"
             yield address, f"{what}; the default is taken"
-
-
-def _fits(variable: ODVariable, value: Value) -> bool:
-    try:
-        data_type(variable).write(value)
-    except (ValueError, OverflowError):
-        return False
-    return out_of_limits(variable, value) is None

@@ -30,7 +30,7 @@ class SyncProducer:
 
     def restart(self, period: float, overflow: int, now: float) -> None:
         """Begin anew, with the first one after a `period` in seconds, 0.0 for none; the counter begins with 1."""
-        self.next = now + period if period else inf
+        self.next = now + period if period else inf  # within one period (CiA 301, 7.5.2.5)
         self._period, self._overflow, self._count = period, overflow, 0
 
     def due(self, now: float) -> list[bytes]:

@@ -117,18 +117,22 @@ def _duration(node: yaml.Node, problems: Problems) -> float:
     return seconds
 
 
-def _some(node: yaml.Node, problems: Problems) -> tuple[float, ...]:
-    found = listing(_number)(node, problems)
-    return found or refuse(node, problems, "expected at least one value")
-
-
 _BETWEEN: Mapping[str, NodeReader[float]] = {"low": _number, "high": _number, "period": _duration}
 
 _WAVEFORMS: Mapping[str, NodeReader[Waveform]] = {
     "ramp": record(ramp, _BETWEEN, {}),
     "sine": record(sine, _BETWEEN, {}),
     "square": record(square, _BETWEEN, {}),
-    "steps": record(steps, {"values": _some, "every": _duration}, {}),
+    "steps": record(
+        steps,
+        {
+            "values": lambda node, problems: (
+                listing(_number)(node, problems) or refuse(node, problems, "expected at least one value")
+            ),
+            "every": _duration,
+        },
+        {},
+    ),
     "walk": record(
         walk,
         {"start": _number, "step": _number, "every": _duration},
@@ -153,14 +157,14 @@ def read_waveforms(text: str, file: str) -> Mapping[str, Waveform]:
 
     Raises LocalError with the line of the first fault.
     """
+
+    def named(node: yaml.Node, problems: Problems) -> Mapping[str, Waveform]:
+        refuse_aliases(node, problems)
+        return {str(name): each for name, each in mapping(_waveform, key=scalar)(node, problems).items()}
+
     problems: Problems = []
     try:
-        return read_yaml(text, _named, problems)
+        return read_yaml(text, named, problems)
     except ReadError as error:
         place, what = problems[0]
         raise LocalError(f"{file}, line {place.line}: {what}") from error
-
-
-def _named(node: yaml.Node, problems: Problems) -> Mapping[str, Waveform]:
-    refuse_aliases(node, problems)
-    return {str(name): each for name, each in mapping(_waveform, key=scalar)(node, problems).items()}

@@ -121,7 +121,7 @@ def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[MessageBl
     of_messages, prefix = Identifiers(), prefix_of(name)
     blocks = []
     for each in messages:
-        names = Identifiers(WORDS)
+        names = Identifiers(WORDS)  # each struct has a name space of its own
         members = [Member(names.new(field.name).lower(), field) for field in each.fields]
         blocks.append(MessageBlock(f"{prefix}_{of_messages.new(each.name).lower()}", each, members))
     return blocks
@@ -303,7 +303,7 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
 
 def _is_unknown(block: MessageBlock) -> Iterator[str]:
     together = [each for each in block.members if each.field.unknown is not None]
-    if len(together) > 1:
+    if len(together) > 1:  # one alone is compared with its macro UNKNOWN
         tests = (f"message->{each.name} == {_number(each.field.unknown or 0, each)}" for each in together)
         yield ""
         yield f"static inline bool {block.name}_is_unknown(const {block.name}_t *message)"

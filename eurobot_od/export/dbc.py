@@ -79,21 +79,13 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     nodes: dict[str, str] = {}
     entries = list(_named(messages, nodes))
     signals = [(_id(each), signal.name, signal.field) for each in entries for signal in each.signals]
-    comments = (
-        f"CM_ {place} {_quoted(text)};"
-        for each in entries
-        for place, text in (
-            (f"BO_ {_id(each)}", each.message.text),
-            *((f"SG_ {_id(each)} {name}", field.allowed) for name, field in each.signals),
-        )
-    )
     parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*_message(each), ""] for each in entries),
         # A message with several senders lists all of them here once more.
         [f"BO_TX_BU_ {_id(each)} : {','.join(each.senders)};" for each in entries if len(each.senders) > 1],
         [""],
-        [*comments, ""],
+        [*_comments(entries), ""],
         [*ATTRIBUTES, *(f'BA_ "Protocol" BO_ {_id(each)} {_quoted(each.message.group)};' for each in entries), ""],
         [
             f"VAL_ {id_} {name} {' '.join(f'{raw} {_quoted(text)}' for raw, text in field.named.items())} ;"
@@ -125,6 +117,13 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
             [nodes[node] for node in each.receivers],
             [Signal(of_signals.new(field.name), field) for field in each.fields],
         )
+
+
+def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
+    for each in entries:
+        yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
+        for name, field in each.signals:
+            yield f"CM_ SG_ {_id(each)} {name} {_quoted(field.allowed)};"
 
 
 def _id(entry: DbcMessage) -> int:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
+from eurobot_od.export.description import DescribedMessage, Numeral, described
 from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
@@ -115,21 +115,18 @@ def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
     rows = []
     for field in message.fields:
+        runs: list[list[int]] = []  # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one
+        for place in field.places:
+            if runs and place == runs[-1][-1] + 1:
+                runs[-1].append(place)
+            else:
+                runs.append([place])
+        ends = (dict.fromkeys((run[0], run[-1])) for run in runs)
+        bits = ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in run) for run in ends)
         limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
         named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())
-        rows.append((field.name, _bits(field), str(field.width), field.numeral.value, limits, field.unit, named))
+        rows.append((field.name, bits, str(field.width), field.numeral.value, limits, field.unit, named))
     yield DocTable(head, rows, ("Width",))
-
-
-def _bits(field: DescribedField) -> str:
-    """Write where a field's bits are, the lowest first: `0.0..1.3`, or `1.4..1.7, 0.0..0.7` for slices."""
-    runs: list[list[int]] = []
-    for place in field.places:
-        if runs and place == runs[-1][-1] + 1:
-            runs[-1].append(place)
-        else:
-            runs.append([place])
-    return ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in dict.fromkeys((run[0], run[-1]))) for run in runs)
 
 
 INFORMATION = (

@@ -129,7 +129,7 @@ class _Channels:
 
     def _schema(self, name: str) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
-        if drawing is not None:
+        if drawing is not None:  # viewers know what to draw by the name of its schema
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
         binding = self._bindings.get(name)
         properties: dict[str, Any] = {"text": {"type": "string"}}

@@ -124,6 +124,7 @@ class _Writer:
         )
 
     def _origin(self) -> dict[str, str | None]:
+        # As CiA 306 writes them: `11-23-2013`, `09:45PM`.
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
         version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
         return {

@@ -103,8 +103,7 @@ class Live:
         self._connection = Connection(self._driver, opener, clock, self._lost, self._filter, self._back)
         fail = self._connection.fail
         self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
-        # Every frame goes through this: without a node there is nothing to answer, and one call less to make.
-        receive = gatekeeper.receive_data if station is None else self._receive
+        receive = gatekeeper.receive_data if station is None else self._receive  # no node, no answers to send
         self._reader = Reader(
             self._connection, receive, clock, self._note_foreign, self._note_missed, gatekeeper.acts_always
         )
@@ -326,7 +325,10 @@ class Live:
         """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
         self.foreign += 1
         if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
-            self._note_bus_off()
+            now = self.clock()
+            if self.station is not None:  # it cannot be commanded now; its recovery is an error frame, too
+                self.station.bus_lost(now)
+            self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
         if self.station is None or message is None:
             return
         if message.is_error_frame:
@@ -337,13 +339,6 @@ class Live:
         elif message.is_remote_frame and not message.is_extended_id:
             self.station.requested(message.arbitration_id, self.clock())
             self._answered()
-
-    def _note_bus_off(self) -> None:
-        """Report that the controller has left the bus, and let the node stand; its recovery is an error frame, too."""
-        now = self.clock()
-        if self.station is not None:
-            self.station.bus_lost(now)
-        self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
 
     def _note_missed(self, count: int) -> None:
         """Report frames that waited while the process stood still: an old goto must not be carried out now."""

@@ -190,7 +190,7 @@ class Analysis:
         blocked = 0 if blocking is None else self.messages[blocking].bits
         level = [message, *(self.messages[n] for n in others)]
         recovery = RECOVERY_BITS + max(each.bits for each in level)
-        own, *shares = (Fraction(each.bits, each.period) for each in level)
+        own, *shares = (Fraction(each.bits, each.period) for each in level)  # exact, as FULL is a sharp limit
         load = sum(shares, Fraction(self.errors.number * recovery, self.errors.interval))
         return Interference(message, others, blocking, blocked, load + own, load, recovery)
 
@@ -227,7 +227,14 @@ class _Solution:
             self._solve()
 
     def _solve(self) -> None:
-        self._times = [self._solved(n) for n in range(len(self._messages))]
+        self._times = []
+        for level, own in zip(self._levels, self._jitters):
+            others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
+            if own is None or len(others) < len(level.others) or level.load >= FULL:
+                self._times.append(NO_TIMES)  # nor has a message any bound whose more urgent ones have none
+            else:
+                waits = [(each.bits, each.period, jitter) for each, jitter in others]
+                self._times.append(_times(level, own, waits, self._errors))
         self._in_mailbox = {n: self._mailbox_time(n) for n in {each for rivals in self._rivals for each in rivals}}
 
     @property
@@ -265,13 +272,6 @@ class _Solution:
         waits = [(each.bits, each.period, response) for each, response in others]
         queued = _least(_queued(level, 0, waits, self._errors), level.blocked, 0, level.load)
         return None if queued is None else queued + level.message.bits
-
-    def _solved(self, place: int) -> Times:
-        level, own = self._levels[place], self._jitters[place]
-        others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
-        if own is None or len(others) < len(level.others) or level.load >= FULL:
-            return NO_TIMES
-        return _times(level, own, [(each.bits, each.period, jitter) for each, jitter in others], self._errors)
 
 
 def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: BitErrors) -> Times:

@@ -66,7 +66,7 @@ class MessageSet(NamedTuple):
         """
 
         def scaled(each: PeriodicMessage) -> PeriodicMessage:
-            period = max(each.period * 100 // percent, 1)
+            period = max(each.period * 100 // percent, 1)  # 0 would be infinitely often
             return each._replace(period=period, deadline=period if each.deadline == each.period else each.deadline)
 
         return self._replace(messages=tuple(map(scaled, self.messages)))

@@ -77,7 +77,22 @@ HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin",
 
 def table(report: LoadReport) -> Iterator[str]:
     """Write a line for each message, times in ms, and what is to be said of all of them."""
-    yield from columns([HEADINGS, *map(_cells, report.rows)], "lllrrrr")
+    lines: list[tuple[str, ...]] = [HEADINGS]
+    for row in report.rows:
+        message, left = row.message, row.margin
+        lines.append(
+            (
+                f"{message.identifier:03X}",
+                message.name,
+                message.node,
+                ms(message.period),
+                NO_BOUND if row.response is None else ms(row.response),
+                ms(message.deadline),
+                MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left),
+                held_up_by(row),
+            )
+        )
+    yield from columns(lines, "lllrrrr")
     yield ""
     yield summary(report)
 
@@ -95,21 +110,6 @@ def too_slow(messages: MessageSet) -> Iterator[str]:
     for report in (load_report(messages, each) for each in messages.offered):
         if not report.holds:
             yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
-
-
-def _cells(row: BoundRow) -> tuple[str, ...]:
-    message = row.message
-    margin = MISSED if row.margin is None else f"{MISSED} {ms(row.margin)}" if row.margin < 0 else ms(row.margin)
-    return (
-        f"{message.identifier:03X}",
-        message.name,
-        message.node,
-        ms(message.period),
-        NO_BOUND if row.response is None else ms(row.response),
-        ms(message.deadline),
-        margin,
-        held_up_by(row),
-    )
 
 
 def held_up_by(row: BoundRow) -> str:

@@ -37,7 +37,7 @@ class CsvFormat(LineFormat):
         # a2b_base64 skips what is not base 64: the data is then shorter than the text says.
         if len(base64) != 4 * ((len(data) + 2) // 3):
             raise ValueError(base64)
-        if len(data) != int(length) and damage in CLASSIC:
+        if len(data) != int(length) and damage in CLASSIC:  # a remote frame has a length without data
             raise ValueError(line)
         if len(data) > MOST_BYTES and damage in CLASSIC:  # no column says so
             damage = Damage.FD

@@ -72,6 +72,7 @@ class Condition(NamedTuple):
     def holds(self, message: Message) -> bool:
         """Return whether it holds; "unknown" is neither less nor greater than anything."""
         found = getattr(message, self.field)
+        # None, for "unknown", would raise if it were compared by its order.
         if found is None or self.value is None:
             return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
         return self.compare(found, self.value)

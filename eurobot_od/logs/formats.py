@@ -73,7 +73,7 @@ def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
 
         with suppress(EOFError, zlib.error, gzip.BadGzipFile):
             beginning = _beginning(cast("BinaryIO", gzip.GzipFile(fileobj=file)))
-        file.seek(0)
+        file.seek(0)  # it has been read from
     suffix = form or _said_by(beginning, name)
     _reader(suffix, name)  # complains
     return suffix, packed
@@ -96,6 +96,7 @@ def _said_by(beginning: bytes, name: object) -> str:
     if not isinstance(name, str):
         return STANDARD_INPUT
     suffixes = PurePath(name.lower()).suffixes
+    # Of `match.asc.gz` it is `asc`; `match.gz` says nothing of its content.
     return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
 
 

@@ -102,6 +102,7 @@ class Decoder:
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     """Return the function that decodes the frames of one message."""
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
+    # As candump's frames, a Meaning is made without the named tuple's own constructor.
     length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
 
     def read(frame: Frame) -> Meaning:

@@ -105,16 +105,6 @@ def _object(dictionary: Dictionary | None, address: values.Address) -> str:
     return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
 
 
-def _content(dictionary: Dictionary | None, initiate: Initiate) -> str:
-    if not initiate.command & EXPEDITED:
-        return "" if initiate.size is None else f", {initiate.size} bytes"
-    value, variable = initiate.rest[: initiate.size], dictionary.variable(initiate.address) if dictionary else None
-    try:
-        return f" = {str(data_type(variable).read(value)) if variable else value.hex(' ')}"
-    except ValueError:  # a length that the type does not have
-        return f" = {value.hex(' ')}"
-
-
 def _segment(_: Dictionary | None, data: bytes) -> str:
     return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
 
@@ -127,7 +117,16 @@ def _abort(dictionary: Dictionary | None, data: bytes) -> str:
 def _of_object(what: str, value: bool = False) -> SdoText:
     def text(dictionary: Dictionary | None, data: bytes) -> str:
         initiate = Initiate.of(data)
-        return f"{what} {_object(dictionary, initiate.address)}{_content(dictionary, initiate) if value else ''}"
+        said = f"{what} {_object(dictionary, initiate.address)}"
+        if not value:
+            return said
+        if not initiate.command & EXPEDITED:
+            return said if initiate.size is None else f"{said}, {initiate.size} bytes"
+        octets, variable = initiate.rest[: initiate.size], dictionary.variable(initiate.address) if dictionary else None
+        try:
+            return f"{said} = {str(data_type(variable).read(octets)) if variable else octets.hex(' ')}"
+        except ValueError:  # a length that the type does not have
+            return f"{said} = {octets.hex(' ')}"
 
     return text
 

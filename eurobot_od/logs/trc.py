@@ -63,7 +63,7 @@ class TrcFormat(LineFormat):
         time = float(offset) / 1000 + self._start
         if line[:1] == b";" or not abs(time) < LATEST:
             raise ValueError(line)
-        words = rest.decode("ascii").split(None, self._data)
+        words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
         # Versions without a column for the bus record one bus.
         return time, "1" if self._bus is None else words[self._bus], self._raw(rest, words)
 

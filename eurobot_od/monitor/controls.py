@@ -28,6 +28,7 @@ class Controls:
 
     def within(self, most: int) -> int:
         """Return how many rows are scrolled away, `most` at most: what is shown ends with the last row."""
+        # Kept, or each press of `j` beyond the end would have to be taken back by one of `k`.
         self.top = min(self.top, max(most, 0))
         return self.top
 

@@ -76,7 +76,7 @@ class BusSource:
             return
         try:
             raw = of_message(message)
-        except ValueError:
+        except ValueError:  # what no adapter could receive, a peer behind a network can send
             raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
         self._came.append((self._continued(message.timestamp), raw))
 

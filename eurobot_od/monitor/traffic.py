@@ -95,6 +95,7 @@ class Traffic:
         self.now = 0.0
         self._bits = 0
         self._marks: deque[tuple[float, int, int]] = deque()
+        # Most frames on a bus are requests and confirms without data: their meaning is kept.
         self._explain: Callable[[Raw], Meaning] = lru_cache(REMEMBERED)(decoder)
 
     def take(self, time: float, raw: Raw) -> Meaning:
@@ -125,6 +126,7 @@ class Traffic:
 
     def clear(self) -> None:
         """Forget what was counted."""
+        # Not the frames and bits of all: the load is a difference between two of their counts.
         self.rows.clear()
         self.seen = SeenTraffic(self.bitrate, self._promised)
         self.damage = DamageCounts()
