@@ -7,6 +7,7 @@ PDO since. So an SDO, a PDO under any mapping and the answer to a request all ca
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from functools import partial
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -65,7 +66,7 @@ class BoundObjects:
     ) -> None:
         self._objects, self._dictionary, self._catalogue = objects, objects.dictionary, catalogue
         self._application, self._command = application, command
-        self._bindings: dict[type[Message], Binding | None] = {}  # as they are asked for
+        self._bindings: dict[type[Message], Binding] = {}  # as they are asked for
         self._before: dict[int, dict[Address, Value]] = {}  # the values of objects of which a part was written
 
     def readers(self) -> dict[int, OnRead]:
@@ -94,8 +95,9 @@ class BoundObjects:
         message = read()
         binding = self._binding(type(message))
         try:
+            # Through the frame: an SDO has to read the very bits that the PDO would carry.
             raw = binding.unpack(binding.encode(message).data)
-        except FieldError as error:
+        except FieldError as error:  # the application measures what its own field cannot hold: not the client's fault
             raise Abort(AbortCode.INCOMPATIBLE_INSIDE, str(error)) from error
         fields = dict(self._fields(index, binding))
         return raw[fields[subindex]] if subindex in fields else self._objects.kept((index, subindex))
@@ -107,32 +109,28 @@ class BoundObjects:
                 yield subindex, field
 
     def _binding(self, message_type: type[Message]) -> Binding:
-        """Return how the file maps a message; raises Abort if it does not."""
-        if message_type not in self._bindings:
-            self._bindings[message_type] = next(self._mapped(message_type), None)
-        binding = self._bindings[message_type]
-        if binding is None:
-            raise Abort(AbortCode.INCOMPATIBLE_INSIDE, f"the file has no PDO for {message_type.__name__}")
-        return binding
-
-    def _mapped(self, message_type: type[Message]) -> Iterator[Binding]:
-        """Give the file's PDOs for a message, valid or not; what does not hold is left out."""
+        """Return how the file maps a message, in a PDO that is valid or not; raises Abort if it does not."""
+        if message_type in self._bindings:
+            return self._bindings[message_type]
+        # By the file's defaults: the present mapping is a master's, and it may have taken the message apart.
         for pdo in self._dictionary.read_pdos(self._dictionary.default, lambda _: None):
             entry = self._catalogue.find(pdo.name)
             if entry is not None and entry.type is message_type:
-                try:
-                    yield Binding(self._dictionary.file, pdo, pdo.name, entry)
-                except MappingError:
-                    continue
+                with suppress(MappingError):  # another PDO of the file may bring the same message
+                    self._bindings[message_type] = Binding(self._dictionary.file, pdo, pdo.name, entry)
+                    return self._bindings[message_type]
+        raise Abort(AbortCode.INCOMPATIBLE_INSIDE, f"the file has no PDO for {message_type.__name__}")
 
     # A command
 
     def _write(self, index: int, message_type: type[Message], address: Address, value: Value) -> None:
         """Keep a value; the last one of an object is the command. A refused one leaves the object as it was before."""
         values, own = self._objects.values, (index, address[0])  # a slice is kept in the whole
+        # Noted at the first part that is written: by the last one, half of the command is in the objects.
         before = self._before.setdefault(index, {each: values[each] for each in values if each[0] in own})
         self._objects.put(address, value)
-        if address[1] == self._last(address[0]):
+        members = self._dictionary.members[address[0]].items()
+        if address[1] == max(subindex for subindex, variable in members if not carries_nothing(variable.name)):
             del self._before[index]
             try:
                 binding = self._binding(message_type)
@@ -141,13 +139,8 @@ class BoundObjects:
                 self._objects.values = {each: values[each] for each in values if each[0] not in own} | before
                 raise
 
-    def _last(self, index: int) -> int:
-        """Return the last sub-index that carries something."""
-        members = self._dictionary.members[index].items()
-        return max(subindex for subindex, variable in members if not carries_nothing(variable.name))
-
     def _message(self, index: int, binding: Binding) -> Message:
-        """Return the message with the values kept; raises Abort if one of them is none of its field's."""
+        """Return the message with the values kept; raises Abort if its field cannot have one of them."""
         kept = {field: self._objects.kept((index, subindex)) for subindex, field in self._fields(index, binding)}
         try:
             message = binding.decode(binding.pack({f: value for f, value in kept.items() if isinstance(value, int)}))

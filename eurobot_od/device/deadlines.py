@@ -44,6 +44,6 @@ class Deadlines:
         """Return the RPDOs that have not come in time by now, each once."""
         late = [binding for binding, deadline in self._deadlines.items() if deadline <= now]
         for binding in late:
-            del self._deadlines[binding]
+            del self._deadlines[binding]  # reported once; its next frame starts the watch again
             self.missed.add(binding)
         return late

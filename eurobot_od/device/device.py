@@ -96,21 +96,17 @@ class Device:
         self._file, self._catalogue, self._application = dictionary, catalogue, application
         self._store, self.plan, self.time_of_day = store, Plan(), Clock()
         self.refused: tuple[str, ...] = ()
-        self._stored = self._stored_before()
+        values: dict[Address, Value] = {}
+        try:
+            values |= store.load() if store else {}
+        except DamagedFile as error:
+            self.refused = (f"{error}; the defaults are taken",)
+        wrong = dict(refused(dictionary, values))
+        self.refused += tuple(f"stored value refused: {what}" for what in wrong.values())
+        self._stored = {address: value for address, value in values.items() if address not in wrong}
         self.state = NmtState.INITIALISING
         self._now = 0.0
         self._load(dict(self._stored))
-
-    def _stored_before(self) -> dict[Address, Value]:
-        """Return what was stored, as far as the device can have it."""
-        try:
-            values = dict(self._store.load()) if self._store else {}
-        except DamagedFile as error:
-            self.refused = (f"{error}; the defaults are taken",)
-            return {}
-        wrong = dict(refused(self._file, values))
-        self.refused = tuple(f"stored value refused: {what}" for what in wrong.values())
-        return {address: value for address, value in values.items() if address not in wrong}
 
     @property
     def state(self) -> NmtState:
@@ -127,11 +123,13 @@ class Device:
         own = self._file.node_id_address
         number = values.setdefault(own, self._file.node_id) if own else self._file.node_id
         self.node_id = number if isinstance(number, int) else self._file.node_id
+        # Values with $NODEID in them, the identifiers above all, follow a new node-ID (CiA 306-1).
         self.dictionary = self._file if self.node_id == self._file.node_id else self._file.renumbered(self.node_id)
+        # Functions, as a master may change 0x1014 and 0x1015 at any time; the inhibit time counts 100 µs.
         self.emergencies = Emergencies(
             lambda: self.objects.cob_id(standard.EMCY), lambda: self.objects.raw(standard.EMCY_INHIBIT_TIME) / 10_000
         )
-        readers: dict[int, OnRead] = {}
+        readers: dict[int, OnRead] = {}  # empty until _connect: who answers for an object is made from the objects
         writers: dict[int, OnWrite] = {}
         given = {**predefined(self.dictionary), **self._application.given}
         self.objects = Objects(self.dictionary, readers, writers, given, self._application.told)
@@ -151,24 +149,21 @@ class Device:
         self._beating = False
         self._configure()
 
-    def _has_room_for_eds(self) -> bool:
-        """Whether the object for the EDS may have any length; some files call it a number."""
-        variable = self.dictionary.variable(standard.STORED_EDS)
-        return variable is not None and not data_type(variable).size
-
     def _connect(self, bound: BoundObjects, readers: dict[int, OnRead], writers: dict[int, OnWrite]) -> None:
         """Enter who answers for the objects that are more than a value."""
+        eds = self.dictionary.variable(standard.STORED_EDS)
+        # Some files call 0x1021 a number, of a fixed size that no EDS has: then it keeps its value like any other.
+        serves_eds = eds is not None and not data_type(eds).size
         readers |= {
             **bound.readers(),
             standard.ERROR_REGISTER[0]: lambda _: self.emergencies.register,
             standard.ERROR_FIELD: self.emergencies.read_field,
-            **({standard.STORED_EDS[0]: self._read_eds} if self._has_room_for_eds() else {}),
+            **({standard.STORED_EDS[0]: self._read_eds} if serves_eds else {}),
         }
         writers |= {
             **bound.writers(),
             standard.ERROR_FIELD: self.emergencies.clear_field,
-            standard.STORE: self._save,
-            standard.RESTORE: self._restore,
+            **dict.fromkeys((standard.STORE, standard.RESTORE), self._keep),
             standard.CONSUMED_HEARTBEATS: self._consume,
             standard.HEARTBEAT_TIME[0]: self._produce,
             **dict.fromkeys(
@@ -188,6 +183,7 @@ class Device:
         time, sync = self.objects.raw(standard.TIME), self.objects.raw(standard.SYNC)
         produced = {each & BASE_IDENTIFIER for each in (time, sync) if each & PRODUCER}
         self._periodic = produced | {ERROR_CONTROL_BASE + self.node_id}
+        # Sub-index 2 of 0x1280 and those after it: where a server answers this device as its client (7.5.2.34).
         answers = {self.objects.cob_id((index, 2)) for index in standard.SDO_CLIENTS}
         # Where a file gives two services one identifier, the later of these has it: NMT is never lost.
         ears: dict[int | None, Ear] = {
@@ -211,7 +207,7 @@ class Device:
         self._pacing.restart(self._pdos.sent.values(), self._now)
         self._synchronous.restart(self._pdos.sent.values(), self._pdos.received.values())
         self._sampled.clear()
-        for binding in self._deadlines.missed:
+        for binding in self._deadlines.missed:  # nobody would report them as back: the watch begins anew
             self.emergencies.cleared((Deadlines, binding.name))
         self._deadlines.restart(self._pdos.received.values())
 
@@ -254,6 +250,7 @@ class Device:
         """Return how long a frame of this device waits for a mailbox; a boot-up message is sent but once."""
         if frame.cob_id == self.sdo_answers:
             return Stay.TRANSFER
+        # Without its boot-up message a master does not learn that the node is there, or has forgotten everything.
         if frame.cob_id in self.always_sent or frame == error_control(self.node_id, NmtState.INITIALISING):
             return Stay.LASTING
         return Stay.PERIODIC if frame.cob_id in self._periodic else Stay.SHORT
@@ -297,26 +294,22 @@ class Device:
         except DictionaryError as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
 
-    def _save(self, address: Address, signature: Value) -> None:
-        _check_signature(address, signature)
-        self._keep(self.objects.configuration())
-
-    def _restore(self, address: Address, signature: Value) -> None:
-        """Have the file's values back with the next reset (CiA 301, 7.5.2.14)."""
-        _check_signature(address, signature)
-        self._keep({})
-        if self._file.node_id_address:
-            self.objects.values.pop(self._file.node_id_address, None)
-
-    def _keep(self, values: dict[Address, Value]) -> None:
+    def _keep(self, address: Address, signature: Value) -> None:
+        """Store the present values, or, from the next reset on, those of the file (CiA 301, 7.5.2.13, 7.5.2.14)."""
+        # Spelt out, `save` and `load`, so that no stray write stores or restores anything.
+        if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
+            raise Abort(AbortCode.NOT_TRANSFERRED)
+        values = self.objects.configuration() if address[0] == standard.STORE else {}
+        own = self._file.node_id_address
         try:
-            own = self._file.node_id_address
             if self._store:
                 self._store.save(values, self.objects.number(own) if own else self.node_id)
         except (OSError, DictionaryError) as error:
             raise Abort(AbortCode.HARDWARE, str(error)) from error
         self._stored, self.refused = values, ()
         self.emergencies.cleared(Store)
+        if own and address[0] == standard.RESTORE:
+            self.objects.values.pop(own, None)  # a reset takes over the node-ID that is there
 
     def _consumed(self) -> list[int]:
         count = self.objects.raw((standard.CONSUMED_HEARTBEATS, 0))
@@ -357,9 +350,10 @@ class Device:
         reported, self.state = self._reports, state
         self._restart_pdos()
         self._changes.restart()
+        # Both PRE-OPERATIONAL and OPERATIONAL have SYNC and TIME: a change between them must not shift their periods.
         if reported is not self._reports:
             self._restart_broadcasts()
-        if state is NmtState.STOPPED:
+        if state is NmtState.STOPPED:  # no SDO there, not even the abort at its time-out
             self._server.forget()
 
     def _plan_heartbeat(self, now: float) -> None:
@@ -398,6 +392,7 @@ class Device:
     def next_wakeup(self) -> float:
         """When to call `tick`, infinite if nothing is planned."""
         watched = self._consumer.next, self._guarding.next
+        # What the NMT state holds back must wake nobody: `tick` would do nothing, and be called again at once.
         pdo = (self._pacing.next, self._deadlines.next) if self.operational else ()
         broadcast = (self._sync.next, self.time_of_day.next, self.emergencies.next) if self._reports else ()
         return min(self._next_heartbeat, self._server.deadline, *watched, *pdo, *broadcast)
@@ -407,6 +402,7 @@ class Device:
         self._now = now
         frames = []
         if now >= self._next_heartbeat:
+            # From the time it was planned for, or each late call would put off all the heartbeats after it.
             self._plan_heartbeat(caught_up(self._next_heartbeat, now))
             self._beating = True
             frames.append(error_control(self.node_id, self.state))
@@ -415,7 +411,9 @@ class Device:
         if self.operational:
             frames += self._pacing.released(now)
             frames += [self._process.frame(binding) for binding in self._pacing.due(now)]
-            self._miss(now)
+            for binding in self._deadlines.overdue(now):
+                cob_id = binding.cob_id.to_bytes(2, "little")
+                self.emergencies.raised(ErrorCode.PDO_MISSING, (Deadlines, binding.name), cob_id)
         frames += self._sdo_frames(self._server.tick(now))
         lost = self._lose(now)
         return Reaction(frames + self.emergency_frames(now), lost=lost, synchronous=own.synchronous)
@@ -430,12 +428,6 @@ class Device:
             frames += [sync, *followed.frames]
             messages += followed.synchronous
         return Reaction(frames, synchronous=messages)
-
-    def _miss(self, now: float) -> None:
-        """Notice RPDOs that have not come in time."""
-        for binding in self._deadlines.overdue(now):
-            cob_id = binding.cob_id.to_bytes(2, "little")
-            self.emergencies.raised(ErrorCode.PDO_MISSING, (Deadlines, binding.name), cob_id)
 
     def _lose(self, now: float) -> tuple[int, ...]:
         """Notice nodes, and the master that guards this one, who have fallen silent (CiA 301, 7.5.2.32)."""
@@ -480,6 +472,7 @@ class Device:
             return Reaction([])
         self._now = now
         reaction = ear(frame)
+        # Every frame comes through here, and hardly ever is there an error: a flag is cheaper than a call.
         if not self.emergencies.quiet:
             reaction.frames.extend(self.emergency_frames(now))
         if reaction.message is None:  # a message for the application plans nothing here
@@ -533,7 +526,7 @@ class Device:
             return Reaction([])
         try:
             message = binding.decode(frame.data)
-        except FrameLengthError:
+        except FrameLengthError:  # too short is not processed, too long as far as it is mapped (CiA 301, Table 26)
             self._raise_length(ErrorCode.PDO_TOO_SHORT, binding, frame)
             return Reaction([])
         if len(frame.data) > binding.layout.length:
@@ -553,6 +546,7 @@ class Device:
         """Send what goes with this SYNC, with the values of now, and let take effect what has waited for it."""
         if not self.operational:
             return Reaction([])
+        # First: a TPDO carries the values at the SYNC, not those that the SYNC lets in.
         frames = [self._process.frame(binding) for binding in self._synchronous.due()]
         sampled = filter(self._pdos.is_sampled, self._pdos.requestable.values())
         self._sampled = {binding: self._process.frame(binding) for binding in sampled}
@@ -596,7 +590,7 @@ class Device:
         if binding is None:
             binding = self._sendable(message)  # a stop, or it says what is wrong
         frame = binding.encode(message)
-        if frame.data:
+        if frame.data:  # into the objects as well: an SDO, a SYNC or a remote frame is to find what was said last
             self._process.note(binding, frame.data)
         if binding in self._synchronous:
             self._synchronous.ask(binding)
@@ -621,9 +615,3 @@ class Device:
                 frames += self._pacing.admit(binding, frame, now)
         self.plan.at(self._pacing.next)
         return frames
-
-
-def _check_signature(address: Address, signature: Value) -> None:
-    """Let nothing be stored or restored by chance; raises Abort."""
-    if signature != int.from_bytes(standard.SIGNATURES[address[0]], "little"):
-        raise Abort(AbortCode.NOT_TRANSFERRED)

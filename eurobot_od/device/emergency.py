@@ -108,7 +108,7 @@ class Emergencies:
 
     def cleared(self, what: Hashable) -> None:
         """Note that the error of `what` is gone, if there was one."""
-        if self.errors.pop(what, None) is not None:
+        if self.errors.pop(what, None) is not None:  # out first: the report's error register has only what is left
             self._report(ErrorCode.NO_ERROR, b"")
 
     def happened(self, code: int, now: float) -> None:

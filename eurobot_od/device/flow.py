@@ -113,6 +113,7 @@ def shielded(call: Call[Result]) -> Call[Result]:
     mirror: Call[Result] = Call()
 
     def settle(done: Future[Result]) -> None:
+        # False if the mirror was cancelled; setting a result would raise then.
         if mirror.set_running_or_notify_cancel():
             error = done.exception()
             mirror.set_result(done.result()) if error is None else mirror.set_exception(error)

@@ -32,6 +32,7 @@ class NodeGuarding:
     def answer(self, node_id: int, state: NmtState, now: float) -> Frame:
         """Return the answer to a question."""
         data = bytes([self._toggle | state])
+        # Only a reset, which makes this object anew, begins with 0 again; a master that was silent does not.
         self._toggle ^= TOGGLE
         self.next = now + self._life_time if self._life_time else inf
         self.lost = False

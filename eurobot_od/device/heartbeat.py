@@ -29,6 +29,7 @@ class HeartbeatConsumer:
     def configure(self, entries: Iterable[int]) -> None:
         """Take over the entries of 0x1016; what does not change goes on."""
         times = {node_id: time for node_id, time in map(split, entries) if time}
+        # Any change of the communication objects ends up here: it must not stop the watch over the other nodes.
         kept = {node_id for node_id in times if times[node_id] == self._times.get(node_id)}
         self._times = times
         self._deadlines = {node_id: self._deadlines[node_id] for node_id in kept & self._deadlines.keys()}
@@ -43,6 +44,7 @@ class HeartbeatConsumer:
         """Note a heartbeat or boot-up message; return whether its node had been lost."""
         if node_id not in self._times:
             return False
+        # A node without heartbeats boots as well: that begins no watch, but in one that is on the node is back.
         if not boot_up or node_id in self._deadlines:
             self._deadlines[node_id] = now + self._times[node_id]
         was_lost = node_id in self.lost
@@ -58,6 +60,6 @@ class HeartbeatConsumer:
         """Return the nodes that have fallen silent by now, each once."""
         silent = [node_id for node_id, deadline in self._deadlines.items() if deadline <= now]
         for node_id in silent:
-            del self._deadlines[node_id]
+            del self._deadlines[node_id]  # reported once; its next heartbeat starts the watch again
             self.lost.add(node_id)
         return silent

@@ -78,6 +78,7 @@ STAY_PRE_OPERATIONAL = 1 << 2
 
 def command_in(frame: Frame, node_id: int) -> NmtCommand | None:
     """Return the NMT command a frame has for this node, None for any other frame."""
+    # NMT has no answers (CiA 301, 7.2.8.2.1), so there is nobody to tell of a command that is malformed or unknown.
     if frame.cob_id != NMT_COB_ID or len(frame.data) != 2 or frame.data[1] not in (ALL_NODES, node_id):
         return None
     return NmtCommand(frame.data[0]) if frame.data[0] in set(NmtCommand) else None

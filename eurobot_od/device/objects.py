@@ -111,14 +111,12 @@ class Objects:
         """
         try:
             value = self.value(address)
-            return value if isinstance(value, int) else self._bits(address, value)
-        except (Abort, ValueError, OverflowError):
+            if isinstance(value, int):
+                return value
+            variable = self.dictionary.variable(address)
+            return 0 if variable is None else int.from_bytes(data_type(variable).write(value), "little")
+        except (Abort, ValueError, OverflowError):  # a PDO has no way to say that a value is missing
             return 0
-
-    def _bits(self, address: Address, value: Value) -> int:
-        """Return the bits of a text or a REAL; raises ValueError, OverflowError if it is not of the object's type."""
-        variable = self.dictionary.variable(address)
-        return 0 if variable is None else int.from_bytes(data_type(variable).write(value), "little")
 
     def number(self, address: Address) -> int:
         """Return a value that has to be a number; raises DictionaryError."""
@@ -136,7 +134,7 @@ class Objects:
 
         Raises Refused if somebody is to be told of it and does not take it.
         """
-        if address in self._told:
+        if address in self._told:  # before it is kept: what the application refuses must leave no trace
             self._told[address](value)
         part = self._part(address)
         if part is None or not isinstance(value, int):
@@ -181,6 +179,7 @@ class Objects:
         type_ = data_type(variable)
         room = type_.size or (LARGEST if type_ == DOMAIN else LONGEST_TEXT)
         if size is not None and size > room:
+            # A text or a DOMAIN has no size that its type fixes: all it can exceed is memory (CiA 301, Table 22).
             raise Abort(AbortCode.TOO_LONG if type_.size else AbortCode.OUT_OF_MEMORY)
         if size is not None and size < type_.size:
             raise Abort(AbortCode.TOO_SHORT)

@@ -83,6 +83,7 @@ class Pdos:
 
     def inhibit_time(self, binding: Binding) -> float:
         """Return the seconds from a TPDO to the next one, 0.0 for no inhibit time; what acts always never waits."""
+        # Sub-index 3 counts 100 µs, the event timer in sub-index 5 milliseconds (CiA 301, 7.5.2.37).
         return 0.0 if binding.always else self._objects.raw((binding.pdo.index, INHIBIT_TIME)) / 10_000
 
     def event_timer(self, binding: Binding) -> float:
@@ -143,6 +144,7 @@ class Pdos:
         ):
             raise Abort(AbortCode.VALUE, "a SYNC in base frames only, and sent only with a period")
         before = self._objects.raw(address)
+        # A producer's identifier is fixed until its bit 30 is cleared (CiA 301, 7.5.2.5).
         if before & number & SYNC_PRODUCER and before != number:
             raise Abort(AbortCode.STATE, "it sends SYNC")
         self._objects.put(address, number)
@@ -150,7 +152,7 @@ class Pdos:
     def _write_counter(self, address: Address, value: Value) -> None:
         if value not in COUNTERS:
             raise Abort(AbortCode.VALUE, "0, or 2 to 240")
-        if self._objects.raw(SYNC_PERIOD):
+        if self._objects.raw(SYNC_PERIOD):  # only while 0x1006 is 0 (CiA 301, 7.5.2.22)
             raise Abort(AbortCode.STATE, "SYNC has a period")
         self._objects.put(address, value)
 
@@ -175,21 +177,17 @@ class Pdos:
         if subindex == COB_ID:
             self._write_cob_id(index, number)
             return
-        if subindex == TRANSMISSION_TYPE and number not in self._types(index):
-            raise Abort(
-                AbortCode.VALUE, "event-driven, by SYNC if the device has one, by remote frame if it is allowed"
-            )
-        if subindex == INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
-            raise Abort(AbortCode.VALUE, "an RPDO is not inhibited")
-        if subindex == INHIBIT_TIME and self._is_valid(index):
-            raise Abort(AbortCode.STATE, "the PDO is valid")
-        self._objects.put(address, number)
-
-    def _types(self, index: int) -> Collection[int]:
-        """Return the transmission types that a PDO may have."""
         asked_for = (REQUESTED, *([SAMPLED] if self._sync_types else []))
         requestable = index >= PdoDirection.TPDO.value and self._is_requestable(index)
-        return *EVENT_DRIVEN, *self._sync_types, *(asked_for if requestable else ())
+        types = {*EVENT_DRIVEN, *self._sync_types, *(asked_for if requestable else ())}
+        if subindex == TRANSMISSION_TYPE and number not in types:
+            allowed = "event-driven, by SYNC if the device has one, by remote frame if it is allowed"
+            raise Abort(AbortCode.VALUE, allowed)
+        if subindex == INHIBIT_TIME and number and index < PdoDirection.TPDO.value:
+            raise Abort(AbortCode.VALUE, "an RPDO is not inhibited")
+        if subindex == INHIBIT_TIME and self._is_valid(index):  # CiA 301, 7.5.2.37
+            raise Abort(AbortCode.STATE, "the PDO is valid")
+        self._objects.put(address, number)
 
     def _is_valid(self, index: int) -> bool:
         return self._objects.cob_id((index, COB_ID)) is not None
@@ -203,31 +201,27 @@ class Pdos:
         if valid and self._is_valid(index) and entry != self._objects.raw(address):
             raise Abort(AbortCode.STATE, "the PDO is valid")
         cob_id = entry & values.BASE_IDENTIFIER
+        # EMCY and SYNC are where this device has them now, which need not be the pre-defined connection set.
         if valid and (cob_id in (self._objects.raw(EMCY), self.sync_cob_id) or owner(cob_id, REFUSED)):
             raise Abort(AbortCode.VALUE, "an identifier that CANopen itself uses")
         try:
             protocol = self._built(lambda a: entry if a == address else self._objects.value(a), self._refuse_new_harm)
         except MappingError as error:
             raise Abort(AbortCode.INCOMPATIBLE, str(error)) from error
-        if narrow := self._narrow_fields(protocol, index):
+        # A node could not send a message with such a value, and nobody would know why it does not answer. A message of
+        # no catalogue is its mapped bits, however few.
+        ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
+        if narrow := [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]:
             raise Abort(AbortCode.INCOMPATIBLE, f"too few bits for {', '.join(narrow)}")
         self._objects.put(address, entry)
         self._apply(protocol)
-
-    def _narrow_fields(self, protocol: Protocol, index: int) -> list[str]:
-        """Return the fields of a TPDO that its mapping cuts; a message of no catalogue is its mapped bits, however few.
-
-        A node could not send a message with such a value, and nobody would know why it does not answer.
-        """
-        ours = (each for each in protocol.bindings if each.pdo.index == index >= PdoDirection.TPDO.value)
-        return [field for each in ours if self._catalogue.find(each.name) for field in each.too_narrow]
 
     def _write_mapping(self, address: Address, value: Value) -> None:
         index, subindex = address
         number = value if isinstance(value, int) else 0
         if self._is_valid(index - values.MAPPING_OFFSET):
             raise Abort(AbortCode.STATE, "the PDO is valid")
-        if subindex == 0:
+        if subindex == 0:  # entries are written one by one: only the number of them shows how long the PDO is
             entries = (self._objects.raw((index, sub)) for sub in range(1, number + 1))
             if sum(self.mapped(index, entry).bits for entry in entries) > MAX_BITS:
                 raise Abort(AbortCode.MAPPING_TOO_LONG)
@@ -244,6 +238,7 @@ class Pdos:
         variable = dictionary.variable((entry >> 16, entry >> 8 & 0xFF))
         if variable is None:
             raise Abort(AbortCode.NO_OBJECT)
+        # A dummy skips received bits that mean nothing to this device; there is nothing in it to be sent.
         dummy = variable.index in DUMMIES and direction is PdoDirection.RPDO
         if not dummy and not (variable.pdo_mappable and variable.access_type in MAPPABLE[direction]):
             raise Abort(AbortCode.NOT_MAPPABLE)
@@ -262,6 +257,7 @@ class ProcessData:
 
     def note(self, binding: Binding, data: bytes) -> None:
         """Remember the newest frame of a message; `data` has a length that the mapping allows."""
+        # Taken out first: a dict leaves a known key in its old place, and where PDOs share an object the newest counts.
         self._latest.pop(binding.name, None)
         self._latest[binding.name] = binding, data
 
@@ -298,7 +294,7 @@ def _meant(entry: Mapped, bits: int) -> Value:
     """Return the value of an entry's bits, the lowest of `bits`; mapped in part, all but an integer is a number."""
     raw, type_ = bits & (1 << entry.bits) - 1, entry.type
     if type_.is_signed:
-        sign = 1 << entry.bits - 1
+        sign = 1 << entry.bits - 1  # of the entry, not of the type: a mapping may cut an INTEGER16 to 12 bits
         return (raw ^ sign) - sign
     whole = not type_.is_integer and (entry.bits == type_.bits if type_.bits else entry.bits % 8 == 0)
     return type_.read(raw.to_bytes(entry.bits // 8, "little")) if whole else raw
@@ -318,6 +314,7 @@ class Changes:
     def since(self, bindings: Iterable[Binding]) -> list[tuple[Binding, Frame]]:
         """Return those of these PDOs that have changed, with their frames; one without data never does."""
         looked_at = [(each, self._frame(each)) for each in bindings if each.layout.length]
+        # By index, which stays when a master maps the PDO anew; its binding is another one then.
         changed = [(each, frame) for each, frame in looked_at if self._seen.get(each.pdo.index) != frame]
         self._seen |= {each.pdo.index: frame for each, frame in changed}
         return changed
@@ -370,7 +367,7 @@ class Pacing:
     def released(self, now: float) -> list[Frame]:
         """Return what was held back and may be sent now."""
         released = {each: frame for each, frame in self._held.items() if self._free[each] <= now}
-        for binding in released:
+        for binding in released:  # as if sent when it was free: a late call does not stretch the inhibit time
             self.sent(binding, self._free[binding])
         return list(released.values())
 

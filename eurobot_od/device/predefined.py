@@ -35,6 +35,7 @@ BASES: Mapping[Address, int] = {
 def predefined(dictionary: Dictionary) -> dict[Address, int]:
     """Return the values of the objects that a file has and gives none: identifiers, and who the device is."""
     identifiers = {**BROADCASTS, **{address: base + dictionary.node_id for address, base in BASES.items()}}
+    # Only where the file is silent: an identifier that it gives counts, also one that is not valid.
     silent = (each for each in identifiers if each[1] in dictionary.members.get(each[0], ()))
     identity = {(IDENTITY, sub): number for sub, number in enumerate(dictionary.identity, start=1) if number}
     return identity | {address: identifiers[address] for address in silent if dictionary.default(address) is None}

@@ -75,29 +75,24 @@ class SimulatedDevice(Node):
             self.soon(lambda _: None)
 
     def _application(self, dictionary: Dictionary) -> Application:
+        readers: dict[ObjectName, Callable[[Any], Value]] = {
+            name: partial(lambda waveform, device: waveform(device.now - device._switched_on), waveform)
+            for name, waveform in self._waveforms.items()
+        }
+        readers |= self.READERS  # after the waveforms: a program's own reader knows more
+        measured = [(self._address(name), read) for name, read in readers.items()]
         return (
             super()
             ._application(dictionary)
             ._replace(
                 given={self._address(name): value for name, value in self._given.items()},
-                measured={**self._measured(self._waveforms, self._wave), **self._measured(self.READERS, self._read)},
+                measured={address: partial(self._measure, address, read) for address, read in measured},
                 told={self._address(name): partial(write, self) for name, write in self.WRITERS.items()},
             )
         )
 
-    def _measured(
-        self, sources: Mapping[ObjectName, Any], measure: Callable[[Address, Any], Value]
-    ) -> dict[Address, Callable[[], Value]]:
-        addresses = {self._address(name): source for name, source in sources.items()}
-        return {address: partial(measure, address, source) for address, source in addresses.items()}
-
-    def _wave(self, address: Address, waveform: Waveform) -> Value:
-        return self._fitted(address, waveform(self.now - self._switched_on))
-
-    def _read(self, address: Address, read: Callable[[Any], Value]) -> Value:
-        return self._fitted(address, read(self))
-
-    def _fitted(self, address: Address, value: Value) -> Value:
+    def _measure(self, address: Address, read: Callable[[Any], Value]) -> Value:
+        value = read(self)
         return fitted(value, data_type(self._variable(address))) if isinstance(value, (int, float)) else value
 
     def _address(self, name: ObjectName) -> Address:

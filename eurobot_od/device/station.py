@@ -57,7 +57,8 @@ class Station:
         self._restarts_at: float | None = None
         """When a node that has failed is restarted; None while it runs."""
         self._identifiers = node.device.identifiers
-        node.alarm = self._report_alarm
+        node.alarm = lambda text: self.gatekeeper.report(Report(Event.NODE_ALARM, node.name, text, node.now))
+        # A function for the identifiers: a master may change them, and the gatekeeper then asks again.
         self._listener = self.gatekeeper.add_node(lambda: self._identifiers, self._received, node.name)
 
     def start(self, now: float) -> None:
@@ -82,6 +83,7 @@ class Station:
         """When to call `tick`, in the node's time; infinite if nothing is planned."""
         with self.node.guard:
             wakeup = self.node.next_wakeup if self._restarts_at is None else self._restarts_at
+            # Whoever asks sleeps until then: from here on, only what is planned for sooner has to wake them.
             self.plan.soonest = wakeup
             return wakeup
 
@@ -93,6 +95,7 @@ class Station:
     def bus_lost(self, now: float) -> None:
         """Tell the node that the bus is lost."""
         with self.node.guard:
+            # The transfer they belong to is given up: after the gap they would answer a question nobody asks any more.
             self.gatekeeper.mailboxes.withdraw(self.node.device.sdo_answers)
             self._do(self.node.bus_lost, now)
 
@@ -111,12 +114,12 @@ class Station:
 
     def _fail(self, error: BaseException, now: float) -> list[Frame]:
         """Stop a node that has raised an exception, report that, and end it or have it restarted later."""
-        frames = self.node.failed(error, now)
+        frames = self.node.failed(error, now)  # stops first, whatever becomes of the node
         text = f"{type(error).__name__}: {error}"
         if self._on_error is OnError.END:
             self.failure = NodeFailed(f"{self.node.name} has failed and ended: {text}")
             self.node.switched_off()
-            pause, what = inf, "it has ended"
+            pause, what = inf, "it has ended"  # inf: like one that waits for ever
         else:
             pause = self._backoff.pause(now)
             what = f"it is restarted in {pause:g} s"
@@ -124,9 +127,6 @@ class Station:
         self._listener.failed += 1
         self.gatekeeper.report(Report(Event.NODE_FAILED, self.node.name, f"{text}; {what}", now, error))
         return frames
-
-    def _report_alarm(self, text: str) -> None:
-        self.gatekeeper.report(Report(Event.NODE_ALARM, self.node.name, text, self.node.now))
 
     def _received(self, frame: Frame, now: float) -> None:
         with self.node.guard:
@@ -147,8 +147,8 @@ class Station:
     def _submit(self, frames: list[Frame], now: float) -> None:
         mailboxes, device = self.gatekeeper.mailboxes, self.node.device
         if frames and frames[0].cob_id == device.sdo_answers:
-            # One transfer at a time: whoever asks anew awaits no more what was answered before. Or else a client that
-            # asks for block after block would have answers wait without end.
+            # One transfer at a time: a client that asks again no longer waits for the earlier answer. Without this, one
+            # that asks for block after block would let the answers pile up.
             mailboxes.withdraw(device.sdo_answers)
         for frame in frames:
             stay = device.stay(frame)

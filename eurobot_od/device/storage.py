@@ -10,7 +10,7 @@ import re
 import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from eurobot_od.device.objects import is_configuration, out_of_limits
 from eurobot_od.errors import DamagedFile, DictionaryError, FieldError, UnknownName
@@ -21,9 +21,6 @@ from eurobot_od.od.objects import data_type, limits
 from eurobot_od.od.standard import IDENTITY
 from eurobot_od.od.values import Address, Value, label
 from eurobot_od.support.files import write_whole
-
-if TYPE_CHECKING:
-    from canopen.objectdictionary import ODVariable
 
 KIND: tuple[Address, ...] = tuple((IDENTITY, sub) for sub in (1, 2, 3))
 """Vendor-ID, product code and revision number: what a configuration has to have in common with its device."""
@@ -79,8 +76,14 @@ class FileStore:
         """
         if not self.file.exists():
             return {}
-        self._check(read_bytes(self.file))
+        content = read_bytes(self.file)
+        line = CHECKSUM.match(content)
+        # Before it is read: a flipped bit may still be a DCF, with another value in it.
+        if line and int(line[1], 16) != zlib.crc32(content[line.end() :]):
+            what = "damaged: the checksum in its first line is not that of the rest (changed by hand? delete that line)"
+            raise DamagedFile(self.file, None, what)
         stored = Dictionary.load(self.file)
+        # What the EDS itself leaves out its DCF cannot have; any other section that is missing has been cut off.
         never_there = dcf.missing(self._dictionary.content.decode(ANY_BYTES))
         for section in dcf.missing(stored.content.decode(ANY_BYTES)):
             if section not in never_there:
@@ -93,12 +96,6 @@ class FileStore:
         variables = {each: stored.variable(each) for each in stored.addresses() if is_configuration(stored, each)}
         # what the file's own EDS says by DefaultValue alone is not stored: a later EDS may say something else
         return {a: v.value for a, v in variables.items() if v is not None and v.writable and v.value is not None}
-
-    def _check(self, content: bytes) -> None:
-        line = CHECKSUM.match(content)
-        if line and int(line[1], 16) != zlib.crc32(content[line.end() :]):
-            what = "damaged: the checksum in its first line is not that of the rest (changed by hand? delete that line)"
-            raise DamagedFile(self.file, None, what)
 
     def save(self, values: Mapping[Address, Value], node_id: int) -> None:
         """Replace the file by one with these settings.
@@ -119,19 +116,14 @@ def refused(dictionary: Dictionary, values: Mapping[Address, Value]) -> Iterator
         variable = dictionary.variable(address)
         if variable is None:
             yield address, f"{label(address)} is no object of the device"
-        elif not _fits(variable, value):
-            what = f"{label(address, variable.name)} = {value!r}, allowed: {_allowed(variable)}"
+            continue
+        try:
+            data_type(variable).write(value)
+            fits = out_of_limits(variable, value) is None
+        except (ValueError, OverflowError):  # it is not of the type that the object has in this EDS
+            fits = False
+        if not fits:
+            range_ = limits(variable)
+            allowed = data_type(variable).name if range_ is None else f"{range_.low}..{range_.high}"
+            what = f"{label(address, variable.name)} = {value!r}, allowed: {allowed}"
             yield address, f"{what}; the default is taken"
-
-
-def _allowed(variable: ODVariable) -> str:
-    range_ = limits(variable)
-    return data_type(variable).name if range_ is None else f"{range_.low}..{range_.high}"
-
-
-def _fits(variable: ODVariable, value: Value) -> bool:
-    try:
-        data_type(variable).write(value)
-    except (ValueError, OverflowError):
-        return False
-    return out_of_limits(variable, value) is None

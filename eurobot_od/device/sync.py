@@ -14,7 +14,7 @@ from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.message import Message
 
 COUNTERS = (0, *range(2, 241))
-"""What 0x1019 may be."""
+"""What 0x1019 may be: 1 would count nothing, and all else is reserved (CiA 301, 7.5.2.22)."""
 
 ACYCLIC = 0
 """Transmission type of what goes with the next SYNC; n goes with every n-th one (CiA 301, Tables 68 and 72)."""
@@ -30,7 +30,7 @@ class SyncProducer:
 
     def restart(self, period: float, overflow: int, now: float) -> None:
         """Begin anew, with the first one after a `period` in seconds, 0.0 for none; the counter begins with 1."""
-        self.next = now + period if period else inf
+        self.next = now + period if period else inf  # within one period (CiA 301, 7.5.2.5)
         self._period, self._overflow, self._count = period, overflow, 0
 
     def due(self, now: float) -> list[bytes]:
@@ -83,13 +83,14 @@ class Synchronous:
     def due(self) -> list[Binding]:
         """Count a SYNC, and return the TPDOs that go with it."""
         self._counts = {binding: count + 1 for binding, count in self._counts.items()}
-        due = [binding for binding, count in self._counts.items() if self._goes(binding, count)]
+        periods = self._types
+        due = [
+            binding
+            for binding, count in self._counts.items()
+            if (binding in self._asked if periods[binding] == ACYCLIC else count % periods[binding] == 0)
+        ]
         self._asked.clear()
         return due
-
-    def _goes(self, binding: Binding, count: int) -> bool:
-        period = self._types[binding]
-        return binding in self._asked if period == ACYCLIC else count % period == 0
 
     def arrived(self) -> list[Arrival]:
         """Return and forget what takes effect now."""

@@ -1,4 +1,4 @@
-"""TIME: the time of day that a network shares, heard and sent (CiA 301, 7.2.6, 7.1.6.6 and 7.5.2.16).
+"""TIME: the time of day that a network shares, heard and sent (CiA 301, 7.2.6, 7.1.6.6 and 7.5.2.15).
 
 Rule of this file: there is no clock. The device's own time in seconds comes in; here is how far it is behind.
 """

@@ -54,6 +54,7 @@ class Timers:
     def at(self, time: float, action: TimerAction) -> Timer:
         """Have `action` called when the time comes."""
         timer = Timer(time, action)
+        # The number keeps timers of one time in their order, and the heap from comparing timers, which it cannot.
         heapq.heappush(self._heap, (time, next(self._order), timer))
         self._planned(time)
         return timer

@@ -74,6 +74,7 @@ def walk(start: float, step: float, every: float, seed: int = 1, low: float = -i
         nonlocal chance, steps_done, place
         if time < steps_done * every:  # the time has begun anew
             chance, steps_done, place = Random(seed), 0, start
+        # Every step, however seldom somebody looks: the same seed has to give the same walk at any rate of sampling.
         for _ in range(int(time / every) - steps_done):
             place = min(max(place + chance.uniform(-step, step), low), high)
             steps_done += 1
@@ -86,6 +87,7 @@ def fitted(value: float, type_: DataType) -> Value:
     """Return what an object of a type holds of a value: integers are rounded, and end where their type ends."""
     if not type_.is_integer:
         return value
+    # A user's function may give infinity or NaN, at which round() raises.
     return min(max(round(value), type_.low), type_.high) if isfinite(value) else type_.low
 
 
@@ -99,7 +101,7 @@ def _number(node: yaml.Node, problems: Problems) -> float:
         number = whole.value if whole and not whole.relative else float(text)
     except ValueError:
         refuse(node, problems, f"expected a number, found {str(text)!r}")
-    if not isfinite(number):
+    if not isfinite(number):  # float() takes `nan` and `inf` as well
         refuse(node, problems, f"expected a number, found {str(text)!r}")
     return number
 
@@ -115,18 +117,22 @@ def _duration(node: yaml.Node, problems: Problems) -> float:
     return seconds
 
 
-def _some(node: yaml.Node, problems: Problems) -> tuple[float, ...]:
-    found = listing(_number)(node, problems)
-    return found or refuse(node, problems, "expected at least one value")
-
-
 _BETWEEN: Mapping[str, NodeReader[float]] = {"low": _number, "high": _number, "period": _duration}
 
 _WAVEFORMS: Mapping[str, NodeReader[Waveform]] = {
     "ramp": record(ramp, _BETWEEN, {}),
     "sine": record(sine, _BETWEEN, {}),
     "square": record(square, _BETWEEN, {}),
-    "steps": record(steps, {"values": _some, "every": _duration}, {}),
+    "steps": record(
+        steps,
+        {
+            "values": lambda node, problems: (
+                listing(_number)(node, problems) or refuse(node, problems, "expected at least one value")
+            ),
+            "every": _duration,
+        },
+        {},
+    ),
     "walk": record(
         walk,
         {"start": _number, "step": _number, "every": _duration},
@@ -151,14 +157,14 @@ def read_waveforms(text: str, file: str) -> Mapping[str, Waveform]:
 
     Raises LocalError with the line of the first fault.
     """
+
+    def named(node: yaml.Node, problems: Problems) -> Mapping[str, Waveform]:
+        refuse_aliases(node, problems)
+        return {str(name): each for name, each in mapping(_waveform, key=scalar)(node, problems).items()}
+
     problems: Problems = []
     try:
-        return read_yaml(text, _named, problems)
+        return read_yaml(text, named, problems)
     except ReadError as error:
         place, what = problems[0]
         raise LocalError(f"{file}, line {place.line}: {what}") from error
-
-
-def _named(node: yaml.Node, problems: Problems) -> Mapping[str, Waveform]:
-    refuse_aliases(node, problems)
-    return {str(name): each for name, each in mapping(_waveform, key=scalar)(node, problems).items()}

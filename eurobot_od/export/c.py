@@ -23,7 +23,7 @@ from collections.abc import Iterable, Iterator
 from textwrap import TextWrapper
 from typing import NamedTuple
 
-from eurobot_od.export.description import Chunk, DescribedField, DescribedMessage, Numeral, described
+from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
 from eurobot_od.export.names import LONGEST_IDENTIFIER, Identifiers, printable
 from eurobot_od.pdo.protocol import Protocol
 
@@ -65,9 +65,14 @@ class Member(NamedTuple):
         return f"uint{self.bits}_t"
 
     @property
+    def is_real(self) -> bool:
+        """Whether its value is a floating-point number."""
+        return self.field.numeral is Numeral.REAL
+
+    @property
     def type(self) -> str:
         """The C type of its value."""
-        if self.field.numeral is Numeral.REAL:
+        if self.is_real:
             return STRUCT_REALS[self.field.width]
         if self.field.numeral is Numeral.SIGNED:
             return f"int{self.bits}_t"
@@ -116,7 +121,7 @@ def blocks_of(messages: Iterable[DescribedMessage], name: str) -> list[MessageBl
     of_messages, prefix = Identifiers(), prefix_of(name)
     blocks = []
     for each in messages:
-        names = Identifiers(WORDS)
+        names = Identifiers(WORDS)  # each struct has a name space of its own
         members = [Member(names.new(field.name).lower(), field) for field in each.fields]
         blocks.append(MessageBlock(f"{prefix}_{of_messages.new(each.name).lower()}", each, members))
     return blocks
@@ -165,7 +170,11 @@ def _block(block: MessageBlock, macros: Identifiers) -> Iterator[str]:
     for member in block.members:
         yield from _macros(block, member, macros)
     if block.members:  # C has no struct without members
-        yield from _struct(block)
+        yield ""
+        yield "typedef struct {"
+        for member in block.members:
+            yield f"    {member.type} {member.name}; /* {_comment(member.field.allowed)} */"
+        yield f"}} {block.name}_t;"
         yield from _pack(block)
         yield from _unpack(block)
         yield from _is_unknown(block)
@@ -178,10 +187,11 @@ def _macro(macros: Identifiers, *parts: str) -> str:
 def _macros(block: MessageBlock, member: Member, macros: Identifiers) -> Iterator[str]:
     """Write a field's limits and named values as macros: an enum's constants have to fit into an int."""
     field, of_values = member.field, Identifiers()
-    if field.numeral is not Numeral.REAL:
+    if not member.is_real:
         for word, value in zip(("min", "max"), field.limits):
             yield f"#define {_macro(macros, block.name, member.name, word)} {_number(value, member)}"
     if field.unit:
+        # Without backslash and quote it cannot end the literal, nor have a pair of them cut in half.
         unit = _comment(field.unit).replace("\\", "/").replace('"', "'")[:LONGEST_TEXT]
         yield f'#define {_macro(macros, block.name, member.name, "unit")} "{unit}"'
     if field.unknown is not None and field.unknown not in field.named:
@@ -190,19 +200,12 @@ def _macros(block: MessageBlock, member: Member, macros: Identifiers) -> Iterato
         yield f"#define {_macro(macros, block.name, member.name, of_values.new(text))} {_number(value, member)}"
 
 
-def _struct(block: MessageBlock) -> Iterator[str]:
-    yield ""
-    yield "typedef struct {"
-    for member in block.members:
-        yield f"    {member.type} {member.name}; /* {_comment(member.field.allowed)} */"
-    yield f"}} {block.name}_t;"
-
-
 # Numbers
 
 
 def _unsigned(value: int, bits: int) -> str:
     """Write a number of an unsigned type as wide as `bits`, in hexadecimal."""
+    # int has at least 16 bits (C99, 5.2.4.2.1), so up to there a plain constant will do.
     return f"0x{value:X}u" if bits <= 16 else f"UINT{bits}_C(0x{value:X})"
 
 
@@ -226,26 +229,30 @@ def _number(value: int, member: Member) -> str:
 def _pack(block: MessageBlock) -> Iterator[str]:
     length = block.message.length
     yield ""
+    # static inline: any number of source files may include the header, and none has to be compiled for it.
     yield f"static inline size_t {block.name}_pack(uint8_t *data, size_t size, const {block.name}_t *message)"
     yield "{"
-    for member in block.members:
-        yield from _to_raw(member)
+    for name, raw_type, is_real in ((each.name, each.raw_type, each.is_real) for each in block.members):
+        if is_real:
+            # By memcpy, as a union or a cast of pointers is undefined behaviour in C++ (strict aliasing).
+            yield f"    {raw_type} raw_{name};"
+            yield f"    memcpy(&raw_{name}, &message->{name}, sizeof raw_{name});"
+        else:
+            yield f"    const {raw_type} raw_{name} = ({raw_type})message->{name};"
+    # All of them before the first byte is written: a message that does not fit leaves `data` as it was.
     for condition in (f"size < {length}u", *filter(None, map(_too_wide, block.members))):
         yield f"    if ({condition}) return 0;"
     for byte in range(length):
-        parts = [_placed(each, chunk) for each in block.members for chunk in each.field.chunks if chunk.byte == byte]
+        parts = [
+            _moved(f"raw_{each.name}", chunk.shift, chunk.mask, chunk.bit)
+            for each in block.members
+            for chunk in each.field.chunks
+            if chunk.byte == byte
+        ]
+        # C computes in int or wider: without the cast, -Wconversion warns of each byte. Bits of no field are 0.
         yield f"    data[{byte}] = (uint8_t)({' | '.join(parts) or '0u'});"
     yield f"    return {length}u;"
     yield "}"
-
-
-def _to_raw(member: Member) -> Iterator[str]:
-    if member.field.numeral is Numeral.REAL:
-        # By memcpy, as a union or a cast of pointers is undefined behaviour in C++ (strict aliasing).
-        yield f"    {member.raw_type} raw_{member.name};"
-        yield f"    memcpy(&raw_{member.name}, &message->{member.name}, sizeof raw_{member.name});"
-    else:
-        yield f"    const {member.raw_type} raw_{member.name} = ({member.raw_type})message->{member.name};"
 
 
 def _too_wide(member: Member) -> str:
@@ -260,10 +267,11 @@ def _too_wide(member: Member) -> str:
     return f"{value} > {_unsigned((1 << width) - 1, member.bits)}"
 
 
-def _placed(member: Member, chunk: Chunk) -> str:
-    raw = f"(raw_{member.name} >> {chunk.shift})" if chunk.shift else f"raw_{member.name}"
-    part = f"({raw} & 0x{chunk.mask:X}u)"
-    return f"({part} << {chunk.bit})" if chunk.bit else part
+def _moved(source: str, start: int, mask: int, to: int, cast: str = "") -> str:
+    """Write what takes the bits under a mask, from bit `start` of a number on, to bit `to`."""
+    taken = f"({source} >> {start})" if start else source
+    part = f"{cast}({taken} & 0x{mask:X}u)"
+    return f"({part} << {to})" if to else part
 
 
 def _unpack(block: MessageBlock) -> Iterator[str]:
@@ -271,45 +279,37 @@ def _unpack(block: MessageBlock) -> Iterator[str]:
     yield ""
     yield f"static inline bool {block.name}_unpack({block.name}_t *message, const uint8_t *data, size_t length)"
     yield "{"
-    if block.is_cut:
+    if block.is_cut:  # filled up with zeros, so that no field is read from behind the frame's end
         yield f"    uint8_t all[{length}] = {{0}};"
         yield f"    if (length < {length}u && length != {block.message.shortest}u) return false;"
         yield f"    memcpy(all, data, length < {length}u ? length : {length}u);"
     else:
         yield f"    if (length < {length}u) return false;"
     for member in block.members:
-        yield from _from_raw(member, source, length)
+        raw, kind, default = f"raw_{member.name}", member.raw_type, member.field.default
+        # Cast before it is shifted: a byte becomes an int, which a high bit may not fit into.
+        bits = (_moved(f"{source}[{c.byte}]", c.bit, c.mask, c.shift, f"({kind})") for c in member.field.chunks)
+        taken = f"({kind})({' | '.join(bits)})"
+        if default is not None:
+            taken = f"({kind})(length < {length}u ? {_unsigned(default, member.bits)} : {taken})"
+        yield f"    const {kind} {raw} = {taken};"
+        if member.is_real:
+            yield f"    memcpy(&message->{member.name}, &{raw}, sizeof {raw});"
+        else:
+            yield f"    message->{member.name} = {_value(member)};"
     yield "    return true;"
     yield "}"
 
 
 def _is_unknown(block: MessageBlock) -> Iterator[str]:
     together = [each for each in block.members if each.field.unknown is not None]
-    if len(together) > 1:
+    if len(together) > 1:  # one alone is compared with its macro UNKNOWN
         tests = (f"message->{each.name} == {_number(each.field.unknown or 0, each)}" for each in together)
         yield ""
         yield f"static inline bool {block.name}_is_unknown(const {block.name}_t *message)"
         yield "{"
         yield f"    return {' && '.join(tests)};"
         yield "}"
-
-
-def _from_raw(member: Member, source: str, length: int) -> Iterator[str]:
-    raw, kind, default = f"raw_{member.name}", member.raw_type, member.field.default
-    taken = f"({kind})({' | '.join(_taken(member, chunk, source) for chunk in member.field.chunks)})"
-    if default is not None:
-        taken = f"({kind})(length < {length}u ? {_unsigned(default, member.bits)} : {taken})"
-    yield f"    const {kind} {raw} = {taken};"
-    if member.field.numeral is Numeral.REAL:
-        yield f"    memcpy(&message->{member.name}, &{raw}, sizeof {raw});"
-    else:
-        yield f"    message->{member.name} = {_value(member)};"
-
-
-def _taken(member: Member, chunk: Chunk, source: str) -> str:
-    byte = f"({source}[{chunk.byte}] >> {chunk.bit})" if chunk.bit else f"{source}[{chunk.byte}]"
-    part = f"({member.raw_type})({byte} & 0x{chunk.mask:X}u)"
-    return f"({part} << {chunk.shift})" if chunk.shift else part
 
 
 def _value(member: Member) -> str:

@@ -78,7 +78,8 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
     """Return the DBC file of messages; raises MappingError."""
     nodes: dict[str, str] = {}
     entries = list(_named(messages, nodes))
-    parts = [
+    signals = [(_id(each), signal.name, signal.field) for each in entries for signal in each.signals]
+    parts = [  # in the order of DBC's grammar
         [HEAD, f"BU_: {' '.join(nodes.values())}", ""],
         *([*_message(each), ""] for each in entries),
         # A message with several senders lists all of them here once more.
@@ -86,8 +87,17 @@ def text_of(messages: Iterable[DescribedMessage]) -> str:
         [""],
         [*_comments(entries), ""],
         [*ATTRIBUTES, *(f'BA_ "Protocol" BO_ {_id(each)} {_quoted(each.message.group)};' for each in entries), ""],
-        _value_tables(entries),
-        _value_types(entries),
+        [
+            f"VAL_ {id_} {name} {' '.join(f'{raw} {_quoted(text)}' for raw, text in field.named.items())} ;"
+            for id_, name, field in signals
+            if field.named
+        ],
+        # Without this a reader takes the bits of a REAL for an integer.
+        [
+            f"SIG_VALTYPE_ {id_} {name} : {VALUE_TYPES[field.width]};"
+            for id_, name, field in signals
+            if field.numeral is Numeral.REAL
+        ],
     ]
     return "\n".join(line for part in parts for line in part) + "\n"
 
@@ -109,8 +119,15 @@ def _named(messages: Iterable[DescribedMessage], nodes: dict[str, str]) -> Itera
         )
 
 
+def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
+    for each in entries:
+        yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
+        for name, field in each.signals:
+            yield f"CM_ SG_ {_id(each)} {name} {_quoted(field.allowed)};"
+
+
 def _id(entry: DbcMessage) -> int:
-    return entry.message.cob_id
+    return entry.message.cob_id  # as it is: DBC sets bit 31 for 29-bit identifiers only
 
 
 def _quoted(text: str) -> str:
@@ -125,6 +142,7 @@ def _message(entry: DbcMessage) -> Iterator[str]:
         order, start = _place(entry.message, field)
         low, high = (0, 0) if field.numeral is Numeral.REAL else field.limits  # equal ones mean that there are none
         bits = f"{start}|{field.width}@{order}{SIGNS[field.numeral]}"
+        # Factor 1, offset 0: the numbers of the object dictionary are what the unit counts.
         yield f" SG_ {name} : {bits} (1,0) [{low}|{high}] {_quoted(field.unit)} {receivers}"
 
 
@@ -139,25 +157,3 @@ def _place(message: DescribedMessage, field: DescribedField) -> tuple[int, int]:
         return MOTOROLA, places[-1]
     what = f"{message.name}: {field.name} is not contiguous, which DBC cannot express"
     raise MappingError(message.file, message.mapping_index, what)
-
-
-def _comments(entries: Iterable[DbcMessage]) -> Iterator[str]:
-    for each in entries:
-        yield f"CM_ BO_ {_id(each)} {_quoted(each.message.text)};"
-        for signal in each.signals:
-            yield f"CM_ SG_ {_id(each)} {signal.name} {_quoted(signal.field.allowed)};"
-
-
-def _value_tables(entries: Iterable[DbcMessage]) -> Iterator[str]:
-    for each in entries:
-        for signal in each.signals:
-            if values := signal.field.named:
-                table = " ".join(f"{raw} {_quoted(name)}" for raw, name in values.items())
-                yield f"VAL_ {_id(each)} {signal.name} {table} ;"
-
-
-def _value_types(entries: Iterable[DbcMessage]) -> Iterator[str]:
-    for each in entries:
-        for signal in each.signals:
-            if signal.field.numeral is Numeral.REAL:
-                yield f"SIG_VALTYPE_ {_id(each)} {signal.name} : {VALUE_TYPES[signal.field.width]};"

@@ -101,29 +101,25 @@ def described(protocol: Protocol) -> list[DescribedMessage]:
     """Return all messages, most urgent first; raises LocalError if there is none."""
     if not protocol.bindings:
         raise LocalError("no messages: none of the loaded files has a valid PDO")
-    return [_message(binding) for binding in protocol.bindings]
-
-
-def _message(binding: Binding) -> DescribedMessage:
-    return DescribedMessage(
-        name=binding.name,
-        cob_id=binding.cob_id,
-        length=binding.layout.length,
-        shortest=binding.lengths[0],
-        senders=binding.senders,
-        receivers=binding.receivers,
-        text=_text(binding.type),
-        group=binding.group,
-        fields=list(_fields(binding)),
-        file=binding.file,
-        mapping_index=binding.pdo.mapping_index,
-    )
-
-
-def _text(message_type: type) -> str:
-    """Return the docstring of a message's class; `Name(x, y)`, Python's default for a named tuple, counts as none."""
-    words = " ".join((inspect.getdoc(message_type) or "").split())
-    return "" if words.startswith(f"{message_type.__name__}(") else words
+    found = []
+    for binding in protocol.bindings:
+        text = " ".join((inspect.getdoc(binding.type) or "").split())
+        message = DescribedMessage(
+            name=binding.name,
+            cob_id=binding.cob_id,
+            length=binding.layout.length,
+            shortest=binding.lengths[0],
+            senders=binding.senders,
+            receivers=binding.receivers,
+            # `Name(x, y)` is what Python gives a named tuple that has no docstring of its own.
+            text="" if text.startswith(f"{binding.type.__name__}(") else text,
+            group=binding.group,
+            fields=list(_fields(binding)),
+            file=binding.file,
+            mapping_index=binding.pdo.mapping_index,
+        )
+        found.append(message)
+    return found
 
 
 def _fields(binding: Binding) -> Iterator[DescribedField]:

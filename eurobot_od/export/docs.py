@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import NamedTuple, TypeAlias
 
 from eurobot_od.errors import UnknownName
-from eurobot_od.export.description import DescribedField, DescribedMessage, Numeral, described
-from eurobot_od.od.description import COMPOSED, DescribedVariable
+from eurobot_od.export.description import DescribedMessage, Numeral, described
+from eurobot_od.od.description import COMPOSED
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.protocol import Protocol
 
@@ -78,7 +78,18 @@ def blocks(protocol: Protocol, dictionaries: Sequence[Dictionary]) -> Iterator[D
     messages = described(protocol) if protocol.bindings else []
     yield DocHeading(2, "Messages")
     if messages:
-        yield DocTable(("COB-ID", "Message", "From", "To", "Bytes", "Fields"), list(map(_row, messages)), ("Bytes",))
+        rows = [
+            (
+                f"0x{each.cob_id:03X}",
+                DocLink(each.name, _anchor(each)) if each.fields else each.name,  # one without data has no section
+                ", ".join(each.senders),
+                ", ".join(each.receivers),
+                str(each.length),
+                ", ".join(f"{field.name} {field.width}" for field in each.fields),
+            )
+            for each in messages
+        ]
+        yield DocTable(("COB-ID", "Message", "From", "To", "Bytes", "Fields"), rows, ("Bytes",))
         yield Paragraph(
             "Bits are byte.bit, both from 0 and bit 0 the least significant; a field's lowest bit comes first. "
             "Ranges and values with names are raw numbers."
@@ -96,37 +107,26 @@ def _anchor(message: DescribedMessage) -> str:
     return f"message-{message.cob_id:03x}"
 
 
-def _row(message: DescribedMessage) -> tuple[Cell, ...]:
-    senders, receivers = ", ".join(message.senders), ", ".join(message.receivers)
-    name = DocLink(message.name, _anchor(message)) if message.fields else message.name
-    fields = ", ".join(f"{each.name} {each.width}" for each in message.fields)
-    return f"0x{message.cob_id:03X}", name, senders, receivers, str(message.length), fields
-
-
 def _message(message: DescribedMessage) -> Iterator[DocBlock]:
     yield DocHeading(3, message.name, _anchor(message))
     lengths = " or ".join(map(str, sorted({message.shortest, message.length})))
     size = f"{lengths} byte{'s' * (message.length > 1)}"
     yield Paragraph(f"COB-ID 0x{message.cob_id:03X}, {message.path}, {size}. {message.text}".rstrip())
     head = ("Field", "Bits", "Width", "Number", "Range", "Unit", "Values with names")
-    yield DocTable(head, list(map(_field, message.fields)), ("Width",))
-
-
-def _field(field: DescribedField) -> tuple[str, ...]:
-    limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
-    named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())
-    return field.name, _bits(field), str(field.width), field.numeral.value, limits, field.unit, named
-
-
-def _bits(field: DescribedField) -> str:
-    """Write where a field's bits are, the lowest first: `0.0..1.3`, or `1.4..1.7, 0.0..0.7` for slices."""
-    runs: list[list[int]] = []
-    for place in field.places:
-        if runs and place == runs[-1][-1] + 1:
-            runs[-1].append(place)
-        else:
-            runs.append([place])
-    return ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in dict.fromkeys((run[0], run[-1]))) for run in runs)
+    rows = []
+    for field in message.fields:
+        runs: list[list[int]] = []  # `1.4..1.7, 0.0..0.7`: a field that is mapped in slices has more than one
+        for place in field.places:
+            if runs and place == runs[-1][-1] + 1:
+                runs[-1].append(place)
+            else:
+                runs.append([place])
+        ends = (dict.fromkeys((run[0], run[-1])) for run in runs)
+        bits = ", ".join("..".join(f"{bit // 8}.{bit % 8}" for bit in run) for run in ends)
+        limits = "" if field.numeral is Numeral.REAL else f"{field.limits.low}..{field.limits.high}"
+        named = ", ".join(f"{raw} {name}" for raw, name in field.named.items())
+        rows.append((field.name, bits, str(field.width), field.numeral.value, limits, field.unit, named))
+    yield DocTable(head, rows, ("Width",))
 
 
 INFORMATION = (
@@ -144,24 +144,16 @@ def _device(dictionary: Dictionary) -> Iterator[DocBlock]:
     texts = ((what, dictionary.device.document.text("deviceinfo", key)) for what, key in INFORMATION)
     facts = ", ".join(f"{what} {text}" for what, text in texts if text)
     yield Paragraph(f"From {dictionary.file.name}. {facts}".rstrip())
-    rows = [row for index in dictionary.members for row in _object(dictionary, index)]
+    rows: list[tuple[str, ...]] = []
+    for number, each in ((f"0x{index:04X}", dictionary.device.objects[index]) for index in dictionary.members):
+        if each.code in COMPOSED:
+            rows.append((number, "", each.name, each.code.name if each.code else "", "", "", "", "", ""))
+        for sub, variable in each.subs.items():
+            value = variable.value_entry.value if variable.value_entry else ""
+            limits = (variable.section.text(key) for key in ("lowlimit", "highlimit"))
+            type_, is_mappable = variable.type.name if variable.type else "", "yes" if variable.is_mappable else ""
+            rows.append((number, str(sub), variable.name, type_, variable.access, is_mappable, value, *limits))
     yield DocTable(OBJECT_HEAD, rows, words=("Index", "Type"))
-
-
-def _object(dictionary: Dictionary, index: int) -> Iterator[tuple[str, ...]]:
-    number, described_object = f"0x{index:04X}", dictionary.device.objects[index]
-    if described_object.code in COMPOSED:
-        code = described_object.code
-        yield number, "", described_object.name, code.name if code else "", "", "", "", "", ""
-    for sub, variable in described_object.subs.items():
-        yield number, str(sub), variable.name, *_variable(variable)
-
-
-def _variable(variable: DescribedVariable) -> tuple[str, ...]:
-    value = variable.value_entry.value if variable.value_entry else ""
-    limits = (variable.section.text(key) for key in ("lowlimit", "highlimit"))
-    type_ = variable.type.name if variable.type else ""
-    return type_, variable.access, "yes" if variable.is_mappable else "", value, *limits
 
 
 # The forms
@@ -175,13 +167,9 @@ def one_line(text: str) -> str:
     return "".join(each if each.isprintable() else "\ufffd" for each in " ".join(text.split()))
 
 
-def _markdown(contents: Sequence[DocBlock]) -> str:
-    return "\n\n".join("\n".join(_markdown_block(each)) for each in contents) + "\n"
-
-
 def _markdown_block(block: DocBlock) -> Iterator[str]:
     if isinstance(block, DocHeading):
-        if block.anchor:
+        if block.anchor:  # of our own: each renderer makes another one of a heading's text
             yield f'<a id="{block.anchor}"></a>\n'
         yield f"{'#' * block.level} {_marked(block.text)}"
     elif isinstance(block, Paragraph):
@@ -263,5 +251,8 @@ def _escaped(text: str) -> str:
     return escape(one_line(text))
 
 
-FORMS: Mapping[str, Callable[[Sequence[DocBlock]], str]] = {"markdown": _markdown, "html": _html}
+FORMS: Mapping[str, Callable[[Sequence[DocBlock]], str]] = {
+    "markdown": lambda contents: "\n\n".join("\n".join(_markdown_block(each)) for each in contents) + "\n",
+    "html": _html,
+}
 SUFFIXES = {".md": "markdown", ".markdown": "markdown", ".html": "html", ".htm": "html"}

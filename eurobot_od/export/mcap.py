@@ -14,7 +14,7 @@ from mcap.writer import Writer
 
 from eurobot_od.logs.entries import LogEntry
 from eurobot_od.logs.meaning import Decoder, Meaning, with_defects
-from eurobot_od.pdo.kinds import ColumnForm, Kind
+from eurobot_od.pdo.kinds import ColumnForm
 from eurobot_od.pdo.message import Message, plain
 
 NANOSECONDS = 1_000_000_000
@@ -105,7 +105,8 @@ class _Channels:
         if meaning.message is not None:
             made.append((meaning.name, plain(meaning.message) | {"_": place}))
             drawing = self._drawings.get(meaning.name)
-            drawn = drawing.of(meaning.message, _stamp(time)) if drawing else None
+            seconds, rest = divmod(round(time * NANOSECONDS), NANOSECONDS)
+            drawn = drawing.of(meaning.message, {"sec": seconds, "nsec": rest}) if drawing else None
             if drawn is not None:
                 made.append((f"{meaning.name}{DRAWN}", drawn))
         elif not meaning.defects:
@@ -119,36 +120,26 @@ class _Channels:
         if name not in self._ids:
             title, schema = self._schema(name)
             schema_id = self._writer.register_schema(title, SCHEMA, json.dumps(schema).encode())
-            self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, self._metadata(name))
+            binding = self._bindings.get(name)
+            known = {"cob_id": f"0x{binding.cob_id:03X}", "senders": ", ".join(binding.senders)} if binding else {}
+            self._ids[name] = self._writer.register_channel(f"/{name}", JSON, schema_id, known)
+        # The time it was published is when it was logged: a bus has no other time than that of the log.
         now = round(time * NANOSECONDS)
         self._writer.add_message(self._ids[name], now, json.dumps(content, ensure_ascii=False).encode(), now)
 
     def _schema(self, name: str) -> tuple[str, dict[str, Any]]:
         drawing = self._drawings.get(name.removesuffix(DRAWN)) if name.endswith(DRAWN) else None
-        if drawing is not None:
+        if drawing is not None:  # viewers know what to draw by the name of its schema
             return drawing.schema, {"type": "object", "title": drawing.schema, "properties": dict(drawing.properties)}
         binding = self._bindings.get(name)
         properties: dict[str, Any] = {"text": {"type": "string"}}
         if binding is not None:
-            properties = {field: _property(kind) for field, kind in binding.kinds.items()}
+            properties = {}
+            for field, kind in binding.kinds.items():
+                # A code, or a value out of range, may stand for a number or a word.
+                types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
+                properties[field] = {"type": [*types], **({"description": f"in {kind.unit}"} if kind.unit else {})}
         return name, {"type": "object", "title": name, "properties": properties | {"_": PLACE}}
-
-    def _metadata(self, name: str) -> dict[str, str]:
-        binding = self._bindings.get(name)
-        if binding is None:
-            return {}
-        return {"cob_id": f"0x{binding.cob_id:03X}", "senders": ", ".join(binding.senders)}
 
 
 PLACE = {"type": "object", "properties": {"line": {"type": "integer"}, "channel": {"type": "string"}}}
-
-
-def _stamp(time: float) -> dict[str, int]:
-    seconds, rest = divmod(round(time * NANOSECONDS), NANOSECONDS)
-    return {"sec": seconds, "nsec": rest}
-
-
-def _property(kind: Kind) -> dict[str, Any]:
-    """Return the schema of a field; a code, or a value out of range, may stand for a number or a word."""
-    types = dict.fromkeys([TYPES[kind.column_form], "number", "string", "null"])
-    return {"type": list(types)} | ({"description": f"in {kind.unit}"} if kind.unit else {})

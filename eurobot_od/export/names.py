@@ -22,6 +22,7 @@ NOT_AN_IDENTIFIER = re.compile(r"[^A-Za-z0-9]+")
 
 def printable(text: str, longest: int = LONGEST_TEXT) -> str:
     """Return a text as printable ASCII in one line, cut at `longest` characters; what is neither becomes a dot."""
+    # Cut before its words are split: a text of a file has any length.
     shown = NOT_PRINTABLE.sub(".", " ".join(text[: 2 * longest].split()))
     return shown if len(shown) <= longest else f"{shown[: longest - 3]}..."
 

@@ -79,7 +79,7 @@ def _message(message: DescribedMessage, filters: str) -> Iterator[str]:
 
 def _field(field: DescribedField, filters: str) -> Iterator[str]:
     types, chunks = FIELD_TYPES[field.numeral], field.chunks
-    kind = types[next(bits for bits in types if bits >= field.width)]
+    kind = types[next(bits for bits in types if bits >= field.width)]  # there is none of 12 bits, say
     first, last = min(each.byte for each in chunks), max(each.byte for each in chunks)
     names = "{" + ", ".join(f"[{raw}] = {_quoted(label(name))}" for raw, name in field.named.items()) + "}"
     given = f", base.DEC, {names}" if field.named else ""

@@ -8,7 +8,7 @@ A character that XML does not allow becomes U+FFFD.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -82,13 +82,13 @@ class _Writer:
 
     def text(self) -> str:
         names = {"xmlns:co": SCHEMA, "xmlns:xsi": INSTANCE}
+        rates = (f"{rate} Kbps" for rate in BIT_RATES if self._info(f"baudrate_{rate}"))
+        supported = (_element("supportedBaudRate", {"value": each}) for each in rates)
+        transport = _element("TransportLayers", {}, _element("PhysicalLayer", {}, _element("baudRate", {}, *supported)))
+        network = [self._application(), transport, self._management()]  # the schema wants them in this order
         profiles = (
-            self._profile("Device", "CANopen device profile", [self._identity(), self._function()]),
-            self._profile(
-                "CommunicationNetwork",
-                "CANopen communication network profile",
-                [self._application(), self._transport(), self._management()],
-            ),
+            self._profile("Device", "CANopen device profile", self._device_parts()),
+            self._profile("CommunicationNetwork", "CANopen communication network profile", network),
         )
         whole = _element("co:ISO15745ProfileContainer", names, *profiles)
         ElementTree.indent(whole)
@@ -124,6 +124,7 @@ class _Writer:
         )
 
     def _origin(self) -> dict[str, str | None]:
+        # As CiA 306 writes them: `11-23-2013`, `09:45PM`.
         day, time = (self._moment("creationdate", "%m-%d-%Y"), self._moment("creationtime", "%I:%M%p"))
         version = re.match(r"\d{1,3}", self._file("fileinfo", "fileversion"))  # UNSIGNED8 in CiA 306
         return {
@@ -139,7 +140,7 @@ class _Writer:
             return datetime.strptime(self._file("fileinfo", key), form)
         return None
 
-    def _identity(self) -> Element:
+    def _device_parts(self) -> list[Element]:
         # Numbers are decimal: CANopenEditor reads no others here.
         texts = (
             ("vendorName", self._file("deviceinfo", "vendorname")),
@@ -148,14 +149,12 @@ class _Writer:
             ("productID", str(self._info("productnumber"))),
             ("orderNumber", self._file("deviceinfo", "ordercode")),
         )
-        return _element("co:DeviceIdentity", {}, *(_element(f"co:{tag}", {}, text=text) for tag, text in texts))
-
-    def _function(self) -> Element:
-        """Return the list of characteristics: the source file, as the schema requires at least one."""
-        texts = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._dictionary.file.name))
-        parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in texts)
+        identity = _element("co:DeviceIdentity", {}, *(_element(f"co:{tag}", {}, text=text) for tag, text in texts))
+        # The schema requires at least one characteristic: the file that this was made from.
+        about = (("co:characteristicName", "Made from"), ("co:characteristicContent", self._dictionary.file.name))
+        parts = (_element(tag, {}, _element("label", {"lang": "en"}, text=text)) for tag, text in about)
         listed = _element("co:characteristicsList", {}, _element("co:characteristic", {}, *parts))
-        return _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))
+        return [identity, _element("co:DeviceFunction", {}, _element("co:capabilities", {}, listed))]
 
     # Communication
 
@@ -169,14 +168,9 @@ class _Writer:
             _element("dummyUsage", {}, *(_element("dummy", {"entry": each}) for each in entries)),
         )
 
-    def _transport(self) -> Element:
-        rates = (f"{rate} Kbps" for rate in BIT_RATES if self._info(f"baudrate_{rate}"))
-        supported = (_element("supportedBaudRate", {"value": each}) for each in rates)
-        return _element("TransportLayers", {}, _element("PhysicalLayer", {}, _element("baudRate", {}, *supported)))
-
     def _management(self) -> Element:
         general = {
-            "granularity": str(min(max(self._info("granularity"), 0), 64)),
+            "granularity": str(min(max(self._info("granularity"), 0), 64)),  # its range in CiA 306-1
             "nrOfRxPDO": self._count(PdoDirection.RPDO),
             "nrOfTxPDO": self._count(PdoDirection.TPDO),
             "groupMessaging": _boolean(bool(self._info("groupmessaging"))),
@@ -184,19 +178,16 @@ class _Writer:
             "layerSettingServiceSlave": _boolean(bool(self._info("lss_supported"))),
         }
         master = {"bootUpMaster": _boolean(bool(self._info("simplebootupmaster")))}
-        features = [_element("CANopenGeneralFeatures", general), _element("CANopenMasterFeatures", master)]
-        return _element("NetworkManagement", {}, *features, *self._commissioning())
+        parts = [_element("CANopenGeneralFeatures", general), _element("CANopenMasterFeatures", master)]
+        section = self._device.commissioning
+        if section and section.text("nodeid"):  # a DCF; an EDS is of no device in particular
+            texts = {name: section.text(key) or nothing for name, (key, nothing) in COMMISSIONED.items()}
+            is_manager = DescribedVariable(0, 0, section).number("canopenmanager") == (1, False)
+            parts.append(_element("deviceCommissioning", {**texts, "CANopenManager": _boolean(is_manager)}))
+        return _element("NetworkManagement", {}, *parts)
 
     def _count(self, direction: PdoDirection) -> str:
         return str(sum(index in COMMUNICATION_RECORDS[direction] for index in self._dictionary.members))
-
-    def _commissioning(self) -> Iterator[Element]:
-        """Give the commissioning of a DCF; nothing for an EDS."""
-        section = self._device.commissioning
-        if section and section.text("nodeid"):
-            texts = {name: section.text(key) or nothing for name, (key, nothing) in COMMISSIONED.items()}
-            is_manager = DescribedVariable(0, 0, section).number("canopenmanager") == (1, False)
-            yield _element("deviceCommissioning", {**texts, "CANopenManager": _boolean(is_manager)})
 
     # Objects
 
@@ -207,12 +198,13 @@ class _Writer:
         if described.code in SIMPLE:
             (only,) = described.subs.values()
             return _element("CANopenObject", {**attributes, **self._variable(only)})
-        subs = (
-            {"subIndex": f"{sub:02X}", "name": each.name, "objectType": _object_type(each), **self._variable(each)}
-            for sub, each in described.subs.items()
-        )
-        listed = (_element("CANopenSubObject", each) for each in subs)
-        return _element("CANopenObject", {**attributes, "subNumber": str(len(described.subs))}, *listed)
+        listed = []
+        for sub, each in described.subs.items():
+            is_domain = each.number("objecttype") == (ObjectCode.DOMAIN.value, False) or each.type is DOMAIN
+            type_ = str((ObjectCode.DOMAIN if is_domain else ObjectCode.VAR).value)
+            named = {"subIndex": f"{sub:02X}", "name": each.name, "objectType": type_}
+            listed.append(_element("CANopenSubObject", {**named, **self._variable(each)}))
+        return _element("CANopenObject", {**attributes, "subNumber": str(len(listed))}, *listed)
 
     def _variable(self, variable: DescribedVariable) -> dict[str, str | None]:
         access, mapping = MAPPED_ACCESS.get(variable.access, (variable.access, "optional"))
@@ -233,8 +225,3 @@ class _Writer:
         if number is None or number.relative:
             return text or None
         return f"0x{number.value:X}" if number.value >= 0 else str(number.value)
-
-
-def _object_type(variable: DescribedVariable) -> str:
-    is_domain = variable.number("objecttype") == (ObjectCode.DOMAIN.value, False) or variable.type is DOMAIN
-    return str((ObjectCode.DOMAIN if is_domain else ObjectCode.VAR).value)

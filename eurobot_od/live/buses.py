@@ -65,23 +65,24 @@ def open_bus(interface: str | None = None, channel: str | None = None, bitrate: 
     Raises BusError in one line, whatever the driver had to say.
     """
     import can
-
-    silence_logs()
-    given = {"interface": interface, "channel": channel, "bitrate": bitrate}
-    try:
-        config = _configured({key: value for key, value in given.items() if value is not None})
-        return can.Bus(ignore_config=True, **config)
-    except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
-        name = f"{interface or 'configured'} bus {channel or ''}".strip()
-        raise BusError(f"cannot open the {name}: {_unopened(error, interface, channel)}") from error
-
-
-def _unopened(error: Exception, interface: str | None, channel: str | None) -> str:
+    from can import util
     from can.interfaces import BACKENDS
 
-    if interface is not None and interface not in BACKENDS:
-        return str(UnknownName("interface", interface, sorted(BACKENDS)))
-    return _with_remedy(error, channel if interface == SOCKETCAN else None)
+    silence_logs()
+    asked = {"interface": interface, "channel": channel, "bitrate": bitrate}
+    given = {key: value for key, value in asked.items() if value is not None}
+    try:
+        said = _named(given)
+        # Our bus by default goes with our channel: neither completes an interface that somebody else has named.
+        defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
+        config = util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given)
+        return can.Bus(ignore_config=True, **({"bitrate": BITRATE} | dict(config)))  # it has been read just now
+    except Exception as error:  # drivers raise OSError, ImportError, ValueError, CanError, ...
+        name = f"{interface or 'configured'} bus {channel or ''}".strip()
+        why = _with_remedy(error, channel if interface == SOCKETCAN else None)
+        if interface is not None and interface not in BACKENDS:
+            why = str(UnknownName("interface", interface, sorted(BACKENDS)))
+        raise BusError(f"cannot open the {name}: {why}") from error
 
 
 def _with_remedy(error: BaseException, name: str | None) -> str:
@@ -108,16 +109,6 @@ def silence_logs() -> None:
     for name in ("can", "can_remote", "seeedbus"):
         if not logging.getLogger(name).handlers:
             logging.getLogger(name).addHandler(logging.NullHandler())
-
-
-def _configured(given: dict[str, Any]) -> dict[str, Any]:
-    """Complete what is given by python-can's configuration, and that by our defaults."""
-    from can import util
-
-    said = _named(given)
-    defaults = {key: value for key, value in DEFAULT_BUS.items() if key not in said}
-    config = dict(util.load_config(config=({} if said & INTERFACE_KEYS else defaults) | given))
-    return {"bitrate": BITRATE} | config
 
 
 def _named(given: dict[str, Any]) -> set[str]:

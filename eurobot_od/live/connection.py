@@ -69,10 +69,10 @@ class Connection:
         with self._lock:
             first = self.failure is None
             self.failure = self.failure or why
-            self.up = self._opener is None
+            self.up = self._opener is None  # nobody opens it again: reading goes on until it fails itself
             if first:
                 self._since = self._clock()
-        if first:
+        if first:  # without the lock: it takes the `Live`'s, whose owner may just be in here with a failed filter
             self._lost(why, self._opener is not None)
 
     def reopen(self) -> bool:
@@ -81,7 +81,7 @@ class Connection:
             return False
         while not self._closing.wait(self._backoff.pause(self._clock())):
             try:
-                self.count_overflow()
+                self.count_overflow()  # the last chance: the count goes with the socket
                 self.driver.replace(self._opener)
                 self._of_this_bus = 0  # a new socket counts from 0
                 self._opened()

@@ -78,7 +78,7 @@ class FunctionThread:
     def stop(self) -> None:
         """Make the calls that are left, for at most `PATIENCE` seconds, and count those not made as lost."""
         self._waiting.put(None)
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
+        if self._thread.is_alive() and self._thread is not threading.current_thread():  # a function may end the program
             self._thread.join(PATIENCE)
         while (left := self._take()) is not None:
             left.listener.lost += 1

@@ -41,27 +41,22 @@ def drivers() -> dict[str, bool]:
     from can.interfaces import BACKENDS
 
     silence_logs()
-    return {interface: _loads(module) for interface, (module, _) in sorted(BACKENDS.items())}
-
-
-def _loads(module: str) -> bool:
-    try:
-        import_module(module)
-    except Exception:  # whatever a driver raises while it looks for its library
-        return False
-    return True
+    loaded = {}
+    for interface, (module, _) in sorted(BACKENDS.items()):
+        try:
+            import_module(module)
+            loaded[interface] = True
+        except Exception:  # whatever a driver raises while it looks for its library
+            loaded[interface] = False
+    return loaded
 
 
 def here() -> list[Attached]:
     """Return the interfaces of this machine; what a driver that is not installed would find is not among them."""
-    return [*(Attached(SOCKETCAN, link.name, str(link)) for link in links()), *_found()]
-
-
-def _found() -> list[Attached]:
-    """Ask the drivers of python-can."""
     import can
     from can.interfaces import BACKENDS
 
     silence_logs()
+    ours = [Attached(SOCKETCAN, link.name, str(link)) for link in links()]
     found = can.detect_available_configs([each for each in BACKENDS if each not in NOT_ASKED])
-    return [Attached(str(each["interface"]), str(each["channel"])) for each in found]
+    return ours + [Attached(str(each["interface"]), str(each["channel"])) for each in found]

@@ -67,27 +67,28 @@ def links() -> list[CanLink]:
     """Return the CAN interfaces of this machine, by `ip` if it is there, else by `/sys`; none on other systems."""
     if not NETWORK.is_dir():
         return []
-    with suppress(OSError, ValueError, subprocess.SubprocessError):
+    with suppress(OSError, ValueError, subprocess.SubprocessError):  # no `ip`, or one that has no -json
         return of_ip(subprocess.run(COMMAND, capture_output=True, text=True, check=True, timeout=5).stdout)
     return of_sys(NETWORK)
 
 
 def of_ip(text: str) -> list[CanLink]:
     """Read the output of `ip -details -json link`; raises ValueError if it is none."""
-    return [_of_ip(each) for each in json.loads(text) if each.get("link_type") == "can"]
-
-
-def _of_ip(said: dict[str, Any]) -> CanLink:
-    info = said.get("linkinfo", {})
-    data = info.get("info_data", {})
-    return CanLink(
-        said["ifname"],
-        up="UP" in said.get("flags", ()),
-        virtual=info.get("info_kind") in ("vcan", "vxcan"),
-        state=data.get("state", ""),
-        bit_rate=data.get("bittiming", {}).get("bitrate"),
-        restart=data["restart_ms"] > 0 if "restart_ms" in data else None,
-    )
+    found = []
+    for said in (each for each in json.loads(text) if each.get("link_type") == "can"):
+        info: dict[str, Any] = said.get("linkinfo", {})
+        data = info.get("info_data", {})
+        found.append(
+            CanLink(
+                said["ifname"],
+                up="UP" in said.get("flags", ()),
+                virtual=info.get("info_kind") in ("vcan", "vxcan"),
+                state=data.get("state", ""),
+                bit_rate=data.get("bittiming", {}).get("bitrate"),
+                restart=data["restart_ms"] > 0 if "restart_ms" in data else None,
+            )
+        )
+    return found
 
 
 def of_sys(folder: Path) -> list[CanLink]:

@@ -103,7 +103,7 @@ class Live:
         self._connection = Connection(self._driver, opener, clock, self._lost, self._filter, self._back)
         fail = self._connection.fail
         self._sender = Sender(self._driver, gatekeeper.mailboxes, self._lock, clock, fail, self._wake)
-        receive = gatekeeper.receive_data if station is None else self._receive
+        receive = gatekeeper.receive_data if station is None else self._receive  # no node, no answers to send
         self._reader = Reader(
             self._connection, receive, clock, self._note_foreign, self._note_missed, gatekeeper.acts_always
         )
@@ -194,19 +194,16 @@ class Live:
         if self._forked:
             return  # the bus is the other process's
         try:
-            self._take_leave()
+            # First: what a node does before it is switched off, such as to stop, needs the threads.
+            present = self.station is not None and self.station.failure is None and self._running
+            farewell = self.station.node.leave() if self.station is not None and present else None
+            if farewell is not None:
+                farewell.result()
         except BaseException:
             with suppress(BusError):
                 self._end()
             raise
         self._end()
-
-    def _take_leave(self) -> None:
-        """Have the node do what it has to before it is switched off, while there are threads to do it."""
-        present = self.station is not None and self.station.failure is None and self._running
-        farewell = self.station.node.leave() if self.station is not None and present else None
-        if farewell is not None:
-            farewell.result()
 
     def _end(self) -> None:
         """End the threads and shut the bus down, whatever became of the leave."""
@@ -284,13 +281,6 @@ class Live:
         self.gatekeeper.report(Report(Event.BUS_BACK, self.name, text, now))
         self._sender.retry()
 
-    def _look_for_overflow(self) -> None:
-        """Report frames lost before they could be read: the first time, and whenever their number has doubled."""
-        if self._connection.count_overflow():
-            if self.station is not None:
-                self.station.bus_error(ErrorCode.OVERRUN, self.clock())
-            self._report_overflow()
-
     def _report_overflow(self) -> None:
         text = f"{self.overflow} received frames have found no room in the driver's queue so far"
         self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
@@ -335,33 +325,26 @@ class Live:
         """Count what is not a classic base data frame; the node gets remote frames and what the controller reports."""
         self.foreign += 1
         if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
-            self._note_bus_off()
+            now = self.clock()
+            if self.station is not None:  # it cannot be commanded now; its recovery is an error frame, too
+                self.station.bus_lost(now)
+            self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
         if self.station is None or message is None:
             return
         if message.is_error_frame:
-            self._note_error(self.station, message)
+            details = int.from_bytes(message.data[1:2], "little")
+            for class_bit, bits, code in ERROR_FRAMES:
+                if message.arbitration_id & class_bit and (details & bits or not bits):
+                    self.station.bus_error(code, self.clock())
         elif message.is_remote_frame and not message.is_extended_id:
             self.station.requested(message.arbitration_id, self.clock())
             self._answered()
-
-    def _note_bus_off(self) -> None:
-        """Report that the controller has left the bus, and let the node stand; its recovery is an error frame, too."""
-        now = self.clock()
-        if self.station is not None:
-            self.station.bus_lost(now)
-        self.gatekeeper.report(Report(Event.BUS_OFF, self.name, BUS_OFF_HINT, now))
 
     def _note_missed(self, count: int) -> None:
         """Report frames that waited while the process stood still: an old goto must not be carried out now."""
         self.missed += count
         text = f"{count} frames came while the process stood still, and are ignored"
         self.gatekeeper.report(Report(Event.FRAMES_LOST, self.name, text, self.clock()))
-
-    def _note_error(self, station: Station, message: can.Message) -> None:
-        details = int.from_bytes(message.data[1:2], "little")
-        for class_bit, bits, code in ERROR_FRAMES:
-            if message.arbitration_id & class_bit and (details & bits or not bits):
-                station.bus_error(code, self.clock())
 
     # The keeper's thread
 
@@ -371,7 +354,10 @@ class Live:
                 self.station.tick(self.clock())
             self._sender.retry()
             self._functions.watch()
-            self._look_for_overflow()
+            if self._connection.count_overflow():
+                if self.station is not None:
+                    self.station.bus_error(ErrorCode.OVERRUN, self.clock())
+                self._report_overflow()
             with self._changed:
                 self._looks_at = self._next_look()
                 pause = self._looks_at - self.clock()

@@ -186,7 +186,7 @@ class FrameReader:
 
     def __exit__(self, *_: object) -> None:
         self._connection.close()
-        self._connection.count_overflow()
+        self._connection.count_overflow()  # while there is a socket to ask
         self._thread.join(10 * POLL)
         # The end of a bus that has failed can only fail for the same reason.
         with suppress(Exception) if self._connection.failure else nullcontext():

@@ -152,13 +152,11 @@ class Watchdog:
             if still * PERIOD >= PATIENCE:
                 self._end_program()
             elif still > 1 and (frame := self._program()) is not None:
-                self._warn(*place(frame))
-
-    def _warn(self, where: str, line: str) -> None:
-        """Report a place that is known to block, once."""
-        if hint(line) != IN_GENERAL and where not in self._warned:
-            self._warned.add(where)
-            self._report(f"{where}: `{line}` blocks: {hint(line)}")
+                where, line = place(frame)
+                # Only what is known to block: any other line may just take its time.
+                if hint(line) != IN_GENERAL and where not in self._warned:
+                    self._warned.add(where)
+                    self._report(f"{where}: `{line}` blocks: {hint(line)}")
 
     def _end_program(self) -> None:
         while not (self._ended.wait(AGAIN) or self._has_moved()):

@@ -180,15 +180,17 @@ class Analysis:
 
     def _level(self, place: int) -> Interference:
         message = self.messages[place]
+        # `<=`, as two nodes may send one identifier: each then waits for the other.
         others = tuple(
             n for n, each in enumerate(self.messages) if each.identifier <= message.identifier and n != place
         )
         less = [n for n, each in enumerate(self.messages) if each.identifier > message.identifier]
+        # One of them at most: it has begun before the message fell due, and the next arbitration is lost to that.
         blocking = max(less, key=lambda n: self.messages[n].bits, default=None)
         blocked = 0 if blocking is None else self.messages[blocking].bits
         level = [message, *(self.messages[n] for n in others)]
         recovery = RECOVERY_BITS + max(each.bits for each in level)
-        own, *shares = (Fraction(each.bits, each.period) for each in level)
+        own, *shares = (Fraction(each.bits, each.period) for each in level)  # exact, as FULL is a sharp limit
         load = sum(shares, Fraction(self.errors.number * recovery, self.errors.interval))
         return Interference(message, others, blocking, blocked, load + own, load, recovery)
 
@@ -202,6 +204,7 @@ class Analysis:
             return []
         less = [n for n, each in enumerate(self.messages) if each.node == node and each.identifier > identifier]
         less.sort(key=lambda n: self.messages[n].identifier, reverse=True)
+        # The most urgent of n frames in n mailboxes cannot be among the n - 1 least urgent that there are.
         return less if late else less[self.mailboxes[node] - 1 :]
 
 
@@ -224,7 +227,14 @@ class _Solution:
             self._solve()
 
     def _solve(self) -> None:
-        self._times = [self._solved(n) for n in range(len(self._messages))]
+        self._times = []
+        for level, own in zip(self._levels, self._jitters):
+            others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
+            if own is None or len(others) < len(level.others) or level.load >= FULL:
+                self._times.append(NO_TIMES)  # nor has a message any bound whose more urgent ones have none
+            else:
+                waits = [(each.bits, each.period, jitter) for each, jitter in others]
+                self._times.append(_times(level, own, waits, self._errors))
         self._in_mailbox = {n: self._mailbox_time(n) for n in {each for rivals in self._rivals for each in rivals}}
 
     @property
@@ -263,18 +273,11 @@ class _Solution:
         queued = _least(_queued(level, 0, waits, self._errors), level.blocked, 0, level.load)
         return None if queued is None else queued + level.message.bits
 
-    def _solved(self, place: int) -> Times:
-        level, own = self._levels[place], self._jitters[place]
-        others = [(self._messages[n], jitter) for n in level.others if (jitter := self._jitters[n]) is not None]
-        if own is None or len(others) < len(level.others) or level.load >= FULL:
-            return NO_TIMES
-        return _times(level, own, [(each.bits, each.period, jitter) for each, jitter in others], self._errors)
-
 
 def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: BitErrors) -> Times:
     """Solve the equations of one message."""
     bits, period = level.message.bits, level.message.period
-    behind = sum(j * c // t for c, t, j in others)
+    behind = sum(j * c // t for c, t, j in others)  # rounded down, so that no search starts beyond its solution
 
     def in_busy_period(time: int) -> int:
         work = sum(_ceil(time + j, t) * c for c, t, j in (*others, (bits, period, jitter)))
@@ -291,7 +294,7 @@ def _times(level: Interference, jitter: int, others: Sequence[Waits], errors: Bi
         )
         if found is None:
             return NO_TIMES
-        queued = found
+        queued = found  # w grows with the instance, so the search for the next one starts here
         sent, due = queued + bits, instance * period - jitter
         response, waiting = max(response, sent - due), max(waiting, sent - max(due, 0))
     return Times(response, waiting, busy)

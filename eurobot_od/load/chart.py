@@ -40,7 +40,7 @@ def chart(report: LoadReport, title: str) -> str:
 
 def _row(row: BoundRow, scale: svg.Axis, y: int) -> str:
     message, colour = row.message, svg.BLUE if row.holds else svg.RED
-    end = LEFT + PLOT if row.response is None else scale.at(log10(row.response))
+    end = LEFT + PLOT if row.response is None else scale.at(log10(row.response))  # no bound: as far as there is room
     deadline, foot = scale.at(log10(message.deadline)), y + BAR
     words = f"{message.identifier:03X}  {message.name}"
     response = NO_BOUND if row.response is None else f"{ms(row.response)} ms"

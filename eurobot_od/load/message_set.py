@@ -66,7 +66,7 @@ class MessageSet(NamedTuple):
         """
 
         def scaled(each: PeriodicMessage) -> PeriodicMessage:
-            period = max(each.period * 100 // percent, 1)
+            period = max(each.period * 100 // percent, 1)  # 0 would be infinitely often
             return each._replace(period=period, deadline=period if each.deadline == each.period else each.deadline)
 
         return self._replace(messages=tuple(map(scaled, self.messages)))
@@ -87,6 +87,7 @@ def analysed(messages: MessageSet, bit_rate: int) -> Analysis:
         return -(-time * bit_rate // MICROSECONDS)
 
     names = {each.name: n for n, each in enumerate(messages.messages)}
+    # Periods and deadlines are rounded down and jitters up: a bound has to hold for the exact times as well.
     return Analysis(
         [
             Message(

@@ -63,9 +63,7 @@ def network_set(
     senders = [_pdo_sender(device, each, names) for device in devices for each in _sent_pdos(device)]
     services = [each for device in devices for each in _services(device, devices)]
     reader.refuse_unknown({each.row for each in (*senders, *services)})
-    by_itself = [
-        each for device in devices for each in (*_timed_pdos(device, devices, names), *_timed_services(device))
-    ]
+    by_itself = [each for device in devices for each in _by_itself(device, devices, names)]
     by_rows = [each for sender in (*senders, *services) for each in reader.sent(sender)]
     known = {(each.identifier, each.node) for each in (*by_itself, *by_rows)}
     missing = dict.fromkeys(each.name for each in senders if (each.identifier, each.node) not in known)
@@ -75,14 +73,10 @@ def network_set(
     bit_rate = None if network.bit_rate is None else network.bit_rate * 1000
     rates = [set(device.objects.device_information.allowed_baudrates) for device in devices]
     offered = tuple(sorted(set.intersection(*rates))) if rates else ()
-    return MessageSet(by_urgency([*by_itself, *_named_apart(by_rows)]), mailboxes, bit_rate=bit_rate, offered=offered)
-
-
-def _named_apart(messages: list[PeriodicMessage]) -> Iterator[PeriodicMessage]:
-    """Name the node of a message that several of them send, if its name does not."""
-    names = [each.name for each in messages]
-    for each in messages:
-        yield each._replace(name=f"{each.name} {each.node}") if names.count(each.name) > 1 else each
+    # What several nodes send by one name is told apart by the node.
+    sent = [each.name for each in by_rows]
+    apart = [e._replace(name=f"{e.name} {e.node}") if sent.count(e.name) > 1 else e for e in by_rows]
+    return MessageSet(by_urgency([*by_itself, *apart]), mailboxes, bit_rate=bit_rate, offered=offered)
 
 
 def _mailboxes(device: Dictionary) -> int | None:
@@ -100,34 +94,31 @@ def _sent_pdos(device: Dictionary) -> Iterator[Pdo]:
 
 
 def _pdo_sender(device: Dictionary, pdo: Pdo, names: Mapping[int, str]) -> NodeFrame:
-    length = -(-sum(each.bits for each in pdo.mapping) // 8)
+    length = -(-sum(each.bits for each in pdo.mapping) // 8)  # a byte that is begun is sent
     name = names.get(pdo.cob_id, f"{device.name}.{pdo.name}")
     return NodeFrame(name, name, pdo.cob_id, length, device.name)
 
 
-def _timed_pdos(
+def _by_itself(
     device: Dictionary, devices: Iterable[Dictionary], names: Mapping[int, str]
 ) -> Iterator[PeriodicMessage]:
-    """Give the PDOs that are sent by timer or SYNC, or whenever their inhibit time lets them."""
+    """Give what a device sends by timer or SYNC, or whenever its inhibit time allows."""
     cycle = next((number for each in devices if (number := each.number(standard.SYNC_PERIOD))), 0)
     for pdo in _sent_pdos(device):
         sender, inhibit = _pdo_sender(device, pdo, names), pdo.inhibit_time * INHIBIT_UNIT
-        if pdo.is_synchronous and cycle:
+        if pdo.is_synchronous and cycle:  # type 0, with the next SYNC if it has changed, may be as often as type 1
             yield sender.sent(cycle * max(pdo.transmission_type, 1), f"transmission type {pdo.transmission_type}")
-        elif inhibit:
+        elif inhibit:  # before the event timer, which only says how seldom it may be sent
             yield sender.sent(inhibit, "inhibit time")
         elif pdo.event_timer:
             yield sender.sent(pdo.event_timer * MS, "event timer")
-
-
-def _timed_services(device: Dictionary) -> Iterator[PeriodicMessage]:
     if heartbeat := device.number(standard.HEARTBEAT_TIME):
         name, identifier = f"Heartbeat {device.name}", values.ERROR_CONTROL_BASE + device.node_id
         yield NodeFrame(name, name, identifier, 1, device.name).sent(heartbeat * MS, "0x1017")
-    if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (cycle := device.number(standard.SYNC_PERIOD)):
-        yield NodeFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(cycle, "0x1006")
-    if inhibit := device.number(standard.EMCY_INHIBIT_TIME):
-        yield _emcy(device).sent(inhibit * INHIBIT_UNIT, "0x1015")
+    if (device.number(standard.SYNC) or 0) & standard.SYNC_PRODUCER and (own := device.number(standard.SYNC_PERIOD)):
+        yield NodeFrame(SYNC, SYNC, values.SYNC_COB_ID, 0, device.name).sent(own, "0x1006")
+    if pause := device.number(standard.EMCY_INHIBIT_TIME):
+        yield _emcy(device).sent(pause * INHIBIT_UNIT, "0x1015")
 
 
 def _emcy(device: Dictionary) -> NodeFrame:
@@ -175,7 +166,7 @@ class _Rows:
 
     def _period(self, name: str, row: TrafficEntry) -> int:
         met = {name}
-        while row.answers:
+        while row.answers:  # an answer is as frequent as what it answers; in a circle nothing has a period
             if row.answers in met or row.answers not in self._rows:
                 raise self._error(row.answers, f"{name!r} answers {row.answers!r}, which has no period")
             met.add(row.answers)

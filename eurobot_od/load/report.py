@@ -58,6 +58,7 @@ def load_report(messages: MessageSet, bit_rate: int) -> LoadReport:
         return "" if place is None else messages.messages[place].name
 
     def microseconds(bits: int | None) -> int | None:
+        # Rounded up: a bound must not get shorter on its way.
         return None if bits is None else -(-bits * MICROSECONDS // bit_rate)
 
     rows = tuple(
@@ -76,7 +77,22 @@ HEADINGS = ("ID", "message", "from", "period", "response", "deadline", "margin",
 
 def table(report: LoadReport) -> Iterator[str]:
     """Write a line for each message, times in ms, and what is to be said of all of them."""
-    yield from columns([HEADINGS, *map(_cells, report.rows)], "lllrrrr")
+    lines: list[tuple[str, ...]] = [HEADINGS]
+    for row in report.rows:
+        message, left = row.message, row.margin
+        lines.append(
+            (
+                f"{message.identifier:03X}",
+                message.name,
+                message.node,
+                ms(message.period),
+                NO_BOUND if row.response is None else ms(row.response),
+                ms(message.deadline),
+                MISSED if left is None else f"{MISSED} {ms(left)}" if left < 0 else ms(left),
+                held_up_by(row),
+            )
+        )
+    yield from columns(lines, "lllrrrr")
     yield ""
     yield summary(report)
 
@@ -94,21 +110,6 @@ def too_slow(messages: MessageSet) -> Iterator[str]:
     for report in (load_report(messages, each) for each in messages.offered):
         if not report.holds:
             yield f"the EDS files offer a bit rate that is too slow: {summary(report)}"
-
-
-def _cells(row: BoundRow) -> tuple[str, ...]:
-    message = row.message
-    margin = MISSED if row.margin is None else f"{MISSED} {ms(row.margin)}" if row.margin < 0 else ms(row.margin)
-    return (
-        f"{message.identifier:03X}",
-        message.name,
-        message.node,
-        ms(message.period),
-        NO_BOUND if row.response is None else ms(row.response),
-        ms(message.deadline),
-        margin,
-        held_up_by(row),
-    )
 
 
 def held_up_by(row: BoundRow) -> str:
@@ -133,25 +134,23 @@ def as_data(report: LoadReport) -> dict[str, Any]:
         "load": round(float(report.load), 6),
         "busy_us": report.busy,
         "deadlines_met": report.holds,
-        "messages": [_row_data(row) for row in report.rows],
-    }
-
-
-def _row_data(row: BoundRow) -> dict[str, Any]:
-    message = row.message
-    return {
-        "name": message.name,
-        "identifier": message.identifier,
-        "node": message.node,
-        "length": message.length,
-        "bits": message.bits,
-        "period_us": message.period,
-        "jitter_us": message.jitter,
-        "answers": message.answers or None,
-        "deadline_us": message.deadline,
-        "response_us": row.response,
-        "margin_us": row.margin,
-        "blocking": row.blocking or None,
-        "inversion": row.inversion or None,
-        "reason": message.reason,
+        "messages": [
+            {
+                "name": row.message.name,
+                "identifier": row.message.identifier,
+                "node": row.message.node,
+                "length": row.message.length,
+                "bits": row.message.bits,
+                "period_us": row.message.period,
+                "jitter_us": row.message.jitter,
+                "answers": row.message.answers or None,
+                "deadline_us": row.message.deadline,
+                "response_us": row.response,
+                "margin_us": row.margin,
+                "blocking": row.blocking or None,
+                "inversion": row.inversion or None,
+                "reason": row.message.reason,
+            }
+            for row in report.rows
+        ],
     }

@@ -79,20 +79,17 @@ class SeenTraffic:
         identifier, bits = frame.cob_id, frame_bits(frame)
         seen = self.messages.get(identifier)
         if seen is None:
-            seen = self.messages[identifier] = self._first(identifier, name, node)
+            row = self._promised.get(identifier)
+            seen = self.messages[identifier] = SeenMessage(identifier, name, row.message.node if row else node)
+            if row is not None:
+                seen.period = row.message.period / MICROSECONDS
+                # Of an answer only: when another message fell due, its frame does not say.
+                seen.bound = row.response / MICROSECONDS if row.message.answers and row.response is not None else None
         seen.take(time, bits, self._asked.pop(identifier, None))
         for answer in self._answers.get(identifier, ()):
             self._asked[answer] = time
         self.begin, self.end = time if self.begin is None else self.begin, time
         return bits
-
-    def _first(self, identifier: int, name: str, node: str) -> SeenMessage:
-        row = self._promised.get(identifier)
-        if row is None:
-            return SeenMessage(identifier, name, node)
-        bound = row.response if row.message.answers else None
-        seconds = None if bound is None else bound / MICROSECONDS
-        return SeenMessage(identifier, name, row.message.node, row.message.period / MICROSECONDS, seconds)
 
     def load(self, bits: int) -> float:
         """Return the share of the bus that a number of bits took; 0 before any time has passed."""
@@ -106,16 +103,16 @@ HEADINGS = ("ID", "message", "from", "count", "load", "worst gap", "period", "ji
 def table(seen: SeenTraffic) -> Iterator[str]:
     """Write a line for each message, times in ms, and the load of each node and of all."""
     messages = sorted(seen.messages.values(), key=lambda each: each.identifier)
-    yield from columns([HEADINGS, *(_cells(seen, each) for each in messages)], "lllrrrrrrr")
+    lines: list[tuple[str, ...]] = [HEADINGS]
+    for each in messages:
+        times = (each.longest, each.period, each.jitter, each.answered, each.bound)
+        texts = ("" if time is None else f"{time * 1000:.2f}" for time in times)
+        share = f"{seen.load(each.bits):.2%}"
+        lines.append((f"{each.identifier:03X}", each.name, each.node, str(each.count), share, *texts))
+    yield from columns(lines, "lllrrrrrrr")
     nodes: dict[str, int] = {}
     for each in messages:
         nodes[each.node or "?"] = nodes.get(each.node or "?", 0) + each.bits
     parts = [f"{node} {seen.load(bits):.2%}" for node, bits in sorted(nodes.items())]
     whole = f"all {seen.load(sum(nodes.values())):.2%}"
     yield one_line(f"load of {seen.bit_rate / 1000:g} kbit/s: {', '.join([*parts, whole])}")
-
-
-def _cells(seen: SeenTraffic, each: SeenMessage) -> tuple[str, ...]:
-    times = (each.longest, each.period, each.jitter, each.answered, each.bound)
-    texts = ("" if time is None else f"{time * 1000:.2f}" for time in times)
-    return f"{each.identifier:03X}", each.name, each.node, str(each.count), f"{seen.load(each.bits):.2%}", *texts

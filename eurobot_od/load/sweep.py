@@ -44,7 +44,11 @@ SEARCHES = 4
 
 def limits(messages: MessageSet, bit_rate: int, progress: Callable[[int], object] = lambda _: None) -> LoadLimits:
     """Search the limits of a set that has messages; `progress` is called with the number of SEARCHES done."""
-    shortest, busiest = min(each.period for each in messages.messages), _busiest(messages)
+    shortest = min(each.period for each in messages.messages)
+    loads: dict[str, float] = {}
+    for each in messages.messages:
+        loads[each.node] = loads.get(each.node, 0.0) + each.bits / each.period
+    busiest = max(loads, key=lambda node: loads[node])
     slowest = slowest_bus(messages)
     progress(1)
     percent = most_traffic(messages, bit_rate)
@@ -89,22 +93,15 @@ def _holds(messages: MessageSet, bit_rate: int) -> bool:
 
 def _most(holds: Callable[[int], bool], most: int) -> int | None:
     """Return the highest number from 0 to `most` up to which something holds, None if it does not at 0."""
-    first = _first(lambda n: not holds(n), most + 1)
-    return first - 1 if first else None
-
-
-def _first(found: Callable[[int], bool], end: int) -> int:
-    """Return the first number from 0 on at which something is found, `end` if nowhere before it."""
-    step = 1
-    while step < end and not found(step - 1):
+    # Doubled first: most limits are far below `most`, and the larger a set is, the longer its analysis takes.
+    step, end = 1, most + 1
+    while step < end and holds(step - 1):
         step *= 2
-    low, high = step // 2, min(step - 1, end)
-    if step >= end:
-        high = end
+    low, high = step // 2, end if step >= end else step - 1  # of the first number at which it does not hold
     while low < high:
         middle = (low + high) // 2
-        low, high = (low, middle) if found(middle) else (middle + 1, high)
-    return low
+        low, high = (middle + 1, high) if holds(middle) else (low, middle)
+    return low - 1 if low else None
 
 
 # More of it
@@ -125,21 +122,13 @@ def with_nodes(messages: MessageSet, number: int, node: str) -> MessageSet:
     mailboxes = dict(messages.mailboxes)
     more: list[PeriodicMessage] = []
     for each in messages.messages:
-        first = ranks[each.identifier] * (number + 1)
+        first = ranks[each.identifier] * (number + 1)  # with room behind it for those of the further nodes
         more.append(each._replace(identifier=first))
         for n in range(1, number + 1 if each.node == node else 1):
             name = f"{node} {n + 1}"
             mailboxes |= {name: mailboxes[node]} if node in mailboxes else {}
             more.append(each._replace(name=f"{each.name} of {name}", identifier=first + n, node=name, answers=""))
     return messages._replace(messages=tuple(more), mailboxes=mailboxes)
-
-
-def _busiest(messages: MessageSet) -> str:
-    """Return the node that takes most of the bus."""
-    loads: dict[str, float] = {}
-    for each in messages.messages:
-        loads[each.node] = loads.get(each.node, 0.0) + each.bits / each.period
-    return max(loads, key=lambda node: loads[node])
 
 
 # As text

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from functools import cache
 
-from eurobot_od.frame import MOST_BYTES, Frame
+from eurobot_od.frame import MOST_BYTES
 from eurobot_od.logs.entries import Damage, Foreign, Raw, frame, seconds, shortened
 from eurobot_od.logs.lines import LineFormat
 
@@ -38,17 +38,14 @@ class AscFormat(LineFormat):
         stamp, channel, *words = line.split()
         foreign = _foreign(line, channel, words)
         if foreign:
-            channel = words[0] if channel.upper() == CANFD else channel
+            channel = words[0] if channel.upper() == CANFD else channel  # the word stands before the channel
             return seconds(stamp), _channel(channel), Foreign(foreign, shortened(line.split(None, 2)[2]))
-        return seconds(stamp), _channel(channel), self._frame(words)
-
-    def _frame(self, words: list[bytes]) -> Frame:
         identifier, direction, kind, length, *octets = words
-        count = min(int(length, self._base), MOST_BYTES)
+        count = min(int(length, self._base), MOST_BYTES)  # a DLC of 9 to 15 means 8 bytes, too (ISO 11898-1)
         data = bytes([int(octet, self._base) for octet in octets[:count]])
         if direction not in DIRECTIONS or kind != b"d" or len(data) != count:
             raise ValueError(octets)
-        return frame(int(identifier, self._base), data)
+        return seconds(stamp), _channel(channel), frame(int(identifier, self._base), data)
 
 
 @cache

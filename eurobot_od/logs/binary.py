@@ -29,6 +29,7 @@ from eurobot_od.support import extras
 if TYPE_CHECKING:
     import can
 
+# Of a blob one byte more than any frame has, to see that it is too long: damage may make it as long as the file.
 QUERY = """SELECT ts, arbitration_id, extended, remote, error, dlc,
 CASE typeof(data) WHEN 'blob' THEN substr(data, 1, 65) END FROM messages"""
 CREATE = """CREATE TABLE messages
@@ -53,6 +54,7 @@ def of_message(message: can.Message) -> Raw:
 def read_table(file: BinaryIO, _: int = LARGEST) -> Entries:
     """Read the table `messages` of an SQLite file."""
     number = 0
+    # Read only: sqlite3 would otherwise make an empty file where there is none.
     with closing(sqlite3.connect(f"{Path(file.name).absolute().as_uri()}?mode=ro", uri=True)) as connection:
         connection.text_factory = bytes  # what is no UTF-8 is no reason to stop
         try:
@@ -67,7 +69,7 @@ def write_table(file: Path, messages: Iterable[can.Message]) -> None:
     flags = ("is_extended_id", "is_remote_frame", "is_error_frame")
     rows = ((m.timestamp, m.arbitration_id, *(getattr(m, each) for each in flags), m.dlc, m.data) for m in messages)
     try:
-        with closing(sqlite3.connect(file)) as connection, connection:
+        with closing(sqlite3.connect(file)) as connection, connection:  # by itself it commits, but does not close
             connection.execute(CREATE)
             connection.executemany("INSERT INTO messages VALUES (?, ?, ?, ?, ?, ?, ?)", rows)
     except sqlite3.Error as error:
@@ -95,13 +97,11 @@ def read_messages(file: BinaryIO, _: int = LARGEST) -> Entries:
     number = 0
     try:
         with can.LogReader(file.name) as messages:
-            for number, time, channel, raw in read_each(messages, _of_logged):
+            for number, time, channel, raw in read_each(
+                messages, lambda m: (seconds(m.timestamp), "" if m.channel is None else str(m.channel), of_message(m))
+            ):
                 yield number, time, channel, raw
     except NotImplementedError:  # what it raises without the package it needs
         raise LocalError(f"{file.name}: {extras.missing('asammdf', 'mf4')}") from None
     except Exception as error:  # what a reader raises for a damaged file is not documented: struct.error, KeyError
         yield number + 1, 0.0, "", Foreign(Damage.CUT_OFF, shortened(str(error)))
-
-
-def _of_logged(message: can.Message) -> tuple[float, str, Raw]:
-    return seconds(message.timestamp), "" if message.channel is None else str(message.channel), of_message(message)

@@ -33,7 +33,8 @@ CLASSIC = Struct("<BxBBL8s")
 
 FILE_SIGNATURE, SIGNATURE = b"LOGG", b"LOBJ"
 CONTAINER_TYPE = 10
-CLASSIC_TYPES = (1, 86)
+CLASSIC_TYPES = (1, 86)  # CAN_MESSAGE, CAN_MESSAGE2
+# CAN_ERROR, CAN_ERROR_EXT, CAN_FD_MESSAGE, CAN_FD_MESSAGE_64
 FOREIGN_TYPES = {2: Damage.ERROR_FRAME, 73: Damage.ERROR_FRAME, 100: Damage.FD, 101: Damage.FD}
 FRAME_TYPES = {*CLASSIC_TYPES, *FOREIGN_TYPES}
 CHANNEL = [str(number - 1) for number in range(256)]
@@ -92,7 +93,7 @@ def _containers(file: BinaryIO, largest: int) -> Iterator[bytes]:
             yield from _unpacked(body)
         if len(body) < size - OBJECT.size:
             raise EOFError
-        file.read(size % 4)
+        file.read(size % 4)  # the padding is as long as this, and not what would fill up a multiple of 4
 
 
 def _sane(size: int, largest: int) -> int:
@@ -121,12 +122,14 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
     left = b""
     for content in contents:
         data, position = left + content, 0
+        # How much padding comes before an object depends on the writer; it is less than 8 bytes.
         while (found := data.find(SIGNATURE, position, position + 8)) >= 0 and found + OBJECT.size <= len(data):
             _, header, _, size, kind = OBJECT.unpack_from(data, found)
             end = found + _sane(size, largest)
             if end > len(data):
                 break
             ticks, time = CLOCK.unpack_from(data, found + OBJECT.size)
+            # From the whole header on, which is longer in later versions: its beginning is all that is needed of it.
             yield kind, time * TICKS.get(ticks, NANOSECOND), data[found + header : end]
             position = end
         left = data[position:]
@@ -138,12 +141,9 @@ def _objects(contents: Iterator[bytes], largest: int) -> Iterator[BlfObject]:
 
 def _entry(start: float, found: BlfObject) -> tuple[float, str, Raw]:
     kind, since, body = found
-    return start + since, CHANNEL[body[0]], _parse(kind, body)
-
-
-def _parse(kind: int, body: bytes) -> Raw:
+    time, channel = start + since, CHANNEL[body[0]]
     if kind in FOREIGN_TYPES:
-        return Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
+        return time, channel, Foreign(FOREIGN_TYPES[kind], shortened(body[2:].hex().upper()))
     _, flags, length, identifier, data = CLASSIC.unpack_from(body)
     damage = Damage.REMOTE if flags & REMOTE_FLAG else Damage.EXTENDED if identifier & EXTENDED_FLAG else None
-    return frame_or_foreign(damage, identifier & ~EXTENDED_FLAG, data[:length])
+    return time, channel, frame_or_foreign(damage, identifier & ~EXTENDED_FLAG, data[:length])

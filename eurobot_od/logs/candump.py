@@ -44,9 +44,13 @@ class CandumpFormat(LineFormat):
         try:
             cob_id, data = _cob_id(rest[:4]), a2b_hex(rest[4:])
         except ValueError:
-            return time, channel.decode(), _foreign(rest)
+            for damage, pattern in FOREIGN:
+                if re.fullmatch(pattern, rest, re.IGNORECASE):
+                    return time, channel.decode(), Foreign(damage, rest.decode())
+            raise
         if len(data) > MOST_BYTES:
             raise ValueError(line)
+        # Without the named tuple's own constructor, which is Python code: a log may have millions of lines.
         return time, channel.decode(), tuple.__new__(Frame, (cob_id, data))
 
 
@@ -56,10 +60,3 @@ def _cob_id(text: bytes) -> int:
     if found is None:
         raise ValueError(text)
     return int(found[1], 16)
-
-
-def _foreign(rest: bytes) -> Foreign:
-    for damage, pattern in FOREIGN:
-        if re.fullmatch(pattern, rest, re.IGNORECASE):
-            return Foreign(damage, rest.decode())
-    raise ValueError(rest)

@@ -77,6 +77,7 @@ def read_each(items: Iterable[Item], entry: Callable[[Item], tuple[float, str, R
 def seconds(text: bytes | float) -> float:
     """Read a time in s; raises ValueError or TypeError."""
     time = float(text)
+    # In this form, as every comparison with `nan` is false.
     if not 0 <= time < LATEST:
         raise ValueError(text)
     return time

@@ -43,18 +43,19 @@ def by_name(names: Iterable[str], protocol: Protocol) -> Wanted:
     known = {
         plain_name(name): name for name in (*protocol.names(), *SERVICE_NAMES, *protocol.catalogue.groups, CANOPEN)
     }
-    wanted = {_known(name, known, "message") for name in names}
+    wanted = {known_name(name, known, "message") for name in names}
     return lambda meaning: meaning.name in wanted or meaning.group in wanted
 
 
 def by_node(nodes: Iterable[str], known: Iterable[str]) -> Wanted:
     """Want what these nodes send or receive; raises UnknownName."""
     names = {plain_name(name): name for name in known}
-    wanted = {_known(node, names, "node") for node in nodes}
+    wanted = {known_name(node, names, "node") for node in nodes}
     return lambda meaning: not wanted.isdisjoint(meaning.nodes)
 
 
-def _known(name: str, known: Mapping[str, str], kind: str) -> str:
+def known_name(name: str, known: Mapping[str, str], kind: str) -> str:
+    """Return which of the names `known`, by their plain forms, is meant by one; raises UnknownName."""
     try:
         return known[plain_name(name)]
     except KeyError:
@@ -71,6 +72,7 @@ class Condition(NamedTuple):
     def holds(self, message: Message) -> bool:
         """Return whether it holds; "unknown" is neither less nor greater than anything."""
         found = getattr(message, self.field)
+        # None, for "unknown", would raise if it were compared by its order.
         if found is None or self.value is None:
             return self.compare(found, self.value) if self.compare in (operator.eq, operator.ne) else False
         return self.compare(found, self.value)
@@ -99,26 +101,20 @@ def by_value(text: str, protocol: Protocol) -> Wanted:
 
 def _conditions(bindings: Iterable[Binding], match: re.Match[str]) -> Iterator[tuple[type[Message], Condition]]:
     """Yield the condition for each message whose field can have the value; raises FieldError if none can."""
-    refused: FieldError | None = None
-    found = False
+    field, refused, found = match["field"], None, False
     for each in bindings:
+        kind = each.kinds[field]
         try:
-            yield each.type, _condition(each, match)
+            value = kind.parse(match["value"])
+        except (ValueError, LookupError, UnknownName):
+            # Only an error if no other message takes it: fields of one name may be of different kinds.
+            allowed = kind.allowed(each.limits[field]) if field in each.limits else "the field is not mapped"
+            refused = FieldError(each.name, field, match["value"], allowed)
+        else:
             found = True
-        except FieldError as error:
-            refused = error
+            yield each.type, Condition(field, OPERATORS[match["operator"]], value)
     if refused and not found:
         raise refused
-
-
-def _condition(binding: Binding, match: re.Match[str]) -> Condition:
-    field, kind = match["field"], binding.kinds[match["field"]]
-    try:
-        value = kind.parse(match["value"])
-    except (ValueError, LookupError, UnknownName):
-        allowed = kind.allowed(binding.limits[field]) if field in binding.limits else "the field is not mapped"
-        raise FieldError(binding.name, field, match["value"], allowed) from None
-    return Condition(field, OPERATORS[match["operator"]], value)
 
 
 # Time
@@ -134,7 +130,7 @@ class Window(NamedTuple):
     def clock(self) -> Callable[[float], float | None]:
         """Return the function from an entry's time to the time shown, None for one not wanted."""
         if self == Window():
-            return float
+            return float  # a float is given back as it is, and without a call of Python code for each entry
         start: list[float] = [] if self.relative else [0.0]
 
         def shown(time: float) -> float | None:

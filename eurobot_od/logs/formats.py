@@ -73,7 +73,7 @@ def form_of(file: BinaryIO, form: str | None = None) -> tuple[str, bool]:
 
         with suppress(EOFError, zlib.error, gzip.BadGzipFile):
             beginning = _beginning(cast("BinaryIO", gzip.GzipFile(fileobj=file)))
-        file.seek(0)
+        file.seek(0)  # it has been read from
     suffix = form or _said_by(beginning, name)
     _reader(suffix, name)  # complains
     return suffix, packed
@@ -96,13 +96,14 @@ def _said_by(beginning: bytes, name: object) -> str:
     if not isinstance(name, str):
         return STANDARD_INPUT
     suffixes = PurePath(name.lower()).suffixes
+    # Of `match.asc.gz` it is `asc`; `match.gz` says nothing of its content.
     return "".join(suffixes[:-1][-1:] if suffixes[-1:] == [".gz"] else suffixes[-1:]).lstrip(".")
 
 
 def _reader(suffix: str, name: object) -> Read:
     if suffix not in FORMATS:
         raise UnknownName("log format", suffix or str(name), FORMATS)
-    if suffix in BY_NAME and not isinstance(name, str):
+    if suffix in BY_NAME and not isinstance(name, str):  # SQLite and asammdf open the file themselves
         raise LocalError(f"a log in the format {suffix} must be a file")
     module, function = FORMATS[suffix]
     found: Any = getattr(import_module(f"eurobot_od.logs.{module}"), function)
@@ -120,6 +121,7 @@ def _read_packed(file: BinaryIO, form: str | None, name: object, largest: int) -
         beginning = _beginning(content)
     except unpacking:
         beginning = b""
+    # A generator apart: this function is to complain of a format now, not when the first entry is asked for.
     return _until_it_breaks(_reader(form or _said_by(beginning, name), name)(content, largest), unpacking)
 
 

@@ -6,6 +6,7 @@ costs no other line.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
 from typing import BinaryIO
 
@@ -37,24 +38,15 @@ def read_lines(file: BinaryIO, form: LineFormat, largest: int) -> Entries:
         try:
             time, channel, raw = entry(line)
         except BAD:
-            if _is_comment(form, line):
-                continue
-            # only the last line may have no line end: then the log was cut off there
-            damage = Damage.UNREADABLE if _ends(line, file, largest) else Damage.CUT_OFF
+            # Asked only now: nearly every line is an entry.
+            with suppress(*BAD):
+                if form.comment(line):
+                    continue
+            rest = line
+            while len(rest) == largest and not rest.endswith(b"\n"):  # too long: on to its end
+                rest = file.readline(largest)
+            # Only the last line may have no line end: then the log was cut off there.
+            damage = Damage.UNREADABLE if rest.endswith(b"\n") else Damage.CUT_OFF
             yield number, time, "", Foreign(damage, shortened(line))
         else:
             yield number, time, channel, raw
-
-
-def _is_comment(form: LineFormat, line: bytes) -> bool:
-    try:
-        return form.comment(line)
-    except BAD:
-        return False
-
-
-def _ends(line: bytes, file: BinaryIO, largest: int) -> bool:
-    """Return whether a line has an end; a line that is too long is read to its end."""
-    while len(line) == largest and not line.endswith(b"\n"):
-        line = file.readline(largest)
-    return line.endswith(b"\n")

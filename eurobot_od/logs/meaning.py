@@ -17,7 +17,7 @@ from eurobot_od.od.pdos import OnRefused, fatal
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import NOTHING, Catalogue
 from eurobot_od.pdo.codec import compiled
-from eurobot_od.pdo.kinds import Kind, OutOfRange
+from eurobot_od.pdo.kinds import OutOfRange
 from eurobot_od.pdo.message import Message, flagged_fields
 from eurobot_od.pdo.protocol import Protocol
 
@@ -77,12 +77,11 @@ class Decoder:
     def __call__(self, raw: Raw) -> Meaning:
         """Return the meaning of a frame."""
         read = self._readers.get(raw[0])  # by COB-ID; a Damage is never found
-        return read(raw) if read else self._first(raw)
-
-    def _first(self, raw: Raw) -> Meaning:
-        """Tell what is not a frame, or the first frame with its COB-ID, for which a reader is made then."""
+        if read:
+            return read(raw)
         if isinstance(raw, Foreign):
             return Meaning(raw, "", "", (), None, raw.text, (Defect(raw.damage, raw.text),))
+        # The reader of an identifier is made at its first frame: a log has few of a network's messages.
         binding = self._bindings.get(raw.cob_id)
         read = self._readers[raw.cob_id] = _reader(binding) if binding else self._service
         return read(raw)
@@ -103,6 +102,7 @@ class Decoder:
 def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
     """Return the function that decodes the frames of one message."""
     name, group, nodes = binding.name, binding.group, (*binding.senders, *binding.receivers)
+    # As candump's frames, a Meaning is made without the named tuple's own constructor.
     length, decode, write, new = binding.layout.length, binding.decode, _fields_writer(binding), tuple.__new__
 
     def read(frame: Frame) -> Meaning:
@@ -112,6 +112,7 @@ def _reader(binding: Binding) -> Callable[[Frame], Meaning]:
         except FrameLengthError as error:
             return Meaning(frame, name, group, nodes, None, str(error), (Defect(Damage.WRONG_LENGTH, str(error)),))
         defects: tuple[Defect, ...] = ()
+        # Asked of every message, and hardly ever true: so a look at the types in C, and not at each field.
         if len(data) > length or OutOfRange in map(type, message):
             defects = tuple(_defects(frame, message, binding))
         return new(Meaning, (frame, name, group, nodes, message, write(message), defects))
@@ -138,7 +139,7 @@ def _fields_writer(binding: Binding) -> Callable[[Any], str]:
         if field in binding.limits:
             number = f"f'{{name{n}}}{{v{n}}}{{unit{n}}}' if type(v{n}) is int else "
             parts.append(f"{{{number if kind.numbers(binding.limits[field]) else ''}text{n}(v{n})}}")
-            text = lru_cache(REMEMBERED)(partial(_field_text, field, kind))
+            text = lru_cache(REMEMBERED)(partial(lambda field, kind, value: f"{field}={kind.text(value)}", field, kind))
             names |= {f"name{n}": f"{field}=", f"unit{n}": f" {kind.unit}".rstrip(), f"text{n}": text}
     source = f"""
 def write(message):
@@ -146,10 +147,6 @@ def write(message):
     return f"{", ".join(parts)}"
 """
     return compiled("write", source, names)
-
-
-def _field_text(field: str, kind: Kind, value: Any) -> str:
-    return f"{field}={kind.text(value)}"
 
 
 def _defects(frame: Frame, message: Message, binding: Binding) -> Iterator[Defect]:

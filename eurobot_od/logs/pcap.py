@@ -6,7 +6,7 @@ those of the IETF's drafts for pcap and pcapng, and of the link type SocketCAN (
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from struct import Struct
 from struct import error as StructError  # noqa: N812 (a class with a small name)
@@ -17,7 +17,7 @@ from eurobot_od.logs.entries import LARGEST, Damage, Entries, Foreign, Raw, fram
 SOCKETCAN = 227
 """The link type; its packets are an identifier with flags, length, FD flags, two bytes, and the data."""
 
-PACKET = Struct(">LBBxx")
+PACKET = Struct(">LBBxx")  # the identifier is big-endian, whatever the byte order of the file
 ERROR, REMOTE, EXTENDED, FD = 1 << 29, 1 << 30, 1 << 31, 0x04
 IDENTIFIER = (1 << 29) - 1
 CLASSIC = 16
@@ -111,6 +111,7 @@ def _pcap_packets(file: BinaryIO, largest: int) -> Packets:
     if magic not in ORDERS:
         raise ValueError("not a pcap file")
     order, tick = ORDERS[magic]
+    # The lower half only: above it are flags and the length of a frame check sequence.
     link_type = Struct(f"{order}16xL").unpack(file.read(20))[0] & 0xFFFF
     if link_type != SOCKETCAN:
         raise ValueError(f"link type {link_type}; only {SOCKETCAN}, SocketCAN, is read")
@@ -126,7 +127,7 @@ def _pcap_packets(file: BinaryIO, largest: int) -> Packets:
 def _pcapng_packets(file: BinaryIO, largest: int) -> Packets:
     order, interfaces = "<", list[Interface]()
     for kind, section_order, body in _blocks(file, largest):
-        if kind == SECTION:
+        if kind == SECTION:  # each section counts its interfaces from 0, in its own byte order
             order, interfaces = section_order, []
         elif kind == INTERFACE:
             interfaces.append(_interface(order, body))
@@ -144,7 +145,7 @@ def _blocks(file: BinaryIO, largest: int) -> Iterator[tuple[int, str, bytes]]:
     while head := file.read(8):
         kind = Struct(f"{order or '<'}L").unpack_from(head)[0]
         mark = b""
-        if kind == SECTION:
+        if kind == SECTION:  # its length can be read only when the mark behind it has told the byte order
             mark = _taken(file, 4, largest)
             order = "<" if mark == BYTE_ORDER_MARK else ">"
             if mark not in (BYTE_ORDER_MARK, BYTE_ORDER_MARK[::-1]):
@@ -153,26 +154,22 @@ def _blocks(file: BinaryIO, largest: int) -> Iterator[tuple[int, str, bytes]]:
             raise ValueError("not a pcapng file")
         size = Struct(f"{order}4xL").unpack(head)[0]
         body = _taken(file, size - 12 - len(mark), largest)
-        _taken(file, 4, largest)
+        _taken(file, 4, largest)  # the length again, for those who read backwards
         yield kind, order, body
 
 
 def _interface(order: str, body: bytes) -> Interface:
-    options = dict(_options(order, body[8:]))
+    head, options, rest = Struct(f"{order}HH"), dict[int, bytes](), body[8:]
+    while len(rest) >= head.size:
+        code, size = head.unpack_from(rest)
+        if code == 0:
+            break
+        options[code] = rest[head.size : head.size + size]
+        rest = rest[head.size + size + -size % 4 :]  # values are padded to a multiple of 4
     resolution = options.get(RESOLUTION_OPTION, bytes([DEFAULT_RESOLUTION]))[0]
     tick = 2.0 ** -(resolution & 0x7F) if resolution & 0x80 else 10.0**-resolution
     name = options.get(NAME_OPTION, b"").decode("utf-8", "replace")
     return Interface(Struct(f"{order}H").unpack_from(body)[0], name, tick)
-
-
-def _options(order: str, data: bytes) -> Iterator[tuple[int, bytes]]:
-    head = Struct(f"{order}HH")
-    while len(data) >= head.size:
-        code, size = head.unpack_from(data)
-        if code == 0:
-            return
-        yield code, data[head.size : head.size + size]
-        data = data[head.size + size + -size % 4 :]
 
 
 def _enhanced(order: str, body: bytes, interfaces: list[Interface]) -> tuple[Interface, float, bytes]:
@@ -182,8 +179,8 @@ def _enhanced(order: str, body: bytes, interfaces: list[Interface]) -> tuple[Int
     return interface, (high << 32 | low) * interface.tick, body[head.size : head.size + size]
 
 
-def _simple(_: str, body: bytes, interfaces: list[Interface]) -> tuple[Interface, float, bytes]:
-    return interfaces[0], 0.0, body[4:]
-
-
-PACKETS = {SIMPLE: _simple, ENHANCED: _enhanced}
+PACKETS: Mapping[int, Callable[[str, bytes, list[Interface]], tuple[Interface, float, bytes]]] = {
+    # It says neither its time nor its interface, which has to be the section's first.
+    SIMPLE: lambda _order, body, interfaces: (interfaces[0], 0.0, body[4:]),
+    ENHANCED: _enhanced,
+}

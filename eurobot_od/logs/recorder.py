@@ -51,7 +51,7 @@ def recording(
     try:
         yield lines.write
     except KeyboardInterrupt:
-        if lines.failure is None:
+        if lines.failure is None:  # otherwise it is ours: it has ended the program because of the failure
             raise
     finally:
         lines.end(finish)
@@ -64,7 +64,7 @@ def _opened(file: Path, ends: bool, tell: Callable[[str], object]) -> tuple[Line
     from can.io.generic import TextIOMessageWriter
 
     if file.suffix.lower() == TABLE:
-        file.write_bytes(b"")
+        file.write_bytes(b"")  # to know at once whether it can be written
     else:
         log = _writer(file)
         if isinstance(log, TextIOMessageWriter):
@@ -96,7 +96,7 @@ def _finish(file: Path, journal: Path) -> None:
             with _writer(file) as log:
                 for message in messages:
                     log(message)
-    journal.unlink()
+    journal.unlink()  # last: until the log is whole, the journal is all there is
 
 
 class Lines:
@@ -136,7 +136,7 @@ class Lines:
 
     def _keep_on_disk(self) -> None:
         while self.failure is None and not self._over.wait(PERIOD):
-            with self._lock:
+            with self._lock:  # Python's text files do not endure two threads at once
                 self._try(self._writer.file.flush)
             if self.failure is None and self._file.is_file():  # a pipe has no disk
                 # without the lock: a disk may take its time, and the bus does not wait for it

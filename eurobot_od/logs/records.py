@@ -30,7 +30,7 @@ class JsonOutput(Output):
             data["text"] = meaning.text
         if meaning.defects:
             data["damage"] = [{"kind": damage.value, "text": text} for damage, text in meaning.defects]
-        return _json(data)[1:]
+        return _json(data)[1:]  # the writer opens the object with the place and the time
 
     def writer(self, log: str) -> WriteLine:
         start, quoted = f'{{"log": {_json(log)}, "line":', lru_cache(_json)

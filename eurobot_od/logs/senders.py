@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable
 
-from eurobot_od.errors import UnknownName
 from eurobot_od.frame import Frame
+from eurobot_od.logs.filters import known_name
 from eurobot_od.od import values
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.od.standard import EMCY, SDO_ANSWERS
@@ -42,7 +42,7 @@ def by_sender(
     Raises UnknownName. A frame without a known sender is wanted unless `only` is given.
     """
     known = {plain_name(each.name): each.name for each in dictionaries}
-    wanted, unwanted = ({_known(name, known) for name in names} for names in (only, without))
+    wanted, unwanted = ({known_name(name, known, "node") for name in names} for names in (only, without))
     sent_by, nobody = senders(dictionaries, protocol), frozenset[str]()
 
     def wants(frame: Frame) -> bool:
@@ -50,9 +50,3 @@ def by_sender(
         return not wanted.isdisjoint(names) if wanted else not names or not names <= unwanted
 
     return wants
-
-
-def _known(name: str, known: dict[str, str]) -> str:
-    if plain_name(name) not in known:
-        raise UnknownName("node", name, known.values())
-    return known[plain_name(name)]

@@ -50,7 +50,7 @@ def services(
         bases = values.EMCY_BASE, values.SDO_REQUEST_BASE, values.SDO_RESPONSE_BASE
         found |= {base + node_id: service for base, service in zip(bases, _of_node(node, errors))}
         found[values.ERROR_CONTROL_BASE + node_id] = CanopenService("Heartbeat", node.name, 1, heartbeat_text)
-    for node in known.values():
+    for node in known.values():  # after the predefined ones: what a node's file says is what it does
         for address, service in zip((EMCY, SDO_REQUESTS, SDO_ANSWERS), _of_node(node, errors)):
             cob_id = node.dictionary.number(address) if node.dictionary else None
             if cob_id is not None and not cob_id & values.NOT_VALID:
@@ -105,20 +105,6 @@ def _object(dictionary: Dictionary | None, address: values.Address) -> str:
     return where if variable is None else f"{where} {variable.qualname.replace('.', ', ')}"
 
 
-def _content(dictionary: Dictionary | None, initiate: Initiate) -> str:
-    if initiate.command & EXPEDITED:
-        return f" = {_value(dictionary, initiate.address, initiate.rest[: initiate.size])}"
-    return "" if initiate.size is None else f", {initiate.size} bytes"
-
-
-def _value(dictionary: Dictionary | None, address: values.Address, value: bytes) -> str:
-    variable = dictionary.variable(address) if dictionary else None
-    try:
-        return str(data_type(variable).read(value)) if variable else value.hex(" ")
-    except ValueError:  # a length that the type does not have
-        return value.hex(" ")
-
-
 def _segment(_: Dictionary | None, data: bytes) -> str:
     return f"segment of {len(part_in(data))} bytes" + ", the last" * (data[0] & LAST)
 
@@ -131,7 +117,16 @@ def _abort(dictionary: Dictionary | None, data: bytes) -> str:
 def _of_object(what: str, value: bool = False) -> SdoText:
     def text(dictionary: Dictionary | None, data: bytes) -> str:
         initiate = Initiate.of(data)
-        return f"{what} {_object(dictionary, initiate.address)}{_content(dictionary, initiate) if value else ''}"
+        said = f"{what} {_object(dictionary, initiate.address)}"
+        if not value:
+            return said
+        if not initiate.command & EXPEDITED:
+            return said if initiate.size is None else f"{said}, {initiate.size} bytes"
+        octets, variable = initiate.rest[: initiate.size], dictionary.variable(initiate.address) if dictionary else None
+        try:
+            return f"{said} = {str(data_type(variable).read(octets)) if variable else octets.hex(' ')}"
+        except ValueError:  # a length that the type does not have
+            return f"{said} = {octets.hex(' ')}"
 
     return text
 

@@ -24,13 +24,14 @@ class TrafficOutput(Output):
 
     def writer(self, log: str) -> WriteLine:
         self._heading = [one_line(f"{log}:")] if self._several else []
-        self._seen = SeenTraffic(self._bit_rate, self._promised)
-        return self._take
+        self._seen = seen = SeenTraffic(self._bit_rate, self._promised)
 
-    def _take(self, _line: int, time: float, _channel: str, meaning: Meaning) -> str:
-        assert isinstance(meaning.raw, Frame)
-        self._seen.take(time, meaning.raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
-        return ""
+        def take(_line: int, time: float, _channel: str, meaning: Meaning) -> str:
+            assert isinstance(meaning.raw, Frame)  # see `row`
+            seen.take(time, meaning.raw, meaning.name or "?", meaning.nodes[0] if meaning.nodes else "")
+            return ""
+
+        return take
 
     def footer(self) -> str:
         return "".join(f"{line}\n" for line in (*self._heading, *table(self._seen)))

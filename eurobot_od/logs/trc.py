@@ -40,6 +40,7 @@ class TrcFormat(LineFormat):
     def _set_columns(self, columns: str) -> None:
         """Note where each column is after the number and the offset; the data is the last one."""
         letters = columns.strip().split(",")[2:]
+        # `l` is the number of bytes, `L` the DLC; a version has one of them.
         self._identifier, self._length = letters.index("I"), letters.index("l" if "l" in letters else "L")
         self._data = len(letters) - 1
         self._bus, self._type = (letters.index(each) if each in letters else None for each in "BT")
@@ -49,23 +50,21 @@ class TrcFormat(LineFormat):
         if not text.startswith(";"):
             return not text or any(word in EVENTS for word in text.split()[2:4])
         key, _, value = text.partition("=")
-        if key in HEADER:
-            HEADER[key](self, value)
+        if key == ";$STARTTIME":
+            self._start = (EPOCH + timedelta(days=float(value))).timestamp()
+        elif key == ";$COLUMNS":
+            self._set_columns(value)
+        elif key == ";$FILEVERSION" and value in COLUMNS:
+            self._set_columns(COLUMNS[value])
         return True
-
-    def _version(self, version: str) -> None:
-        if version in COLUMNS:
-            self._set_columns(COLUMNS[version])
-
-    def _start_time(self, days: str) -> None:
-        self._start = (EPOCH + timedelta(days=float(days))).timestamp()
 
     def entry(self, line: bytes) -> tuple[float, str, Raw]:
         _, offset, rest = line.split(None, 2)
         time = float(offset) / 1000 + self._start
         if line[:1] == b";" or not abs(time) < LATEST:
             raise ValueError(line)
-        words = rest.decode("ascii").split(None, self._data)
+        words = rest.decode("ascii").split(None, self._data)  # the data, last and with blanks in it, in one piece
+        # Versions without a column for the bus record one bus.
         return time, "1" if self._bus is None else words[self._bus], self._raw(rest, words)
 
     def _raw(self, rest: bytes, words: list[str]) -> Raw:
@@ -81,7 +80,3 @@ class TrcFormat(LineFormat):
         if int(words[self._length]) != len(octets):
             raise ValueError(rest)
         return frame(int(identifier, 16), octets)
-
-
-HEADER = {"$FILEVERSION": TrcFormat._version, "$STARTTIME": TrcFormat._start_time, "$COLUMNS": TrcFormat._set_columns}
-HEADER = {";" + key: read for key, read in HEADER.items()}

@@ -24,6 +24,7 @@ def fitting(lines: Sequence[Sequence[str]], width: int) -> list[int]:
     widths = [max(map(len, column)) for column in zip(HEADINGS, *lines)]
     shown = list(range(len(HEADINGS)))
     for dropped in map(HEADINGS.index, DROPPED):
+        # The last values get what the others leave, so their own width does not count.
         if sum(widths[each] + len(GAP) for each in shown[:-1]) + ROOM <= width:
             break
         shown.remove(dropped)
@@ -35,7 +36,7 @@ def cells(row: MonitorRow, now: float) -> tuple[str, ...]:
     identifier = "" if row.identifier is None else f"{row.identifier:03X}"
     period = row.period
     every = f"{period.mean * 1000:.1f} ± {period.jitter * 1000:.1f}" if period else ""
-    age = f"{max(now - row.last, 0.0):.1f}"
+    age = f"{max(now - row.last, 0.0):.1f}"  # the clocks of driver and computer do not run alike
     return identifier, one_line(row.name), str(row.count), every, age, one_line(values(row))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from eurobot_od.monitor.traffic import SORTS
 
-ENTER, ESCAPE, BACKSPACES = "\r\n", "\x1b", "\x08\x7f"
+ENTER, ESCAPE, BACKSPACES = "\r\n", "\x1b", "\x08\x7f"  # a terminal sends one or the other
 HELP = "q quit  p pause  s sort  / filter  j k scroll  c clear counts"
 
 
@@ -28,19 +28,16 @@ class Controls:
 
     def within(self, most: int) -> int:
         """Return how many rows are scrolled away, `most` at most: what is shown ends with the last row."""
+        # Kept, or each press of `j` beyond the end would have to be taken back by one of `k`.
         self.top = min(self.top, max(most, 0))
         return self.top
 
     def key(self, key: str) -> None:
         """Take in a key; unknown keys do nothing."""
-        if self.typing:
-            self._type(key)
-        elif key in KEYS:
-            for name, value in KEYS[key](self).items():
+        if not self.typing:
+            for name, value in (KEYS[key](self) if key in KEYS else {}).items():
                 setattr(self, name, value)
-
-    def _type(self, key: str) -> None:
-        if key in ENTER:
+        elif key in ENTER:
             self.typing = False
         elif key == ESCAPE:
             self.typing, self.part = False, ""
@@ -50,14 +47,11 @@ class Controls:
             self.part += key
 
 
-def _next_sort(controls: Controls) -> str:
-    names = list(SORTS)
-    return names[(names.index(controls.sort) + 1) % len(names)]
-
+ORDERS = list(SORTS)
 
 KEYS: Mapping[str, Callable[[Controls], Mapping[str, object]]] = {
     **dict.fromkeys("p ", lambda controls: {"paused": not controls.paused}),
-    "s": lambda controls: {"sort": _next_sort(controls)},
+    "s": lambda controls: {"sort": ORDERS[(ORDERS.index(controls.sort) + 1) % len(ORDERS)]},
     "/": lambda _: {"typing": True, "part": ""},
     **dict.fromkeys("j\x0e", lambda controls: {"top": controls.top + 1}),
     **dict.fromkeys("k\x10", lambda controls: {"top": max(controls.top - 1, 0)}),

@@ -48,7 +48,12 @@ def screen(
     top = controls.within(len(rows) - room)
     colours = {CANOPEN: SERVICE_COLOUR} | dict(zip(traffic.groups, COLOURS))
     table = _table(rows[top : top + room], now, colours, size.width)
-    return Group(_top(traffic, load), _nodes(traffic, now), table, _bottom(controls, len(rows) - room, notes))
+    nodes = Text()
+    for name, node in traffic.nodes.items():
+        colour = OLD if node.pulse.heard is None else "green"
+        bad = node.pulse.lost(now) or node.emergency
+        nodes.append(f"● {health(name, node, now)}   ", WRONG if bad else colour)
+    return Group(_top(traffic, load), nodes, table, _bottom(controls, len(rows) - room, notes))
 
 
 def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
@@ -64,14 +69,6 @@ def _top(traffic: Traffic, load: tuple[float, float]) -> Text:
     return text
 
 
-def _nodes(traffic: Traffic, now: float) -> Text:
-    text = Text()
-    for name, node in traffic.nodes.items():
-        bad = node.pulse.lost(now) or node.emergency
-        text.append(f"● {health(name, node, now)}   ", WRONG if bad else OLD if node.pulse.heard is None else "green")
-    return text
-
-
 def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width: int) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold", expand=True, padding=(0, len(GAP), 0, 0))
     lines = [cells(row, now) for row in rows]
@@ -81,17 +78,12 @@ def _table(rows: list[MonitorRow], now: float, colours: Mapping[str, str], width
         justify: JustifyMethod = "right" if ALIGN[column] == "r" else "left"
         table.add_column(HEADINGS[column], justify=justify, no_wrap=True, ratio=ratio)
     for row, line in zip(rows, lines):
-        table.add_row(*(Text(line[column]) for column in columns), style=_style(row, now, colours))
+        colour, period = colours.get(row.meaning.group, ""), row.period
+        old = period is not None and now - row.last > max(OLD_AFTER * period.mean, 1.0)
+        style = WRONG if row.meaning.defects else f"{colour} {OLD}" if old else colour
+        # Text, not str: rich would take brackets in a name or a value for its markup.
+        table.add_row(*(Text(line[column]) for column in columns), style=style)
     return table
-
-
-def _style(row: MonitorRow, now: float, colours: Mapping[str, str]) -> str:
-    if row.meaning.defects:
-        return WRONG
-    colour = colours.get(row.meaning.group, "")
-    period = row.period
-    old = now - row.last > max(OLD_AFTER * period.mean, 1.0) if period else False
-    return f"{colour} {OLD}" if old else colour
 
 
 def _bottom(controls: Controls, hidden: int, notes: Sequence[str]) -> Text:

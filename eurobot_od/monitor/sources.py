@@ -48,12 +48,16 @@ class BusSource:
         self._offset, self._reopened = 0.0, False
         self._overflow = 0
         self._leaving = ExitStack()
-        watch = FrameReader(bus, self._take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
+
+        def take(time: float, frame: Frame) -> None:
+            self._came.append((self._continued(time), frame))
+
+        watch = FrameReader(bus, take, None, self._fail, self._take_foreign, opener=opener, back=self._note_gap)
         self._watch = self._leaving.enter_context(watch)
 
     def _fail(self, why: BusError) -> None:
         self.trouble = str(why)
-        if self._opener is None:
+        if self._opener is None:  # raised by `poll`: this is the thread that reads
             self._failures.append(why)
         else:
             self.notes.append(f"{why}; it is opened again")
@@ -66,16 +70,13 @@ class BusSource:
         self._overflow = self._watch.overflow()
         self.notes.append(f"{self._overflow} frames have been lost so far because the driver's queue was full")
 
-    def _take(self, time: float, frame: Frame) -> None:
-        self._came.append((self._continued(time), frame))
-
     def _take_foreign(self, message: can.Message | None) -> None:
         if message is None:
             self._came.append((self.now, Foreign(Damage.UNREADABLE, "the driver cannot read it")))
             return
         try:
             raw = of_message(message)
-        except ValueError:
+        except ValueError:  # what no adapter could receive, a peer behind a network can send
             raw = Foreign(Damage.UNREADABLE, shortened(str(message)))
         self._came.append((self._continued(message.timestamp), raw))
 
@@ -105,6 +106,7 @@ class BusSource:
             timed = self._came.popleft()
             self._last, self._seen = timed[0], self._clock()
             yield timed
+        # One more binary digit: told when the number has doubled, as a flood would fill the screen with notes.
         if self._watch.overflow().bit_length() > self._overflow.bit_length():
             self._note_overflow()
         if self._failures:
@@ -112,6 +114,7 @@ class BusSource:
 
     def close(self) -> None:
         """Close the bus."""
+        # What was lost since the last note: asked for now, as a closed bus cannot tell.
         if self._watch.overflow() > self._overflow:
             self._note_overflow()
         self._leaving.close()

@@ -95,6 +95,7 @@ class Traffic:
         self.now = 0.0
         self._bits = 0
         self._marks: deque[tuple[float, int, int]] = deque()
+        # Most frames on a bus are requests and confirms without data: their meaning is kept.
         self._explain: Callable[[Raw], Meaning] = lru_cache(REMEMBERED)(decoder)
 
     def take(self, time: float, raw: Raw) -> Meaning:
@@ -113,13 +114,19 @@ class Traffic:
         if meaning.defects:
             row.wrong += 1
             self.damage.add("frame", self.frames, meaning.defects)
-        if meaning.name in HEALTH and not meaning.defects:
+        if meaning.name in ("Heartbeat", "EMCY") and not meaning.defects:
             health = self.nodes.setdefault(meaning.nodes[0], NodeHealth())  # also one that no file describes
-            HEALTH[meaning.name](health, time, meaning.text.partition(", ")[2])
+            text = meaning.text.partition(", ")[2]  # the words of a service begin with the node's name
+            if meaning.name == "EMCY":  # 0x0000 is "error reset or no error" (CiA 301, Table 26)
+                health.emergency = "" if text.startswith("0x0000") else text
+            else:
+                health.state = text
+                (health.pulse.boot if text == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
         return meaning
 
     def clear(self) -> None:
         """Forget what was counted."""
+        # Not the frames and bits of all: the load is a difference between two of their counts.
         self.rows.clear()
         self.seen = SeenTraffic(self.bitrate, self._promised)
         self.damage = DamageCounts()
@@ -130,6 +137,7 @@ class Traffic:
         Called at every refresh; between two calls the traffic is assumed to be even.
         """
         self._marks.append((now, self._bits, self.frames))
+        # One that is a second old stays, or the load would be that of the time since the last refresh.
         while len(self._marks) > 2 and now - self._marks[1][0] >= LOAD_SPAN:
             self._marks.popleft()
         since, bits, frames = self._marks[0]
@@ -137,19 +145,6 @@ class Traffic:
         if span <= 0:
             return 0.0, 0.0
         return (self._bits - bits) / span / self.bitrate, (self.frames - frames) / span
-
-
-def _beat(health: NodeHealth, time: float, state: str) -> None:
-    health.state = state
-    (health.pulse.boot if state == STATE_NAMES[NmtState.INITIALISING] else health.pulse.beat)(time)
-
-
-def _emergency(health: NodeHealth, _: float, text: str) -> None:
-    health.emergency = "" if text.startswith("0x0000") else text
-
-
-HEALTH: Mapping[str, Callable[[NodeHealth, float, str], None]] = {"Heartbeat": _beat, "EMCY": _emergency}
-"""The services that report a node's health."""
 
 
 # What is shown

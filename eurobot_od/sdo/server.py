@@ -92,7 +92,7 @@ class SdoServer:
             frames, self._takes = steps.send(data)  # type: ignore[arg-type]  # None begins a generator
         except Abort as abort:
             return self._aborted(abort.code)
-        self.deadline = now + TIMEOUT
+        self.deadline = now + TIMEOUT  # anew with each step: a long transfer may take longer, a silent client may not
         if self._takes is None:  # the last answer: nothing is left to time out
             self.forget()
         return frames
@@ -111,7 +111,7 @@ def _upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
     content = access.read(request.address)
     answer = wire.carrying(ServerCommand.UPLOAD, request.address, content)
     for place in () if answer[0] & wire.EXPEDITED else wire.segments_of(content):
-        data = yield Reply([answer], _is_upload_segment)
+        data = yield Reply([answer], lambda command: command >> 5 == ClientCommand.UPLOAD_SEGMENT)
         answer = wire.next_segment(ServerCommand.UPLOAD_SEGMENT, content, place)
         _check_toggle(data, answer[0] & wire.TOGGLE)
     yield Reply([answer])
@@ -142,14 +142,6 @@ def _block_upload(access: ObjectAccess, request: Initiate) -> ServerSteps:
         place += arrived * wire.SEGMENT_SIZE
     _check_block((yield Reply([end], takes)), Block.END)
     yield Reply([])
-
-
-def _is_upload_segment(command: int) -> bool:
-    return command >> 5 == ClientCommand.UPLOAD_SEGMENT
-
-
-def _is_download_segment(command: int) -> bool:
-    return command >> 5 == ClientCommand.DOWNLOAD_SEGMENT
 
 
 def _check_toggle(data: bytes, toggle: int) -> None:
@@ -201,7 +193,7 @@ def _download(access: ObjectAccess, request: Initiate) -> ServerSteps:
     else:
         download, toggle, last = Download(access, request.address, request.size), 0, 0
         while not last:
-            data = yield Reply([answer], _is_download_segment)
+            data = yield Reply([answer], lambda command: command >> 5 == ClientCommand.DOWNLOAD_SEGMENT)
             _check_toggle(data, toggle)
             download.content += wire.part_in(data)
             download.check_room()

@@ -53,16 +53,14 @@ def as_table(rows: pl.DataFrame) -> str:
     """Write aligned lines: numbers to the right, all else to the left."""
     made = _plain(rows)
     align = "".join("r" if type_.is_numeric() else "l" for type_ in made.dtypes)
-    lines = columns([made.columns, *(list(map(_shown, row)) for row in made.iter_rows())], align)
-    return "".join(f"{line}\n" for line in lines)
+    rows_shown = (
+        [f"{each:.6f}".rstrip("0").rstrip(".") if isinstance(each, float) else each for each in row]
+        for row in made.iter_rows()
+    )
+    shown = [["" if each is None else str(each) for each in row] for row in rows_shown]
+    return "".join(f"{line}\n" for line in columns([made.columns, *shown], align))
 
 
 def _plain(rows: pl.DataFrame) -> pl.DataFrame:
     """Return rows with bytes as hexadecimal digits, which CSV and JSON have no form for."""
     return rows.with_columns(cs.binary().bin.encode("hex").str.to_uppercase(), cs.categorical().cast(pl.String))
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.6f}".rstrip("0").rstrip(".")
-    return "" if value is None else str(value)

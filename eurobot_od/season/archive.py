@@ -71,6 +71,7 @@ def archive(
     for file in files:
         with file.open("rb") as opened:
             formats.form_of(opened, form)  # complains before anything is done
+    # A bar on this terminal cannot be moved by another process.
     archiver = Archiver(season, network, form, unwatched if workers.executor else progress)
     with _begun(season / BEGUN):
         yield from blocks.run(archiver, files, workers._replace(block=BLOCK))
@@ -87,12 +88,12 @@ def _begun(folder: Path) -> Iterator[None]:
     if os.name != "posix":
         yield
         return
-    from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock
+    from fcntl import LOCK_EX, LOCK_NB, LOCK_SH, flock  # not on Windows
 
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         with suppress(OSError):
-            flock(descriptor, LOCK_EX | LOCK_NB)
+            flock(descriptor, LOCK_EX | LOCK_NB)  # had only if nobody else is at work: what is here is left over
             for left in folder.iterdir():
                 shutil.rmtree(left, ignore_errors=True)
         with suppress(OSError):
@@ -120,24 +121,25 @@ class Archiver:
         """Put a log into the season. Raises OSError, UnknownName."""
         with log.open("rb") as file:
             form, size = formats.form_of(file, self.form)[0], os.fstat(file.fileno()).st_size
-            run = _name(file, f"{self._decoding.eds} {form}")
-            if self._has(run):
+            # The same log read by other EDS files gives other tables, so they are part of its name.
+            digest = hashlib.blake2b(f"{self._decoding.eds} {form}\n".encode(), digest_size=8)
+            while part := file.read(HASHED):
+                digest.update(part)
+            run = digest.hexdigest()
+            names = (*tables.SCHEMAS, *(each.table for each in self._decoding.messages.values()))
+            # One table that is missing or damaged is reason enough to put the log in again.
+            if tables.file_of(self.season, tables.RUNS, run).is_file() and all(
+                tables.is_whole(tables.file_of(self.season, name, run)) for name in names
+            ):
                 return Archived(str(log), run, True, size)
             file.seek(0)
             row = self._put(file, {"run": run, "log": str(log), "format": form, "bytes": size})
         return Archived(str(log), run, False, size, row["frames"], row["damage"])
 
-    def _has(self, run: str) -> bool:
-        """Tell whether a run is in the season with all its tables, none of them damaged."""
-        names = (each.table for each in self._decoding.messages.values())
-        known = tables.file_of(self.season, tables.RUNS, run)
-        return known.is_file() and all(
-            tables.is_whole(tables.file_of(self.season, name, run)) for name in (*tables.SCHEMAS, *names)
-        )
-
     def _put(self, file: BinaryIO, known: dict[str, Any]) -> dict[str, Any]:
         """Write all tables of a run, and move them into the season; return its row in the table `runs`."""
         run = known["run"]
+        # A folder of its own: another process may be at work on the same log.
         begun = self.season / BEGUN / f"{run}.{secrets.token_hex(4)}"
         try:
             with RunTables(begun, run, self._decoding) as written:
@@ -147,25 +149,13 @@ class Archiver:
             row = known | written.row()
             schema = tables.with_metadata(tables.SCHEMAS[tables.RUNS], {})
             pq.write_table(pa.Table.from_pylist([row], schema), begun / f"{tables.RUNS}{tables.SUFFIX}")
-            _put_in_place(begun, self.season, run)
+            # The table `runs` goes last: a run without its row there is not in the season, and is made again.
+            for made in sorted(begun.iterdir(), key=lambda each: each.stem == tables.RUNS):
+                target = tables.file_of(self.season, made.stem, run)
+                target.parent.mkdir(exist_ok=True)
+                with made.open("rb+") as opened:  # what is in place is on the disk: a power cut leaves no half of it
+                    os.fsync(opened.fileno())
+                made.replace(target)
         finally:
             shutil.rmtree(begun, ignore_errors=True)
         return row
-
-
-def _name(file: BinaryIO, known: str) -> str:
-    """Return a name that no other log has, from its content and from what it is decoded with."""
-    digest = hashlib.blake2b(f"{known}\n".encode(), digest_size=8)
-    while part := file.read(HASHED):
-        digest.update(part)
-    return digest.hexdigest()
-
-
-def _put_in_place(begun: Path, season: Path, run: str) -> None:
-    """Move a run's files into the season, that of the table `runs` as the last."""
-    for file in sorted(begun.iterdir(), key=lambda each: each.stem == tables.RUNS):
-        target = tables.file_of(season, file.stem, run)
-        target.parent.mkdir(exist_ok=True)
-        with file.open("rb+") as opened:  # what is in place is on the disk: a power cut leaves no half of it
-            os.fsync(opened.fileno())
-        file.replace(target)

@@ -61,15 +61,13 @@ class Batch(NamedTuple):
 
 def batches(file: BinaryIO, form: str | None = None) -> Iterator[Batch]:
     """Yield the batches of an open log, making the next ones meanwhile; errors as `logs.formats.read`."""
-    return _ahead(_joined(_parts(file, form)))
-
-
-def _parts(file: BinaryIO, form: str | None) -> Iterator[Batch]:
     suffix, packed = formats.form_of(file, form)
     if suffix == formats.CANDUMP:
-        return _candump_batches(_unpacked_chunks(file) if packed else _chunks(file))
-    entries = formats.read(file, form)
-    return map(_batch, iter(lambda: list(islice(entries, ENTRIES)), []))
+        parts = _candump_batches(_unpacked_chunks(file) if packed else _chunks(file))
+    else:
+        entries = formats.read(file, form)
+        parts = map(_batch, iter(lambda: list(islice(entries, ENTRIES)), []))
+    return _ahead(_joined(parts))
 
 
 def _joined(parts: Iterator[Batch]) -> Iterator[Batch]:
@@ -92,7 +90,7 @@ def _one(parts: list[Batch]) -> Batch:
 
 def _ahead(made: Iterator[Batch]) -> Iterator[Batch]:
     """Yield batches; a thread makes the next ones while the caller works on the last one."""
-    with ThreadPoolExecutor(1) as thread:
+    with ThreadPoolExecutor(1) as thread:  # one: the batches come out of one generator
         coming = deque(thread.submit(next, made, None) for _ in range(AHEAD))
         while (batch := coming.popleft().result()) is not None:
             coming.append(thread.submit(next, made, None))
@@ -141,6 +139,7 @@ def _unpacked_chunks(file: BinaryIO) -> Iterator[_Chunk]:
     parts: list[bytes] = []
     left, cut = b"", ""
     try:
+        # read1, as read would drop what it has unpacked before the place where the file is damaged.
         while part := unpacked.read1(CHUNK):
             parts.append(part)
             if sum(map(len, parts)) >= CHUNK:
@@ -160,21 +159,17 @@ def _candump_batches(chunks: Iterator[_Chunk]) -> Iterator[Batch]:
     for content, cut in chunks:
         batch = _of_lines(content, lines, time)
         lines += content.count(b"\n")
-        time = _latest(batch, time)
+        ends = [(table["line"][-1], table["t"][-1]) for table in (batch.frames, batch.foreign) if len(table)]
+        time = cast(float, max(ends)[1]) if ends else time
         if cut:
             end = pl.DataFrame([(lines + 1, time, "", Damage.CUT_OFF.value, cut)], FOREIGN, orient="row")
             batch = batch._replace(foreign=pl.concat([batch.foreign, end]))
         yield batch
 
 
-def _latest(batch: Batch, before: float) -> float:
-    """Return the time of a batch's last entry; `before` if it has none."""
-    ends = [(table["line"][-1], table["t"][-1]) for table in (batch.frames, batch.foreign) if len(table)]
-    return cast(float, max(ends)[1]) if ends else before
-
-
 def _of_lines(content: bytes, before: int, time: float) -> Batch:
     """Parse lines; `before` is the number of lines ahead of them, `time` that of the entry ahead of them."""
+    # What is no ASCII is no candump: replaced, it goes to the reader of odd lines.
     text = content.removesuffix(b"\n").decode("ascii", "replace")
     found = (
         pl.DataFrame({"text": [text]})
@@ -191,7 +186,7 @@ def _of_lines(content: bytes, before: int, time: float) -> Batch:
         pl.col("cob_id").str.to_integer(base=16, dtype=pl.UInt16),
         pl.col("hex").str.decode("hex").alias("data"),
     )
-    if len(usual) == len(found) or not content:
+    if len(usual) == len(found) or not content:  # no content is one line without text
         return Batch(frames, pl.DataFrame(schema=FOREIGN), len(content))
     odd = found.filter(pl.col("hex").is_null())["line"].to_list()
     return _with_odd(frames, content, odd, before, time)

@@ -59,20 +59,17 @@ def _bars(rows: pl.DataFrame, chart: Chart) -> Drawn:
     bottom = TOP + ROW * len(values)
     scale = Axis(min(0.0, *values), max(0.0, *values) or 1.0, NAMES, NAMES + PLOT)
     content = list(_grid_down(scale, bottom, chart.up))
-    for number, (name, value) in enumerate(zip(names, values)):
-        content.append(_bar(name, value, scale, TOP + ROW * number))
+    for y, name, value in zip(range(TOP, bottom, ROW), names, values):
+        low, high = sorted((scale.at(0), scale.at(value)))
+        shown = f"{value:.6g}"
+        bar = svg.group(
+            svg.title(f"{name}: {shown}"),
+            svg.text((NAMES - 10, y + BAR - 1), name, font_size=svg.TEXT, fill=svg.INK, text_anchor="end"),
+            svg.rectangle((low, y), max(high - low, 1.0), BAR, fill=svg.COLOURS[0]),  # a 0 is seen, too
+            svg.text((high + 6, y + BAR - 1), shown, font_size=svg.TEXT, fill=svg.PALE),
+        )
+        content.append(bar)
     return content, NAMES + PLOT + RIGHT + 40, bottom + BOTTOM
-
-
-def _bar(name: str, value: float, scale: Axis, y: float) -> str:
-    low, high = sorted((scale.at(0), scale.at(value)))
-    shown = f"{value:.6g}"
-    return svg.group(
-        svg.title(f"{name}: {shown}"),
-        svg.text((NAMES - 10, y + BAR - 1), name, font_size=svg.TEXT, fill=svg.INK, text_anchor="end"),
-        svg.rectangle((low, y), max(high - low, 1.0), BAR, fill=svg.COLOURS[0]),
-        svg.text((high + 6, y + BAR - 1), shown, font_size=svg.TEXT, fill=svg.PALE),
-    )
 
 
 def _grid_down(scale: Axis, bottom: float, label: str) -> Iterator[str]:
@@ -93,6 +90,7 @@ def _axes(across: Axis, up: Axis, chart: Chart) -> Iterator[str]:
 def _scales(across: Sequence[float], up: Sequence[float]) -> tuple[Axis, Axis]:
     low, high = min(across), max(across)
     most = max(0.0, *up) or 1.0
+    # An axis has a length also where all values are one.
     return (
         Axis(low, high if high > low else low + 1, LEFT, LEFT + PLOT),
         Axis(min(0.0, *up), most, TOP + HEIGHT, TOP),

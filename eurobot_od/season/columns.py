@@ -21,7 +21,7 @@ import pyarrow as pa
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import first_free
 from eurobot_od.pdo.kinds import ColumnForm
-from eurobot_od.pdo.layout import Layout, Run
+from eurobot_od.pdo.layout import Run
 
 WORD, LENGTH = "word", "length"
 """Columns that expressions are made of: the data as a little-endian integer, filled up with zeros, and its bytes."""
@@ -79,11 +79,17 @@ class _Field:
     def __init__(self, binding: Binding, field: str) -> None:
         self.binding, self.field, self.kind = binding, field, binding.kinds[field]
         self.limits, self.raws = binding.limits[field], binding.layout.raws[field]
-        self.raw, self.whole = _raw(binding, field), _whole(binding, field)
+        self.raw, self.whole = _raw(binding, field), None
+        unknown = binding.unknown
+        if unknown is not None and field in unknown.codes:  # only all of its fields together say "unknown"
+            self.whole = pl.all_horizontal(*(_raw(binding, each) == code for each, code in unknown.codes.items()))
 
     def columns(self) -> Iterator[FieldColumn]:
         """Give the column of the values, and one of flags if there can be any."""
-        flags = self._flags()
+        outside = self.outside()
+        flags: list[pl.Expr] = [] if self.whole is None else [pl.when(self.whole).then(pl.lit(UNKNOWN))]
+        flags += [pl.when(self.raw == raw).then(pl.lit(word)) for raw, word in self._codes().items()]
+        flags += [] if outside is None else [pl.lit(OUT_OF_RANGE) + outside.cast(pl.String)]
         value = FORMS[self.kind.column_form](self)
         said = {"unit": self.kind.unit, "allowed": self.kind.allowed(self.limits)}
         said["null"] = f"see {self.field}_flag" if flags else "never"
@@ -102,12 +108,6 @@ class _Field:
         inside = [_between(self.raw, each) for each in ranges] + [self.raw == raw for raw in self._codes()]
         inside += [] if self.whole is None else [self.whole]
         return pl.when(~pl.any_horizontal(*inside)).then(self.raw)
-
-    def _flags(self) -> list[pl.Expr]:
-        outside = self.outside()
-        flags: list[pl.Expr] = [] if self.whole is None else [pl.when(self.whole).then(pl.lit(UNKNOWN))]
-        flags += [pl.when(self.raw == raw).then(pl.lit(word)) for raw, word in self._codes().items()]
-        return flags if outside is None else [*flags, pl.lit(OUT_OF_RANGE) + outside.cast(pl.String)]
 
     def _plain_ranges(self) -> list[range]:
         """Return the raw values that are plain values of the column."""
@@ -130,9 +130,13 @@ class _Field:
     def number(self) -> pl.Expr:
         """Return the raw value where it is a number, in the smallest type that has all of them."""
         (numbers,) = self._plain_ranges()
-        fits = (type_ for bits, type_ in SIGNED.items() if not numbers or _fits(numbers, bits))
+        fits = (
+            type_
+            for bits, type_ in SIGNED.items()
+            if not numbers or (-1 << bits - 1 <= numbers.start and numbers.stop <= 1 << bits - 1)
+        )
         value = pl.when(_between(self.raw, numbers)).then(self.raw)
-        return value.cast(next(fits, pl.UInt64))
+        return value.cast(next(fits, pl.UInt64))  # the upper half of 64 unsigned bits fits into no signed type
 
     def word(self) -> pl.Expr:
         """Return the words for the raw values."""
@@ -150,6 +154,7 @@ class _Field:
         integer, real, type_ = REALS[self.binding.layout.widths[self.field]]
 
         def seen_as(raws: pl.Series) -> pl.Series:
+            # By Arrow, which looks at the same bits as another type; a cast would convert the number.
             return pl.Series(raws.name, raws.to_arrow().cast(integer).view(real))
 
         return self.raw.map_batches(seen_as, return_dtype=type_)
@@ -185,39 +190,21 @@ def _count(values: range) -> int:
     return values.stop - values.start  # `len` is for ranges of less than 64 bits
 
 
-def _fits(numbers: range, bits: int) -> bool:
-    most = 1 << bits - 1
-    return -most <= numbers.start and numbers.stop <= most
-
-
-def _whole(binding: Binding, field: str) -> pl.Expr | None:
-    """Return whether a field is unknown together with others, None if it cannot be."""
-    unknown = binding.unknown
-    if unknown is None or field not in unknown.codes:
-        return None
-    return pl.all_horizontal(*(_raw(binding, each) == code for each, code in unknown.codes.items()))
-
-
 # Raw values
 
 
 def _raw(binding: Binding, field: str) -> pl.Expr:
     """Return a field's raw value; an optional one that the frame leaves out has its default's."""
-    raw = _mapped(binding.layout, field)
+    layout = binding.layout
+    raw = reduce(add, map(_bits, layout.runs_in["little"][field]))
+    if field in layout.signed:
+        sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
+        is_whole_word = layout.widths[field] == 64  # whose bits a cast would refuse as too large
+        raw = raw.reinterpret(signed=True) if is_whole_word else (raw.cast(pl.Int64) ^ sign) - sign
     if field not in binding.defaults:
         return raw
     default = binding.raw(field, binding.defaults[field])
-    return pl.when(pl.col(LENGTH) < binding.layout.length).then(default).otherwise(raw)
-
-
-def _mapped(layout: Layout, field: str) -> pl.Expr:
-    bits = reduce(add, map(_bits, layout.runs_in["little"][field]))
-    if field not in layout.signed:
-        return bits
-    if layout.widths[field] == 64:
-        return bits.reinterpret(signed=True)
-    sign = layout.raws[field].stop  # flipping the sign bit and taking its weight off extends it to any length
-    return (bits.cast(pl.Int64) ^ sign) - sign
+    return pl.when(pl.col(LENGTH) < layout.length).then(default).otherwise(raw)
 
 
 def _bits(run: Run) -> pl.Expr:

@@ -33,7 +33,7 @@ class MessageChecks:
     """The possible defects of the frames of one message."""
 
     def __init__(self, binding: Binding) -> None:
-        self._checks = [*_of_length(binding), *_of_values(binding)]
+        self._checks = list(_checks(binding))
         self._any = [each.is_so.any().alias(str(number)) for number, each in enumerate(self._checks)]
 
     def defects(self, frames: pl.DataFrame) -> Iterator[pl.DataFrame]:
@@ -43,7 +43,7 @@ class MessageChecks:
                 yield _defects(frames.filter(check.is_so), check.damage, check.text)
 
 
-def _of_length(binding: Binding) -> Iterator[Check]:
+def _checks(binding: Binding) -> Iterator[Check]:
     length = binding.layout.length
     expected = " or ".join(map(str, binding.lengths))
     start, got = pl.lit(f"{binding.name} (0x{binding.cob_id:03X}): "), pl.col(LENGTH).cast(pl.String)
@@ -53,9 +53,6 @@ def _of_length(binding: Binding) -> Iterator[Check]:
     ):
         text = pl.concat_str(start, got, pl.lit(f" bytes of data, expected {end}"))
         yield Check(Damage.WRONG_LENGTH, is_so, text)
-
-
-def _of_values(binding: Binding) -> Iterator[Check]:
     for field in binding.limits:
         raw = flagged(binding, field)
         if raw is not None:

@@ -57,21 +57,17 @@ class Season:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.damaged: list[Path] = []
-        found = {
-            each.name: [*filter(self._is_whole, sorted(each.glob(f"*{tables.SUFFIX}")))]
-            for each in sorted(folder.iterdir() if folder.is_dir() else ())
-            if each.is_dir() and not each.name.startswith(".")
-        }
+        found: dict[str, list[Path]] = {}
+        for table in sorted(folder.iterdir() if folder.is_dir() else ()):
+            if table.is_dir() and not table.name.startswith("."):  # `archive` makes runs in a hidden one
+                found[table.name] = []
+                for file in sorted(table.glob(f"*{tables.SUFFIX}")):
+                    (found[table.name] if tables.is_whole(file) else self.damaged).append(file)
+        # Files of a run that is being moved here, or was broken off there, have no row in `runs` yet.
         runs = {file.stem for file in found.get(tables.RUNS, ())}
         self.files = {name: files for name, files in found.items() if any(file.stem in runs for file in files)}
         if not self.files.get(tables.RUNS):
             raise LocalError(f"{folder} is no season: no log is archived in it; `eurobot-od archive` makes one")
-
-    def _is_whole(self, file: Path) -> bool:
-        whole = tables.is_whole(file)
-        if not whole:
-            self.damaged.append(file)
-        return whole
 
     @classmethod
     def open(cls, folder: str | Path) -> Season:
@@ -128,9 +124,11 @@ class Season:
                 with nullcontext() if progress is None else _watched(connection, progress):
                     self._confine(connection)
                     answer = connection.sql(query, params=named or None)
+                    # One row more than allowed, to see that there are more.
                     rows = pl.DataFrame() if answer is None else _as_text(answer).limit(MOST_ROWS + 1).pl()
             except (duckdb.Error, pl.exceptions.PolarsError, pa.ArrowException, NotImplementedError) as error:
                 known = f"; tables: {', '.join([*self.files, MESSAGES])}" if "Table with name" in str(error) else ""
+                # What follows in DuckDB's further lines is the query, with a mark below it.
                 raise SqlError(str(error).partition("\n")[0] + known) from None
         if len(rows) > MOST_ROWS:
             raise SqlError(f"more than {MOST_ROWS} rows: ask for sums, or for a part by LIMIT")
@@ -147,7 +145,11 @@ class Season:
         """Add a view for each table that the query names: opening all files takes long."""
         words = set(re.findall(r"\w+", query.lower()))
         for table in words & self.files.keys():
-            parts = " UNION ALL BY NAME ".join(_read_files(files) for files in self._alike(table))
+            listed = (
+                ", ".join("'" + str(file).replace("'", "''") + "'" for file in files) for files in self._alike(table)
+            )
+            # By name, as logs of another network may have other columns.
+            parts = " UNION ALL BY NAME ".join(f"SELECT * FROM read_parquet([{files}])" for files in listed)
             connection.execute(f'CREATE VIEW "{table}" AS {parts}')
         if MESSAGES in words and MESSAGES not in self.files:
             # Copied: DuckDB reports progress only for tables of its own.
@@ -165,6 +167,7 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
     if not any(own):
         return answer
     names = ('"' + name.replace('"', '""') + '"' for name in answer.columns)
+    # By their places, as two columns of an answer may have one name.
     return answer.project(
         ", ".join(
             f"CAST(#{place} AS VARCHAR) AS {name}" if is_own else f"#{place} AS {name}"
@@ -177,7 +180,7 @@ def _as_text(answer: duckdb.DuckDBPyRelation) -> duckdb.DuckDBPyRelation:
 def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress) -> Iterator[None]:
     """Report the progress of a connection's queries while the block lasts."""
     connection.execute("SET enable_progress_bar = true; SET enable_progress_bar_print = false")
-    connection.execute("SET progress_bar_time = 0")
+    connection.execute("SET progress_bar_time = 0")  # by default it begins after two seconds
     over = Event()
 
     def watch() -> None:
@@ -193,8 +196,3 @@ def _watched(connection: duckdb.DuckDBPyConnection, progress: Progress) -> Itera
         over.set()
         thread.join()
     progress(100)
-
-
-def _read_files(files: list[Path]) -> str:
-    names = ", ".join("'" + str(file).replace("'", "''") + "'" for file in files)
-    return f"SELECT * FROM read_parquet([{names}])"

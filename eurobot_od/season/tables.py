@@ -63,6 +63,7 @@ def table_names(messages: Iterable[str]) -> dict[str, str]:
     names: dict[str, str] = {}
     for message in messages:
         plain = re.sub(r"\W+", "_", message.lower(), flags=re.ASCII).strip("_") or "message"
+        # SQL takes a name that begins with a digit only in quotes.
         names[message] = first_free(f"message_{plain}" if plain[0].isdigit() else plain, taken)
         taken.append(names[message])
     return names
@@ -93,4 +94,5 @@ def is_whole(file: Path) -> bool:
             length, end = opened.read(4), opened.read(4)
     except OSError:
         return False
+    # 12 bytes: the two marks and this length itself.
     return head == end == MAGIC and int.from_bytes(length, "little") <= size - 12

@@ -16,7 +16,7 @@ import polars as pl
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from eurobot_od.logs.services import CanopenService, services
+from eurobot_od.logs.services import services
 from eurobot_od.od.dictionary import Dictionary
 from eurobot_od.pdo.binding import Binding
 from eurobot_od.pdo.catalogue import Catalogue
@@ -40,6 +40,7 @@ class DecodedNetwork(NamedTuple):
     def hash(self) -> str:
         """A hash of these EDS files with their node-IDs."""
         digest = hashlib.blake2b(VERSION, digest_size=16)
+        # With the node-IDs, from which a file without them has its identifiers, and the names, which messages have.
         for each in self.dictionaries:
             digest.update(f"{each.node_id} {each.name}\n".encode() + Path(each.file).read_bytes())
         return digest.hexdigest()
@@ -54,18 +55,13 @@ class NetworkDecoding:
         names, answers = tables.table_names(protocol.names()), dict(network.answers)
         self.eds = network.hash
         self.network = " ".join(f"{each.node_id}={each.name}" for each in network.dictionaries)
-        self.services = _others(protocol, network)
         self.messages = {
             each.cob_id: MessageDecoding(each, names[each.name], answers.get(each.name, ""))
             for each in protocol.bindings
         }
-
-
-def _others(protocol: Protocol, network: DecodedNetwork) -> dict[int, CanopenService]:
-    """Return the services that have an identifier which no message has."""
-    messages = {each.cob_id for each in protocol.bindings}
-    found = services(network.dictionaries, protocol.catalogue.errors)
-    return {cob_id: each for cob_id, each in found.items() if cob_id not in messages}
+        found = services(network.dictionaries, protocol.catalogue.errors)
+        # An identifier of the predefined set that a message has is the message's.
+        self.services = {cob_id: each for cob_id, each in found.items() if cob_id not in self.messages}
 
 
 class MessageDecoding:
@@ -90,6 +86,7 @@ EMPTY = pl.DataFrame(schema={WORD: pl.UInt64, LENGTH: pl.UInt32})
 
 def _message_schema(binding: Binding, columns: Iterable[FieldColumn], answers: str) -> pa.Schema:
     """Return a message's schema: what the expressions give, and what is known of message and columns."""
+    # Polars itself knows of which type an expression is: it is asked with no rows.
     made = EMPTY.select(each.expression.alias(each.name) for each in columns).to_arrow().schema
     said = {
         "message": binding.name,
@@ -185,7 +182,7 @@ class RunTables:
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        with self._stack:
+        with self._stack:  # closes the files whatever happens: after an error they are thrown away
             if error is None:
                 self._write_damage(wrong for each in self._messages.values() for wrong in each.flush())
 
@@ -198,7 +195,12 @@ class RunTables:
         frames = batch.frames.with_columns(self._constant, *FROM_DATA)
         self._frames.write(frames)
         self._write_damage((batch.foreign, *self._of_messages(frames)))
-        self._count(batch)
+        self._counts["frames"] += len(batch.frames)
+        times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
+        if times:
+            begin = self._ends["start"]
+            self._ends["start"] = min(each[0] for each in times) if begin is None else begin
+            self._ends["end"] = max(each[-1] for each in times)
 
     @cached_property
     def _constant(self) -> pl.Expr:
@@ -218,14 +220,6 @@ class RunTables:
     def _write_damage(self, wrong: Iterable[pl.DataFrame]) -> None:
         parts = [each.select(FOREIGN.names()).cast(FOREIGN) for each in wrong if len(each)]
         if parts:
-            damage = pl.concat(parts).sort("line")
+            damage = pl.concat(parts).sort("line")  # they came message by message
             self._damage.write(damage.with_columns(self._constant, pl.col("kind").cast(pl.Categorical)))
             self._counts["damage"] += len(damage)
-
-    def _count(self, batch: Batch) -> None:
-        self._counts["frames"] += len(batch.frames)
-        times = [each["t"] for each in (batch.frames, batch.foreign) if len(each)]
-        if times:
-            begin = self._ends["start"]
-            self._ends["start"] = min(each[0] for each in times) if begin is None else begin
-            self._ends["end"] = max(each[-1] for each in times)

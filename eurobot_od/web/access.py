@@ -38,18 +38,16 @@ class AccessRules(NamedTuple):
         A websocket (`upgrade`) needs an Origin: browsers always send it.
         """
         host, origin = headers.get("Host", ""), headers.get("Origin")
-        if not self._is_ours(host):
+        name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
+        # Any address will do: another page's host name can be made to resolve to us, an address cannot.
+        if name.lower() not in (LOCAL_NAME, self.host.lower()) and not _is_address(name.strip("[]")):
             return Denial(HTTPStatus.FORBIDDEN, f"Host {host[:60]!r} is not this server: use the printed address")
         if origin != f"http://{host}" and (upgrade or origin is not None):
             return Denial(HTTPStatus.FORBIDDEN, f"Origin {(origin or '')[:60]!r} is another page, not http://{host}")
+        # In constant time: how long it takes must not say how much of the token was right.
         if self.token and not hmac.compare_digest(shown.encode(errors="replace"), self.token.encode()):
             return Denial(HTTPStatus.UNAUTHORIZED, "the token is missing or wrong: use the address that was printed")
         return None
-
-    def _is_ours(self, host: str) -> bool:
-        """Whether a Host header names this server; a numeric address cannot have been made to resolve to us."""
-        name = host.rpartition(":")[0] if host.rpartition(":")[2].isdecimal() else host
-        return name.lower() in (LOCAL_NAME, self.host.lower()) or _is_address(name.strip("[]"))
 
 
 def _is_address(text: str) -> bool:

@@ -48,6 +48,7 @@ class _Row:
             self.bits += frame_bits(meaning.raw)
 
     def data(self) -> dict[str, Any]:
+        # A frame that could not be read has no values: its places are filled up.
         width = max(map(len, self.values))
         padded = ([*each, *[None] * (width - len(each))] for each in self.values)
         return {

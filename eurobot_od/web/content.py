@@ -15,7 +15,17 @@ from eurobot_od.web.panel import PageEvent, Panel
 def described(decoder: Decoder) -> dict[str, Any]:
     """Return messages and nodes as data."""
     return {
-        "messages": [_message(each) for each in decoder.protocol.bindings],
+        "messages": [
+            {
+                "id": each.cob_id,
+                "name": each.name,
+                "group": each.group,
+                "senders": each.senders,
+                "receivers": each.receivers,
+                "fields": [_field(each, field) for field in each.kinds],
+            }
+            for each in decoder.protocol.bindings
+        ],
         "nodes": [
             {
                 "name": each.name,
@@ -26,17 +36,6 @@ def described(decoder: Decoder) -> dict[str, Any]:
             for each in decoder.dictionaries
         ],
         "groups": list(decoder.protocol.catalogue.groups),
-    }
-
-
-def _message(binding: Binding) -> dict[str, Any]:
-    return {
-        "id": binding.cob_id,
-        "name": binding.name,
-        "group": binding.group,
-        "senders": binding.senders,
-        "receivers": binding.receivers,
-        "fields": [_field(binding, field) for field in binding.kinds],
     }
 
 

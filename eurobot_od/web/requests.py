@@ -59,23 +59,20 @@ class Requests:
             said = json.loads(text)
             if not isinstance(said, dict):
                 raise LocalError("a request is a JSON object")
-            number = said.get("id")
-            return json.dumps({"re": number, "ok": await self._run(said)})
-        except (ValueError, RecursionError):
+            number, name = said.get("id"), str(said.get("do"))
+            if name not in REQUESTS:
+                raise UnknownName("request", name[:40], REQUESTS)
+            function, way, acts = REQUESTS[name]
+            if acts and not self.control:
+                raise LocalError("this page is read-only: start the server with --control")
+            done = partial(function, self, said)
+            if way is Way.AT_ONCE:
+                return json.dumps({"re": number, "ok": done()})
+            return json.dumps({"re": number, "ok": await (self._ask if way is Way.ASKS else asyncio.to_thread)(done)})
+        except (ValueError, RecursionError):  # RecursionError: of brackets in brackets
             return json.dumps({"re": number, "error": "a request is JSON"})
         except (EurobotError, OSError) as error:
             return json.dumps({"re": number, "error": str(error)})
-
-    async def _run(self, said: Arguments) -> Any:
-        name = str(said.get("do"))
-        if name not in REQUESTS:
-            raise UnknownName("request", name[:40], REQUESTS)
-        function, way, acts = REQUESTS[name]
-        if acts and not self.control:
-            raise LocalError("this page is read-only: start the server with --control")
-        if way is Way.AT_ONCE:
-            return function(self, said)
-        return await (self._ask if way is Way.ASKS else asyncio.to_thread)(partial(function, self, said))
 
     async def _ask(self, question: Callable[[], Any]) -> Any:
         """Do what talks to nodes, one transfer after the other; a stop never waits for that."""
@@ -89,7 +86,7 @@ class Requests:
             self.session.polled = {key: each for key, each in self.session.polled.items() if each.wanted_until > now}
             for each in self.session.polled.values():
                 await self._ask(partial(self._read_polled, each))
-                each.turn = self.session.turn + 1
+                each.turn = self.session.turn + 1  # also for a browser that has been sent the present turn already
             await asyncio.sleep(polled.PERIOD)
 
     def _read_polled(self, each: PolledObject) -> None:
@@ -107,6 +104,7 @@ class Requests:
 
     def _node_id(self, name: str) -> int:
         named = {each.name: each.node_id for each in self.session.decoder.dictionaries}
+        # `node 5` is what the page calls one that no file describes.
         number = int(name.removeprefix("node ")) if name.removeprefix("node ").isdecimal() else None
         if number in NODE_IDS:
             return int(name.removeprefix("node "))
@@ -125,8 +123,23 @@ class Requests:
 
     def list_objects(self, said: Arguments) -> list[dict[str, Any]]:
         """List the objects of a node's file."""
-        known = self._objects(self._node(said).node_id)
-        return [_described(each) for each in objects.all_objects(known)] if known is not None else []
+        known, listed = self._objects(self._node(said).node_id), []
+        for thing in objects.all_objects(known) if known is not None else ():
+            type_, is_limited = objects.data_type(thing), (thing.min, thing.max) != (None, None)
+            limits = objects.limits(thing) if is_limited else None  # those of the type alone say nothing new
+            listed.append(
+                {
+                    "object": label(objects.address_of(thing)),
+                    "name": thing.qualname,
+                    "type": type_.name,
+                    "access": thing.access_type,
+                    "low": limits and limits.low,
+                    "high": limits and limits.high,
+                    "default": "" if thing.default is None else objects.written(thing, thing.default),
+                    "long": type_ == DOMAIN,
+                }
+            )
+        return listed
 
     def read(self, said: Arguments) -> dict[str, Any]:
         """Read an object of a node."""
@@ -147,6 +160,7 @@ class Requests:
             raise LocalError(f"{polled.MOST} objects are read again and again already: leave another one out first")
         each = self.session.polled.get(key) or PolledObject(node.node_id, thing)
         each.wanted_until = self.session.now + polled.WANTED
+        # A new dict, as `poll` may be on its way through the old one in another thread.
         self.session.polled = {**self.session.polled, key: each}
         return key
 
@@ -159,7 +173,7 @@ class Requests:
             raise LocalError("fields are texts by name")
         protocol = self.session.decoder.protocol
         message = parse(protocol.binding(_text(said, "message")), [f"{name}={value}" for name, value in fields.items()])
-        for objection in (panel.objection(message, self) for panel in self.session.panels):
+        for objection in (panel.objection(message, self) for panel in self.session.panels):  # one is enough
             if objection:
                 raise LocalError(objection)
         return self._send(protocol.encode(message))
@@ -258,18 +272,3 @@ def _plain(value: Value) -> Any:
     if isinstance(value, float) and not isfinite(value):
         return str(value)
     return value.hex(" ").upper() if isinstance(value, bytes) else value
-
-
-def _described(thing: ODVariable) -> dict[str, Any]:
-    type_, is_limited = objects.data_type(thing), (thing.min, thing.max) != (None, None)
-    limits = objects.limits(thing) if is_limited else None
-    return {
-        "object": label(objects.address_of(thing)),
-        "name": thing.qualname,
-        "type": type_.name,
-        "access": thing.access_type,
-        "low": limits and limits.low,
-        "high": limits and limits.high,
-        "default": "" if thing.default is None else objects.written(thing, thing.default),
-        "long": type_ == DOMAIN,
-    }

@@ -18,7 +18,6 @@ from aiohttp import WSMsgType, web
 from eurobot_od.errors import LocalError
 from eurobot_od.web.access import TOKEN, AccessRules
 from eurobot_od.web.requests import Requests
-from eurobot_od.web.session import Session
 
 PERIOD = 0.05
 """Seconds from one snapshot to the next, and between two looks at the bus."""
@@ -79,13 +78,13 @@ async def served(page: str, access: AccessRules, port: int, requests: Requests |
             task.cancel()
         ended = await asyncio.gather(*tasks, return_exceptions=True)
         await runner.cleanup()
-        for failure in ended:
+        for failure in ended:  # raised when the port is free again
             if isinstance(failure, Exception):
                 raise failure
 
 
 def _end_with(server: asyncio.Task[Any] | None, task: asyncio.Task[None]) -> None:
-    """End the server with a task that failed: a page that stands still would look like a bus that is silent."""
+    # A page that stands still because its task has failed would look like a bus that is silent.
     if server is not None and not task.cancelled() and task.exception():
         server.cancel()
 
@@ -108,13 +107,30 @@ class _Server:
         if self._requests is not None:
             application.router.add_get("/live", self._live)
             application.router.add_get("/recording/{name}", self._recording)
-        application.on_response_prepare.append(_add_headers)
-        application.on_shutdown.append(self._say_goodbye)
+
+        async def add_headers(_: web.Request, response: web.StreamResponse) -> None:
+            response.headers.update(HEADERS)
+
+        async def say_goodbye(_: web.Application) -> None:
+            # Of a copy: each that is closed takes itself out.
+            await asyncio.gather(*(each.close() for each in set(self._browsers)), return_exceptions=True)
+
+        application.on_response_prepare.append(add_headers)  # of every answer, refusals and errors too
+        application.on_shutdown.append(say_goodbye)
         return application
 
     def tasks(self) -> list[Coroutine[Any, Any, None]]:
         """Return the tasks that run all the time."""
-        return [] if self._requests is None else [_watch(self._requests.session), self._requests.poll()]
+        if self._requests is None:
+            return []
+        session = self._requests.session
+
+        async def watch() -> None:  # whether or not a browser is connected
+            while True:
+                session.poll()
+                await asyncio.sleep(PERIOD)
+
+        return [watch(), self._requests.poll()]
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
@@ -134,6 +150,7 @@ class _Server:
 
     async def _recording(self, request: web.Request) -> web.StreamResponse:
         assert self._requests is not None
+        # Looked up, and not joined to the folder's path: so no name leads out of it.
         known = {each.name: each for each in self._requests.folder.iterdir()}
         file: Path | None = known.get(request.match_info["name"])
         if file is None:
@@ -159,9 +176,6 @@ class _Server:
             await asyncio.gather(feeding, return_exceptions=True)
         return socket
 
-    async def _say_goodbye(self, _: web.Application) -> None:
-        await asyncio.gather(*(each.close() for each in set(self._browsers)), return_exceptions=True)
-
 
 class _Browser:
     """One browser: what it was sent, what it owes, what it has asked for."""
@@ -179,7 +193,13 @@ class _Browser:
         due = loop.time()
         with suppress(ConnectionError):
             while not self._socket.closed:
-                await self._send_snapshot()
+                if len(self._owed) > MOST_OWED:
+                    self._skipped += 1
+                elif self._session.turn > self._turn:
+                    since, self._turn = self._turn, self._session.turn
+                    self._owed.append(self._turn)
+                    control = self._requests.control
+                    await self._socket.send_str(self._session.snapshot(since, skipped=self._skipped, control=control))
                 due += PERIOD
                 late = int((loop.time() - due) / PERIOD)
                 if late > 0:  # the connection was full for so long
@@ -187,42 +207,20 @@ class _Browser:
                     due += late * PERIOD
                 await asyncio.sleep(due - loop.time())
 
-    async def _send_snapshot(self) -> None:
-        if len(self._owed) > MOST_OWED:
-            self._skipped += 1
-        elif self._session.turn > self._turn:
-            since, self._turn = self._turn, self._session.turn
-            self._owed.append(self._turn)
-            await self._socket.send_str(
-                self._session.snapshot(since, skipped=self._skipped, control=self._requests.control)
-            )
-
     async def listen(self) -> None:
         """Take in confirmations and requests until the browser leaves."""
         async for message in self._socket:
-            if message.type is WSMsgType.TEXT:
-                self._hear(message.data)
-
-    def _hear(self, text: str) -> None:
-        if text.isdecimal():
-            self._owed = [each for each in self._owed if each > int(text[:12])]
-        elif len(self._pending) < MOST_PENDING:
-            task = asyncio.create_task(self._answer(text))
-            self._pending.add(task)
-            task.add_done_callback(self._pending.discard)
+            if message.type is not WSMsgType.TEXT:
+                continue
+            text: str = message.data
+            if text.isdecimal():  # the turn of a snapshot; cut, as int() refuses more than 4300 digits
+                self._owed = [each for each in self._owed if each > int(text[:12])]
+            elif len(self._pending) < MOST_PENDING:
+                task = asyncio.create_task(self._answer(text))
+                self._pending.add(task)  # asyncio itself keeps no task alive
+                task.add_done_callback(self._pending.discard)
 
     async def _answer(self, text: str) -> None:
         answer = await self._requests.answer(text)
         with suppress(ConnectionError):
             await self._socket.send_str(answer)
-
-
-async def _watch(session: Session) -> None:
-    """Take frames off the bus, whether or not a browser is connected."""
-    while True:
-        session.poll()
-        await asyncio.sleep(PERIOD)
-
-
-async def _add_headers(_: web.Request, response: web.StreamResponse) -> None:
-    response.headers.update(HEADERS)

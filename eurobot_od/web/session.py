@@ -18,7 +18,7 @@ from eurobot_od.logs.entries import Damage, Raw
 from eurobot_od.logs.meaning import Decoder
 from eurobot_od.logs.recorder import recording
 from eurobot_od.monitor.sources import BusSource
-from eurobot_od.monitor.traffic import MonitorRow, NodeHealth, Traffic
+from eurobot_od.monitor.traffic import Traffic
 from eurobot_od.web.content import defects, event_data, values
 from eurobot_od.web.panel import PageEvent, Panel, service_events
 from eurobot_od.web.polled import PolledObject
@@ -129,22 +129,47 @@ class Session:
             "frames": self.frames,
             "trouble": self.trouble,
             "recording": self._recording.state(),
-            "nodes": [_health(name, node, now) for name, node in self._traffic.nodes.items()],
+            "nodes": [
+                {
+                    "name": name,
+                    "state": node.state,
+                    "age": None if node.pulse.heard is None else round(now - node.pulse.heard, 2),
+                    "lost": node.pulse.lost(now),
+                    "emergency": node.emergency,
+                }
+                for name, node in self._traffic.nodes.items()
+            ],
             "events": [event_data(event) for turn, event in self._events.values() if turn > since],
             "objects": {key: each.shown() for key, each in self.polled.items() if each.turn > since},
             **more,
         }
         rows = ",".join(self._row(key) for key, turn in self._changed.items() if turn > since)
+        # Put together by hand: a row is text already, made once for all browsers.
         return f'{json.dumps(head)[:-1]}, "rows": [{rows}]}}'
 
     def _row(self, key: int | Damage) -> str:
         """Write a row; for all browsers once."""
         row = self._traffic.rows[key]
         count, text = self._written.get(key, (0, ""))
-        if count != row.count:
-            text = json.dumps(_row_data(row))
-            self._written[key] = row.count, text
-        return text
+        if count == row.count:
+            return text
+        found, period = values(row.meaning), row.period
+        data = {
+            "id": row.identifier,
+            "name": row.name,
+            "group": row.meaning.group,
+            "nodes": row.meaning.nodes,
+            "count": row.count,
+            "wrong": row.wrong,
+            "period": period and round(period.mean, 6),
+            "jitter": period and round(period.jitter, 6),
+            "time": round(row.last, 5),
+            "values": found,
+            "text": row.meaning.text if found is None else "",
+            "defects": defects(row.meaning),
+        }
+        self._written[key] = row.count, json.dumps(data)
+        return self._written[key][1]
 
     # Recording
 
@@ -198,32 +223,3 @@ class LogRecording:
         """Return what the page shows of it."""
         name = self._file.name if self._file else ""
         return {"on": self._write is not None, "frames": self._frames, "file": name, "trouble": self._trouble}
-
-
-def _row_data(row: MonitorRow) -> dict[str, Any]:
-    found, period = values(row.meaning), row.period
-    return {
-        "id": row.identifier,
-        "name": row.name,
-        "group": row.meaning.group,
-        "nodes": row.meaning.nodes,
-        "count": row.count,
-        "wrong": row.wrong,
-        "period": period and round(period.mean, 6),
-        "jitter": period and round(period.jitter, 6),
-        "time": round(row.last, 5),
-        "values": found,
-        "text": row.meaning.text if found is None else "",
-        "defects": defects(row.meaning),
-    }
-
-
-def _health(name: str, node: NodeHealth, now: float) -> dict[str, Any]:
-    heard = node.pulse.heard
-    return {
-        "name": name,
-        "state": node.state,
-        "age": None if heard is None else round(now - heard, 2),
-        "lost": node.pulse.lost(now),
-        "emergency": node.emergency,
-    }

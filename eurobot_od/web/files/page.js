@@ -6,8 +6,8 @@
 
 const content = JSON.parse(document.getElementById("content").textContent);
 const live = content.live === true;
-const KEPT = 6000, TRIMMED = 1000;          // values of a live row, and how many go at once when there are more
-const LAST = 32;                            // intervals that period and jitter are of, as in `monitor`
+const KEPT = 6000, TRIMMED = 1000;          // values of a live row, and how many are dropped at once beyond that
+const LAST = 32;                            // intervals that period and jitter are computed from, as in `monitor`
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
 const TABLES = 100;                         // ms between two updates of tables and numbers
 
@@ -29,7 +29,7 @@ const plain = name => name.replace(/[ _-]/g, "").toLowerCase();
 const say = (element, text) => { if (element.textContent !== text) element.textContent = text; };
 const show = (element, visible) => { if (element.hidden === visible) element.hidden = !visible; };
 
-function upTo(times, time) {                // how many of them are not later
+function upTo(times, time) {                // how many of the times, which are in order, are not later
   let low = 0, high = times.length;
   while (low < high) {
     const middle = (low + high) >> 1;
@@ -40,7 +40,7 @@ function upTo(times, time) {                // how many of them are not later
 function saved(name, blob) {
   const link = h("a", {href: URL.createObjectURL(blob), download: name});
   link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);   // not at once: the browser has yet to read it
 }
 let toastTimer = 0;
 function toast(text, wrong) {
@@ -67,14 +67,14 @@ class Row {
     this.latest = null;
   }
   get key() { return this.id === null ? this.name : this.id; }
-  append(update) {                          // live: what the server says of it now
+  append(update) {                          // live: the server's latest snapshot of it
     this.latest = update;
     if (!update.values || update.time <= this.times.at(-1)) return;
     this.times.push(update.time);
     this.columns.forEach((column, field) => column.push(update.values[field]));
     if (this.times.length > KEPT) [this.times, ...this.columns].forEach(each => each.splice(0, TRIMMED));
   }
-  now(time) {                               // what there is to say of it at a time, null before its first frame
+  now(time) {                               // what is shown of it at a time, null before its first frame
     if (this.latest) return {...this.latest, age: time - this.latest.time};
     const count = upTo(this.times, time), first = Math.max(count - 1 - LAST, 0), last = this.times[count - 1];
     if (!count) return null;
@@ -89,7 +89,7 @@ class Row {
     };
   }
   field(name) { return this.fields.findIndex(each => each.name === name); }
-  value(name, time) {                       // of a field at a time
+  value(name, time) {                       // what a field had at a time
     const count = upTo(this.times, time);
     return count ? this.columns[this.field(name)][count - 1] : undefined;
   }
@@ -119,7 +119,7 @@ class Source {
   }
   sorted() { return [...this.rows.values()].sort((a, b) => (a.id ?? 1e9) - (b.id ?? 1e9)); }
   sortedEvents() { return [...this.events.values()].sort((a, b) => a.time - b.time); }
-  load(time) {                              // of a log: bits in the last second
+  load(time) {                              // of a log: the share of the bus in the second before
     let bits = 0;
     for (const row of this.rows.values()) bits += (row.bits || 0) * (upTo(row.times, time) - upTo(row.times, time - 1));
     return bits / this.bitrate;
@@ -197,8 +197,8 @@ function seriesOf(id) {
 const clock = {
   end: Math.max(0, ...sources.map(each => each.end)),
   speed: 1,
-  base: 0, since: null,                     // log: where it stood, and the wall clock's ms when it began to run
-  received: 0, frozen: null,                // live: the wall clock's ms of the last snapshot; where it is held
+  base: 0, since: null,                     // log: the time at which it was started, and performance.now() then
+  received: 0, frozen: null,                // live: performance.now() at the last snapshot; the time it is held at
   get running() { return live ? this.frozen === null : this.since !== null; },
   get time() {
     if (live) return this.frozen ?? (sources[0].end + (connection.up ? (performance.now() - this.received) / 1000 : 0));
@@ -224,7 +224,7 @@ const clock = {
     stale = true;
   },
 };
-let stale = true;                           // what is shown is not what is to be shown
+let stale = true;                           // something has changed that is not shown yet
 
 // The server
 
@@ -250,14 +250,14 @@ const connection = {
       if ("error" in said) fail(new Error(said.error)); else done(said.ok);
       return;
     }
-    if (!this.up) {                         // another server may have started meanwhile, with a time of its own
+    if (!this.up) {                         // it may be a new server, whose time starts at 0 again
       if (said.time < sources[0].end) { sources[0].rows.clear(); sources[0].events.clear(); sources[0].objects.clear(); }
       this.pause = 500;
     }
     Object.assign(this, {up: true, control: said.control, skipped: said.skipped, state: said});
     sources[0].take(said);
     clock.received = performance.now();
-    this.socket.send(String(said.turn));
+    this.socket.send(String(said.turn));    // confirmed: a browser that owes too many is left out
     stale = true;
   },
   ask(request) {
@@ -269,7 +269,7 @@ const connection = {
     });
   },
 };
-async function request(what, done) {        // ask, and say what came of it
+async function request(what, done) {        // ask, and show the outcome as a toast
   try {
     const answer = await connection.ask(what);
     if (done) toast(typeof done === "function" ? done(answer) : done);
@@ -385,7 +385,7 @@ class Plot {
   constructor() {
     this.series = [];
     this.chart = null;
-    this.cursor = null;                     // time under the pointer
+    this.cursor = null;                     // the time under the pointer
     this.legend = h("div", {class: "legend"});
     this.canvas = h("div", {class: "chart"});
     this.playhead = h("div", {class: "playhead"});
@@ -432,6 +432,7 @@ class Plot {
       cursor: {sync: {key: "time"}, drag: {x: true, y: false, setScale: false}, bind: {dblclick: () => () => plots.zoom(null)}},
       series: [{}, ...this.series.map((each, place) => ({
         label: each.name, stroke: css(COLOURS[place % 8]), width: 1.6, spanGaps: true, dash: place >= 4 ? [6, 4] : undefined,
+        // Stepped: between two frames a value is the last one. Gaps: joined series have none where another has a time.
         paths: uPlot.paths.stepped({align: 1}), points: {show: false},
       }))],
       hooks: {
@@ -458,7 +459,10 @@ class Plot {
   update(time) {
     if (!this.series.length || !this.canvas.clientWidth) return;
     if (!this.chart || this.chart.width !== this.canvas.clientWidth) this.build();
-    if (live && clock.running) { this.chart.setData(this.data(), false); this.ranged(); }
+    if (live && clock.running) {            // false: uPlot would choose a range of its own
+      this.chart.setData(this.data(), false);
+      this.ranged();
+    }
     const place = this.chart.valToPos(time, "x");
     show(this.playhead, !live && place >= 0 && place <= this.chart.over.clientWidth);
     this.playhead.style.left = `${place}px`;
@@ -591,7 +595,7 @@ views.push({name: "nodes", title: "Nodes", make: () => perSource(source => {
   };
   source.nodes.forEach(enter);
   return {element, show(time) {
-    for (const each of source.health) {     // also one that no file describes
+    for (const each of source.health) {     // nodes that no file describes are heard as well
       if (!cards.has(each.name)) enter({name: each.name, id: Number(each.name.replace("node ", "")), identity: null, file: ""});
     }
     for (const card of cards.values()) card.show(time);
@@ -822,7 +826,7 @@ function start() {
     history.replaceState(null, "", `#${view.name}`);
     layout();
   }
-  function layout() {                       // on a wide screen a panel stays beside the other views
+  function layout() {                       // on a wide screen a panel stands beside the other views
     const beside = wide.matches && panels.length > 0;
     if (beside && current.panel) current = views[0];
     all.forEach((view, place) => {
@@ -875,6 +879,7 @@ function keyboard(tabs) {
   document.addEventListener("keydown", event => {
     const typing = event.target.closest("input:not([type=range]), select, textarea");
     if (event.ctrlKey || event.metaKey || event.altKey || (typing && event.key !== "Escape")) return;
+    // A button takes these keys itself: Space on Play would start the log and pause it at once.
     if (event.target.closest("button, [role=button]") && [" ", "Enter"].includes(event.key)) return;
     const tab = tabs.filter(each => !each.hidden)[Number(event.key) - 1];
     const act = (live ? bus : log)[event.key] || (event.key === "/" ? () => { tabs.find(each => each.id === "tab-messages").click(); document.getElementById("search").focus(); } : null)
