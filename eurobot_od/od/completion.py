@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
-from eurobot_od.od import values
+from eurobot_od.od import keys, values
 from eurobot_od.od.description import parse_section_name
 from eurobot_od.od.document import Document, Entry, Section
 from eurobot_od.od.values import DataType, PdoDirection, parse_number
@@ -51,6 +52,33 @@ def usual_name(name: str) -> str | None:
     head, sub, tail = "".join(name.lower().split()).removeprefix("0x").partition("sub")
     usual = head.lstrip("0").zfill(4) + sub + (tail.lstrip("0") or tail[:1])
     return usual if parse_section_name(usual) else None
+
+
+class Misspelling(NamedTuple):
+    """A section or key that is spelled otherwise than in CiA 306: its line, and how it is spelled there."""
+
+    line: int
+    what: str
+
+
+def misspelled(document: Document) -> Iterator[Misspelling]:
+    """Give the sections and keys that are spelled otherwise than CiA 306 has them."""
+    for name, section in document.sections.items():
+        usual = keys.SECTION_NAMES.get(name) or _object_name(name, section.name)
+        if usual is not None and usual != section.name:
+            yield Misspelling(section.line, f"section [{section.name}] named [{usual}]")
+        # What is neither a section of CiA 306 nor an object is the maker's own, and so are its keys.
+        spelled = keys.SPELLED_KEYS.get(name, keys.SPELLED_OBJECT_KEYS if usual else {})
+        for key, entry in section.entries.items():
+            if entry.key != spelled.get(key, entry.key):
+                yield Misspelling(entry.line, f"key {entry.key} spelled {spelled[key]}")
+
+
+def _object_name(name: str, written: str) -> str | None:
+    if USUAL_NAME.fullmatch(name):
+        return written.strip().replace("SUB", "sub")  # the letter case of the digits is left to the file
+    usual = usual_name(name) if looks_odd(name) else None
+    return usual and usual.upper().replace("SUB", "sub")
 
 
 # CompactPDO (CiA 306-1, 4.5.2): communication records that have no sections of their own
