@@ -13,7 +13,7 @@ from math import isfinite
 from typing import Any, ClassVar, NamedTuple
 
 from eurobot_od.od import values
-from eurobot_od.od.values import DataType, Limits
+from eurobot_od.od.values import DataType, Limits, typed_number
 
 
 class OutOfRange(int):
@@ -98,7 +98,7 @@ class Kind:
 
     def parse(self, text: str) -> Any:
         """Read what a person wrote; raises ValueError."""
-        return None if text == "unknown" and self.unknown_as_a_whole is not None else parsed_number(text)
+        return None if text == "unknown" and self.unknown_as_a_whole is not None else typed_number(text)
 
     def text(self, value: Any) -> str:
         """Write the value for a person: the name of an enum's member, or a number with its unit."""
@@ -146,7 +146,7 @@ class Choice(Kind):
 
     def parse(self, text: str) -> Any:
         names = {words_of(member): member for member in self.enum}
-        return names[text] if text in names else self.enum(parsed_number(text))
+        return names[text] if text in names else self.enum(typed_number(text))
 
     def allowed(self, limits: Limits) -> str:
         return ", ".join(f"{words_of(member)} ({member.value})" for member in self.enum)
@@ -302,13 +302,6 @@ def kind_of(type_: DataType, bits: int) -> Kind:
     whole = type_ is values.BOOLEAN or (bits == type_.bits if type_.bits else bits % 8 == 0)
     make = _OF_TYPE.get(type_)
     return make(bits) if make and whole else Kind()
-
-
-def parsed_number(text: str) -> int:
-    """Read a whole number: decimal, 0x hexadecimal, 0b binary; raises ValueError, also where no field is so long."""
-    if len(text) > values.LONGEST_NUMBER:  # `int` takes a time that grows with the square of the length
-        raise ValueError(text)
-    return int(text, 0)
 
 
 def whole_number(value: Any) -> int:

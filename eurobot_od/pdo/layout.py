@@ -9,10 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Literal, NamedTuple
 
-from eurobot_od.od.values import SLICE
-
-MAX_BITS = 64
-"""A PDO carries at most 64 bits (CiA 301, 7.4.8.2)."""
+from eurobot_od.od.values import MAX_BITS, SLICE
 
 
 class LayoutError(ValueError):
